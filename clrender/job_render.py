@@ -32,6 +32,7 @@ from clrender.flatten import FlatScene
 from clrender.image.denoise import Denoiser
 from clrender.image.files import image_sha256
 from clrender.job import RenderJob
+from clrender.job_effort import effort_told
 from clrender.job_memory import limited, needs, told
 from clrender.memory import largest_tile
 from clrender.render_stats import error_stats, film_layers, job_stats, peak_rss, render_stats
@@ -121,6 +122,8 @@ class JobRender:
     def image(self, keep_film: bool) -> RenderedImage:
         """Render the job; see `Session.render` for the return value and the exceptions."""
         denoiser = Denoiser() if self._job.denoise else None
+        if line := effort_told(self._job):
+            self._session.tell(line)
         flat, memory = self._flat()
         with self._memory_held():
             return self._image(flat, memory, keep_film, denoiser)
@@ -265,7 +268,8 @@ class JobRender:
         """The scene as arrays, and the memory that reading and flattening it took."""
         with self._timed("read_seconds"):
             if not self._session.has_read(self._job.scene):
-                self._job.scene.read_named()
+                with self._session.stages.during("reading"):
+                    self._job.scene.read_named()
         memory: dict[str, float] = {"read_peak_rss_bytes": peak_rss()}
         with self._timed("flatten_seconds"):
             flat = self._session.flat(self._job)
@@ -334,6 +338,7 @@ class JobRender:
     def _team(self, flat: FlatScene, prepared: Prepared | None) -> AbstractContextManager[Team]:
         """The workers that take the samples."""
         if self._cluster is not None:
+            self._session.stages.begin("joining")
             return self._cluster.team(self._job, flat.sha256, self._ready)
         return self._device_team(prepared or self._prepared(flat))
 
@@ -346,7 +351,8 @@ class JobRender:
         request = Request(
             job.scene, flat, job.settings, integrator.pipeline, session.devices, self._launch, session.tell, self._stops
         )
-        prepared: Prepared = module.prepare(request)
+        with session.stages.during("preparing"):
+            prepared: Prepared = module.prepare(request)
         return prepared
 
     def _stops(self) -> bool:
@@ -379,6 +385,7 @@ class JobRender:
 
     def _ready(self) -> None:
         """Note the time at which the first worker is ready."""
+        self._session.stages.end("joining")
         self._started = self._started or time.perf_counter()
 
     def _dismissed(self, devices: Sequence[Device], tally: Tally) -> bool:

@@ -28,6 +28,7 @@ def render(
     on_progress: Callable[[Progress], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
     notify: Callable[[str], None] | None = None,
+    on_stage: Callable[[str], None] | None = None,
     keep_film: bool = True,
     checkpoint: str | Path | None = None,
     resume: bool = False,
@@ -44,7 +45,7 @@ def render(
         each worker.
     on_progress, should_stop : callable, optional
         See `Session.render`.
-    notify : callable, optional
+    notify, on_stage : callable, optional
         See `Session`.
     keep_film : bool
         See `Session.render`.
@@ -74,7 +75,7 @@ def render(
             from clrender.cluster import open_cluster
 
             opened = stack.enter_context(open_cluster(cluster, device=device, notify=notify))  # type: ignore[arg-type]  # it looks
-        session = stack.enter_context(Session(device, notify=notify))
+        session = stack.enter_context(Session(device, notify=notify, on_stage=on_stage))
         return session.render(
             job,
             on_progress=on_progress,

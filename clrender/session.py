@@ -32,6 +32,7 @@ from clrender.job_render import JobRender
 from clrender.rendered_image import Progress, RenderedImage
 from clrender.scheduling.cluster import Cluster
 from clrender.shield import Call
+from clrender.stages import Stages
 from clrender.turn import Turn
 
 if TYPE_CHECKING:
@@ -61,6 +62,14 @@ class Session:
         is not closed at the end.
     notify : callable, optional
         Called with one line of text: which device was chosen, or a note or warning about a device or a scene.
+    on_stage : callable, optional
+        Called, in any thread, with what a render does before it takes samples: a key of `clrender.stages.STAGES`, such
+        as ``compiling``, or the empty string.
+
+    Attributes
+    ----------
+    stages : Stages
+        What it is called by.
 
     Raises
     ------
@@ -79,7 +88,10 @@ class Session:
         device: str | int | Device | Sequence[str | int | Device] | None = None,
         *,
         notify: Callable[[str], None] | None = None,
+        on_stage: Callable[[str], None] | None = None,
     ) -> None:
+        self.stages = Stages(on_stage)
+        self._reports = on_stage is not None
         self._notify = notify or (lambda line: None)
         self._devices: list[Device] | None = None
         self._given = _given(device)
@@ -127,6 +139,7 @@ class Session:
     def _close(self) -> None:
         self._closed = True
         for device in self._devices or []:
+            device.on_compile = None if self._reports else device.on_compile
             device.release_but(self._before[device])
             if device not in self._borrowed:
                 device.close()
@@ -345,7 +358,16 @@ class Session:
         )
 
     def has_read(self, scene: Scene) -> bool:
-        """Whether all files of a scene have been read, as only its camera differs from the session's last one."""
+        """Whether all files of a scene have been read, as only its camera differs from the session's last one.
+
+        Parameters
+        ----------
+        scene : Scene
+
+        Returns
+        -------
+        bool
+        """
         return self._flat is not None and self._flat[0].scene.shares_contents(scene)
 
     def flat(self, job: RenderJob) -> FlatScene:
@@ -361,7 +383,8 @@ class Session:
         """
         geometry = _Geometry.of(job)
         if self._flat is None or not self._flat[0].same(geometry):
-            self._flat = geometry, _flattened(job)
+            with self.stages.during("flattening"):
+                self._flat = geometry, _flattened(job)
         settings = job.settings
         return seen_by(self._flat[1], job.scene, settings.width, settings.height)
 
@@ -401,7 +424,8 @@ class Session:
                 if arrays is not None:
                     del self._uploaded[device]
                     arrays.release()
-                arrays = SceneArrays(device, flat)
+                with self.stages.during("building"):
+                    arrays = SceneArrays(device, flat)
             else:
                 arrays.look(flat.camera)
             self._uploaded[device] = flat, arrays
@@ -450,9 +474,13 @@ class Session:
 
     def _open(self) -> list[Device]:
         names = [each for each in self._given if not isinstance(each, Device)]
-        opened = select(names, notify=self.tell) if names or not self._borrowed else []
+        with self.stages.during("opening"):
+            opened = select(names, notify=self.tell) if names or not self._borrowed else []
         devices = [*self._borrowed, *opened]
         self._before = {device: device.buffers for device in devices}
+        if self._reports:
+            for device in devices:
+                device.on_compile = self.stages.compiling
         return devices
 
 

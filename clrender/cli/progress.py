@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import sys
-import threading
 from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Protocol
@@ -26,8 +25,6 @@ _LEFT_FROM_FRACTION: Final = 0.01
 """Fraction of the samples from which the remaining time is shown: the first launches wait for the compiler."""
 _LEFT_FROM_SECONDS: Final = 10.0
 """Seconds from which it is shown in any case."""
-_SETUP_NOTICE: Final = 3.0
-_SETUP_WORDS: Final = "preparing: the first render on a device compiles its kernels, which can take a while"
 
 
 class ProgressView(Protocol):
@@ -59,25 +56,19 @@ class ProgressDisplay:
 
     def __init__(self, *, quiet: bool = False, view: ProgressView | None = None) -> None:
         self._view: ProgressView | None = None if quiet else view or STYLES["auto"]()
-        self._notice = threading.Timer(_SETUP_NOTICE, self.say, (_SETUP_WORDS,))
-        self._notice.daemon = True
 
     def __enter__(self) -> ProgressDisplay:
-        if self._view is not None:
-            self._notice.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._notice.cancel()
         if self._view is not None:
             self._view.close()
 
     def __call__(self, progress: Progress) -> None:
         """Show a new state; fast enough to be called after every launch."""
         if self._view is not None:
-            self._notice.cancel()
             self._view.show(progress)
 
     def say(self, line: str) -> None:

@@ -7,6 +7,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +31,7 @@ from clrender.cli.options import (
 from clrender.cli.options import shard as parse_shard
 from clrender.cli.outputs import check_distinct, check_formats, check_image_size, scene_files
 from clrender.cli.progress import STYLES, ProgressDisplay, ProgressView, duration, quantity
+from clrender.cli.waiting import Waiting
 from clrender.errors import ClrenderError, RenderError, UsageError
 
 if TYPE_CHECKING:
@@ -137,12 +139,14 @@ def render(
     layers = _layers(aov, outputs)
     exr = {"exr_type": exr_type, "exr_compression": exr_compression, "exr_tile": exr_tile}
     _check_exr(layers, exr)
-    with interruptible() as interrupt:
+    with interruptible() as interrupt, ExitStack() as stack:
         from clrender.importers import load
         from clrender.job import RenderJob
         from clrender.rendered_image import IncompleteRender
 
         begun = time.perf_counter()
+        waiting = stack.enter_context(Waiting(None if quiet else STYLES[progress]().say))
+        waiting.stage("reading")
         description = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant, environment=environment)
         description = description.with_exposure(f_stop, shutter, iso)
         read_seconds = time.perf_counter() - begun
@@ -155,7 +159,7 @@ def render(
         called = time.perf_counter()
         failure = None
         try:
-            image = _run(job, devices, interrupt, view, how)
+            image = _run(job, devices, interrupt, view, how, waiting)
         except IncompleteRender as error:
             failure, image = error, error.image
         if interrupt.wanted() and not image.film.samples:
@@ -268,10 +272,12 @@ def _run(
     interrupt: Interrupt,
     view: ProgressView | None,
     how: Mapping[str, Any],
+    waiting: Waiting,
 ) -> RenderedImage:
     from clrender.rendering import render as render_scene
 
     with ProgressDisplay(quiet=view is None, view=view) as display:
+        waiting.say = display.say
 
         def on_progress(progress: Progress) -> None:
             if progress.samples_done:
@@ -284,6 +290,7 @@ def _run(
             on_progress=on_progress,
             should_stop=interrupt.wanted,
             notify=display.say,
+            on_stage=waiting.stage,
             **how,
         )
         display.finish(image)

@@ -22,6 +22,7 @@ from clrender.cli.options import (
     size_option,
 )
 from clrender.cli.outputs import check_distinct, scene_files
+from clrender.cli.waiting import Waiting
 
 if TYPE_CHECKING:
     from clrender.scene import Scene
@@ -95,7 +96,9 @@ def view(
         scene, {"allow_paths": allow_paths, "time_at": time_at, "variant": variant, "environment": environment}
     )
     check_distinct(outputs, [Path(scene)])
-    description = source.read()
+    with Waiting(partial(click.echo, err=True)) as waiting:
+        waiting.stage("reading")
+        description = source.read()
     check_distinct(outputs, source.files(description))
     chosen = {name: value for name, value in settings.items() if value is not None}
     if size is not None:
@@ -115,18 +118,19 @@ def view(
             webbrowser.open(address)
 
     try:
-        with (
-            listening,
-            Engine(
-                description,
-                device=list(devices) or None,
-                source=source,
-                outputs=outputs,
-                background=True,
-                **chosen,
-            ) as engine,
-        ):
-            serve(engine, listening, host, ready)
+        with listening:
+            with Waiting(partial(click.echo, err=True)) as waiting:
+                waiting.stage("opening")
+                engine = Engine(
+                    description,
+                    device=list(devices) or None,
+                    source=source,
+                    outputs=outputs,
+                    background=True,
+                    **chosen,
+                )
+            with engine:
+                serve(engine, listening, host, ready)
     except KeyboardInterrupt as end:
         if type(end) is not KeyboardInterrupt:  # SIGTERM
             raise

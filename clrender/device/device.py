@@ -376,11 +376,11 @@ class Device:
         if (kernel, local_size) in program.launched:
             self._call("launch", what, enqueue)
         else:
-            self._compiling = True
+            self._set_compiling(True)
             try:
                 self._call("launch", what, lambda: self._first_launch(program, enqueue))
             finally:
-                self._compiling = False
+                self._set_compiling(False)
             program.launched.add((kernel, local_size))
         self.launches += 1
 

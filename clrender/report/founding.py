@@ -7,7 +7,7 @@ from typing import Final
 
 __all__ = ["CLAIMS", "GROUPS", "TITLE", "FoundingRow", "Group"]
 
-TITLE: Final = "V. Tholén and J. Halldan, Global Illumination Report TNCG15, Linköping University, 2021"
+TITLE: Final = "V. Tholen and J. Halldan, Global Illumination Report TNCG15, Linköping University, 2021"
 
 
 @dataclass(frozen=True)

@@ -160,6 +160,8 @@ class Results:
     limit : int
     seconds : float
         Duration of the whole report.
+    others : float
+        Part of the processor, 0 to 1, that other programs took while the rows were rendered.
     """
 
     width: int
@@ -178,6 +180,7 @@ class Results:
     limited: list[float]
     limit: int
     seconds: float = 0.0
+    others: float = 0.0
 
     def each(self, names: Sequence[str]) -> list[Row]:
         """The rows of these names that exist."""

@@ -15,6 +15,7 @@ import numpy.typing as npt
 import clrender
 from clrender.image.compare import RELATIVE_FLOOR, relative_squared_error
 from clrender.report.absorption import absorption_for
+from clrender.report.machine_load import MachineLoad
 from clrender.report.one_core import one_core_runs
 from clrender.report.plan import (
     LIMIT,
@@ -178,7 +179,9 @@ def measure(renderer: Renderer, quick: bool) -> Measured:
     device = references[0].stats["devices"][0]
     cores = _cores() if all(each["type"] == "cpu" for each in references[0].stats["devices"]) else 0
     rows = {name: _row(name, spec, absorptions[spec.deepest], cores, scene) for name, spec in SPECS.items()}
+    load = MachineLoad()
     no_one_core = _turns(renderer, scene, rows, reference, images, quick, device["driver"])
+    others = load.share()
     limited = [
         renderer.image(scene, f"at most {LIMIT} scattering events", 16, seed=900 + turn, max_depth=LIMIT)
         for turn in range(turns_of(16, quick))
@@ -189,7 +192,7 @@ def measure(renderer: Renderer, quick: bool) -> Measured:
         *renderer.size, quick, device["name"], device["driver"], cores, rows, no_one_core, float(mean.mean()),
         reference.noise, REFERENCE_SAMPLES, float(emitted.linear.mean()), float(images["direct"].mean()),
         [float(image.linear.mean()) for image in limited], LIMIT,
-        time.perf_counter() - begun,
+        time.perf_counter() - begun, others,
     )  # fmt: skip
     return Measured(results, images)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -23,6 +23,9 @@ _SAMPLES: Final = ("samples-16", "samples-64", "samples-256")
 _OWN_SAMPLES: Final = ("own-samples-1", "own-samples-4", "own-samples-16", "own-samples-64", "own-samples-256")
 _SMALL: Final = 1.25
 """Errors that differ by less than this factor count as a small difference; so do times."""
+
+_BUSY: Final = 0.05
+"""Part of the processor that other programs may take while elapsed times are compared."""
 
 
 @dataclass(frozen=True)
@@ -237,6 +240,8 @@ def _cores(results: Results) -> tuple[str, str] | None:
         f"{results.cores} cores are {bounds(gain, '×')} as fast as one (the report: ×{307 / 103:.2f}, on an unstated "
         f"number of cores); the images are {'the same, bit for bit' if same else 'NOT the same'}."
     )
+    if disturbed := _disturbed(results, [gain]):
+        return f"{text} {disturbed}", OPEN
     return text, _decided(gain.above(_SMALL), gain.below(_SMALL))
 
 
@@ -246,9 +251,20 @@ def _more_cores(results: Results) -> tuple[str, str] | None:
     names = {4: ("one-core-4", "cores-4"), 16: ("one-core", "base"), 64: ("one-core-64", "cores-64")}
     gains = {samples: _speedup(results, *pair) for samples, pair in names.items()}
     text = "; ".join(f"{samples} samples: {bounds(gain, '×')}" for samples, gain in gains.items())
-    return f"Speed-up by all cores at {text}.", _decided(
-        gains[64].low > gains[4].high, gains[64].high < gains[4].value * _SMALL
-    )
+    text = f"Speed-up by all cores at {text}."
+    if disturbed := _disturbed(results, gains.values()):
+        return f"{text} {disturbed}", OPEN
+    # It fails where even the largest plausible gain is small against the smallest plausible one of few samples.
+    return text, _decided(gains[64].low > gains[4].high, gains[64].high < gains[4].low * _SMALL)
+
+
+def _disturbed(results: Results, gains: Iterable[Interval]) -> str:
+    """Why elapsed times decide nothing; empty if they do."""
+    if results.others > _BUSY:
+        return f"Other programs took {percent(results.others)} of the processor meanwhile, so this decides nothing."
+    if not all(gain.known for gain in gains):
+        return "Single runs decide nothing."
+    return ""
 
 
 def _speedup(results: Results, alone: str, together: str) -> Interval:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from clrender.errors import UsageError
+from clrender.stages import STAGES
 from clrender.view.frames import first_hit_layers_of
 from clrender.view.viewer import Viewer
 
@@ -28,7 +29,6 @@ class Broadcaster:
     def __init__(self) -> None:
         self._viewers: dict[int, Viewer] = {}
         self._count = 0
-        self._compilers = 0
         self._lock = threading.RLock()
         self._retained: dict[str, Mapping[str, Any]] = {}
         self._notices: deque[str] = deque(maxlen=_NOTICES)
@@ -93,11 +93,10 @@ class Broadcaster:
             for viewer in self._viewers.values():
                 viewer.send("notice", {"message": line}, newest=False)
 
-    def compiling(self, begins: bool) -> None:
-        """Tell that the compiler of a device begins or has ended: until all have ended, the image stands still."""
-        with self._lock:
-            self._compilers += 1 if begins else -1
-            self.send_if_changed("compiling", {"compiling": self._compilers > 0})
+    def stage(self, stage: str) -> None:
+        """Tell what the image waits for: a key of `STAGES`, or the empty string."""
+        content = {"compiling": stage == "compiling", "stage": stage, "text": STAGES.get(stage, "")}
+        self.send_if_changed("compiling", content)
 
     def frame_available(self) -> None:
         """Wake the viewers that could send a frame: there may be a newer one."""

@@ -263,10 +263,8 @@ class Engine:
 
     def _opened(self, device: Any) -> tuple[Session, str]:
         """A session whose devices are open, and their names."""
-        session = Session(device, notify=self._broadcaster.notice)
+        session = Session(device, notify=self._broadcaster.notice, on_stage=self._broadcaster.stage)
         try:
-            for each in session.devices:
-                each.on_compile = self._broadcaster.compiling
             return session, ", ".join(each.info.title for each in session.devices)
         except BaseException:
             session.close()
@@ -274,8 +272,6 @@ class Engine:
 
     def _discard(self, session: Session) -> None:
         """Close a session; its devices may go on in another's."""
-        for each in session.devices:
-            each.on_compile = None
         session.close()
 
     def _saved(self, message: messages.Save) -> dict[str, Any]:

@@ -143,7 +143,8 @@ class Frames:
 
     def _is_due(self, key: tuple[str, int], kept: Frame, state: ImageState) -> bool:
         """Whether it is time for a newer frame than the one that is kept."""
-        if kept.state is not state or kept.coarse or state.idle:
+        # One that was final is not any more, if the image has changed since.
+        if kept.state is not state or kept.coarse or kept.final or state.idle:
             return True
         now, (earliest, latest) = time.monotonic(), self._due[key]
         return now >= latest or (now >= earliest and state.samples >= _MORE_SAMPLES * kept.samples)

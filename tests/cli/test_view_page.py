@@ -346,7 +346,7 @@ def test_a_black_image_has_a_hint_how_to_get_back(browser: Any, server: Server) 
 
 def test_a_compiler_is_shown_only_where_it_takes_long(browser: Any, server: Server) -> None:
     with view_of(browser, server, "compiling") as view:
-        short, begun, long, done = view.run("""
+        short, begun, long, done, series = view.run("""
             const { createHub } = await import('/page/hub.js');
             const { createStatus } = await import('/page/status.js');
             const transport = { send: () => {} };
@@ -356,21 +356,30 @@ def test_a_compiler_is_shown_only_where_it_takes_long(browser: Any, server: Serv
             const seen = () => [status.pill.textContent, status.hint.hidden, status.hint.textContent];
             transport.onstate('open');
             say({ type: 'state', status: 'starting', problem: null, is_black: true });
-            say({ type: 'compiling', compiling: true });
-            say({ type: 'compiling', compiling: false });
+            say({ type: 'compiling', compiling: true, stage: 'compiling', text: 'compiling the kernels' });
+            say({ type: 'compiling', compiling: false, stage: '', text: '' });
             await wait(1);
             const short = seen();
-            say({ type: 'compiling', compiling: true });
+            say({ type: 'compiling', compiling: true, stage: 'compiling', text: 'compiling the kernels' });
             await wait(0.1);
             const begun = seen();
             await wait(0.9);
             const long = seen();
-            say({ type: 'compiling', compiling: false });
+            say({ type: 'compiling', compiling: false, stage: '', text: '' });
             await wait(0.5);
-            return [short, begun, long, seen()];
+            const done = seen();
+            for (let turn = 0; turn < 6; turn += 1) {  // one wait of several stages, none of them long
+              say({ type: 'compiling', compiling: false, stage: 'flattening', text: 'preparing the scene' });
+              await wait(0.1);
+              say({ type: 'compiling', compiling: false, stage: '', text: '' });
+              await wait(0.05);
+            }
+            say({ type: 'compiling', compiling: false, stage: 'building', text: 'building the tree' });
+            return [short, begun, long, done, seen()];
         """)
         assert short[:2] == begun[:2] == done[:2] == ["Starting", False] and "black" in short[2]
         assert long[:2] == ["Compiling", False] and "kernels" in long[2]
+        assert series == ["Building", False, "Building the tree. What you change meanwhile is shown afterwards."]
 
 
 def test_the_reply_of_a_probe_is_not_lost_among_cameras(browser: Any, server: Server) -> None:

@@ -87,6 +87,7 @@ class FakeRenderer:
         on_progress: Callable[[Any], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
         notify: Callable[[str], None] | None = None,
+        on_stage: Callable[[str], None] | None = None,
         keep_film: bool = True,
     ) -> FakeImage:
         asked = {name: value for name, value in vars(job.settings).items() if value != SETTINGS[name].default}

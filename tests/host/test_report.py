@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 import re
 import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from html import escape
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +24,7 @@ from clrender.report.absorption import absorption_for, expected_deepest, surviva
 from clrender.report.drawing import hemisphere, room_dimensions
 from clrender.report.founding import CLAIMS, GROUPS
 from clrender.report.intervals import mean_interval, power_law, ratio_interval
+from clrender.report.machine_load import MachineLoad
 from clrender.report.page import Page, html_page, markdown_page
 from clrender.report.pictures import Figure, Panel, figures, strip
 from clrender.report.plan import ONE_CORE, SPECS
@@ -144,6 +147,43 @@ def test_too_much_noise_decides_nothing() -> None:
         )
 
     assert outcome("shadow", made_up(scattered)) == OPEN
+
+
+def _scattered_times(run: Run, row: Row) -> Run:
+    """Times of the shortest renders that differ threefold from run to run, and a gain that does not grow much."""
+    times = (1.0, 3.0, 0.6)[run.seed % 3] if row.samples == 4 else 0.6 if row.name == "one-core-64" else 1.0
+    return dataclasses.replace(run, seconds=run.seconds * times)
+
+
+def test_scattered_times_and_a_busy_machine_decide_nothing() -> None:
+    """Elapsed times of few runs, whose bounds overlap, or of a machine that does something else."""
+    worse = _times(lambda row: row.name == "one-core-64", lambda row: 0.3)
+    assert outcome("more-cores", made_up(_scattered_times)) == OPEN
+    for name in ("cores", "more-cores"):
+        busy = dataclasses.replace(made_up(worse), others=0.2)
+        (verdict,) = (each for each in verdicts(busy) if each.name == name)
+        assert verdict.outcome == OPEN and "Other programs took 20.0 % of the processor" in verdict.measured
+    alone = made_up()
+    alone.rows["one-core"].runs = alone.rows["one-core"].runs[:1]
+    assert outcome("cores", alone) == outcome("more-cores", alone) == OPEN
+
+
+def test_the_load_of_other_programs_is_that_of_the_system_without_this_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stat = tmp_path / "stat"
+    monkeypatch.setattr("clrender.report.machine_load._STAT", stat)
+    monkeypatch.setattr("os.sysconf", lambda name: 100)
+    own = iter((1.0, 2.5, 2.5))
+    monkeypatch.setattr("time.process_time", lambda: next(own))
+    monkeypatch.setattr("os.times", lambda: os.times_result((0.0, 0.0, 0.5, 0.5, 0.0)))
+    stat.write_text("cpu  100 0 50 1000 50 0 0 0 7 7\ncpu0 1 2 3\n")
+    load = MachineLoad()
+    # Ten seconds of the processors, 5.5 of them busy: 1.5 by this process
+    stat.write_text("cpu  400 100 200 1400 100 0 0 0 7 7\n")
+    assert load.share() == pytest.approx(0.4)
+    stat.unlink()
+    assert MachineLoad().share() == 0.0
 
 
 def test_one_core_left_out_is_said() -> None:

@@ -20,7 +20,7 @@ export function createPicture(hub, choice, plain) {
   const names = [make("span", { class: "cv-side cv-left", hidden: true }), make("span", { class: "cv-side cv-right", hidden: true })];
   const divider = make("div", { class: "cv-divider", hidden: true });
   const cross = make("div", { class: "cv-cross", hidden: true });
-  const box = make("div", { class: "cv-picture" }, canvas, divider, ...names, split, cross);
+  const box = make("div", { class: "cv-picture cv-empty" }, canvas, divider, ...names, split, cross);
   const legend = make("div", { class: "cv-legend-place" });
 
   const frames = new Map(); // layer -> newest frame
@@ -44,6 +44,7 @@ export function createPicture(hub, choice, plain) {
       drawnListeners.forEach((listener) => listener(frames.get(choice.layer)));
       if (first) performance.mark("clrender-first-image");
       first = false;
+      box.classList.remove("cv-empty");
     }
     unanswered.forEach((frame) => hub.send({ type: "ack", frame }));
     unanswered.clear();

@@ -11,12 +11,13 @@ const WORDS = {
   failed: "Failed",
 };
 const NOTICE_SECONDS = 6;
-/** A compiler that has finished earlier is not shown: programs of the cache load at once. */
-const COMPILING_SECONDS = 0.7;
-const HINTS = {
-  compiling: "The kernels for this scene are being compiled, which is done once for each device and may take half a minute. What you change meanwhile is shown afterwards.",
-  black: "The image is black: no light reaches the camera. R resets the camera.",
-};
+/** A wait that has ended earlier is not shown: compiled kernels are usually in the cache. */
+const STAGE_SECONDS = 0.7;
+const STAGE_GAP_SECONDS = 0.2;
+const NO_STAGE = { stage: "", text: "" };
+const STAGE_WORDS = { opening: "Opening", reading: "Reading", flattening: "Preparing", building: "Building", preparing: "Preparing", compiling: "Compiling" };
+const MEANWHILE = "What you change meanwhile is shown afterwards.";
+const BLACK = "The image is black: no light reaches the camera. R resets the camera.";
 
 /** The status, the button that starts and stops, and the place of problems. */
 export function createStatus(hub) {
@@ -27,8 +28,8 @@ export function createStatus(hub) {
   const toast = make("div", { class: "cv-toast", role: "status", "aria-live": "polite" });
   let connected = false;
   let farewell = "";
-  let compiling = false;
-  let [timer, compileTimer] = [null, null];
+  let [stage, newest] = [NO_STAGE, NO_STAGE];
+  let [timer, beginTimer, endTimer] = [null, null, null];
 
   function toggle() {
     const status = hub.newest("state")?.status;
@@ -39,8 +40,8 @@ export function createStatus(hub) {
     const state = hub.newest("state");
     const status = connected ? (state?.status ?? "starting") : "lost";
     pill.dataset.status = status;
-    const busy = compiling && ["starting", "rendering"].includes(status);
-    setText(pill, connected ? (busy ? "Compiling" : WORDS[status]) : farewell || "No connection, reconnecting");
+    const busy = stage.stage !== "" && ["starting", "rendering"].includes(status);
+    setText(pill, connected ? (busy ? (STAGE_WORDS[stage.stage] ?? "Waiting") : WORDS[status]) : farewell || "No connection, reconnecting");
     setText(button, status === "stopped" ? "Continue" : "Stop");
     button.disabled = !["rendering", "starting", "stopped"].includes(status);
     button.title = status === "done" ? "All samples are done. Increase the samples per pixel to continue." : "Space";
@@ -50,7 +51,8 @@ export function createStatus(hub) {
       const heads = { scene: "The scene file has an error; this is the last valid image.", device: "The device failed.", render: "The render failed." };
       banner.replaceChildren(make("strong", {}, heads[problem.where] ?? "Error."), ` ${problem.message}`);
     }
-    const shown = busy ? HINTS.compiling : state?.is_black ? HINTS.black : "";
+    const words = stage.text.charAt(0).toUpperCase() + stage.text.slice(1);
+    const shown = busy ? `${words}. ${MEANWHILE}` : state?.is_black ? BLACK : "";
     hint.hidden = !connected || problem !== null || shown === "";
     setText(hint, shown);
   }
@@ -69,11 +71,26 @@ export function createStatus(hub) {
   });
   hub.on("state", update);
   hub.on("compiling", (message) => {
-    clearTimeout(compileTimer);
-    compileTimer = setTimeout(() => {
-      compiling = message.compiling;
+    // Stages that follow each other are one wait, which is shown when it has lasted a while.
+    if (message.stage === "") {
+      endTimer ??= setTimeout(() => {
+        clearTimeout(beginTimer);
+        beginTimer = endTimer = null;
+        stage = NO_STAGE;
+        update();
+      }, 1000 * STAGE_GAP_SECONDS);
+      return;
+    }
+    clearTimeout(endTimer);
+    endTimer = null;
+    newest = message;
+    const show = () => {
+      beginTimer = null;
+      stage = newest;
       update();
-    }, 1000 * (message.compiling ? COMPILING_SECONDS : 0.2));
+    };
+    if (stage !== NO_STAGE) show();
+    else beginTimer ??= setTimeout(show, 1000 * STAGE_SECONDS);
   });
   hub.on("bye", (message) => {
     farewell = `The renderer has stopped (${message.reason})`;
