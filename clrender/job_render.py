@@ -188,7 +188,7 @@ class JobRender:
             stats |= error_stats(job, film, errors, self._found, tally.complete)
         denoised = self._denoised(denoiser, linear, first, stats) if denoiser else None
         layers = {name: first[name] for name in job.aov if name in first}
-        mattes = {name: names for name, names in matte_names(job.scene).items() if name in layers}
+        mattes = {name: names for name, names in matte_names(job.scene).items() if name in layers} if job.aov else {}
         image = RenderedImage(linear, stats, film, not tally.complete or left_out > 0, denoised, layers, mattes)
         if tally.all_failed and not tally.complete:
             raise IncompleteRender(str(tally.failures[-1]), image) from tally.failures[-1]
@@ -264,7 +264,8 @@ class JobRender:
     def _flat(self) -> tuple[FlatScene, dict[str, float]]:
         """The scene as arrays, and the memory that reading and flattening it took."""
         with self._timed("read_seconds"):
-            self._job.scene.read_named()
+            if not self._session.has_read(self._job.scene):
+                self._job.scene.read_named()
         memory: dict[str, float] = {"read_peak_rss_bytes": peak_rss()}
         with self._timed("flatten_seconds"):
             flat = self._session.flat(self._job)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -29,12 +30,15 @@ from clrender.job import RenderJob
 from clrender.job_render import JobRender
 from clrender.rendered_image import Progress, RenderedImage
 from clrender.scheduling.cluster import Cluster
+from clrender.shield import Call
 from clrender.turn import Turn
 
 if TYPE_CHECKING:
     from clrender.scene import Scene
 
 __all__ = ["Session"]
+
+_T = TypeVar("_T")
 
 
 class Session:
@@ -45,7 +49,9 @@ class Session:
     resources.
 
     A session renders one job at a time. Threads may share it and wait for each other. A callback that is called during
-    a render and itself renders with, or closes, the same session gets a `UsageError`.
+    a render and itself renders with, or closes, the same session gets a `UsageError`. An interruption (Ctrl-C, or an
+    exception of a signal handler) ends the call within a second; what it had begun ends in order in the background, and
+    the next call waits for that.
 
     Parameters
     ----------
@@ -83,6 +89,7 @@ class Session:
         self._uploaded: dict[Device, tuple[FlatScene, SceneArrays]] = {}
         self._scratch: dict[Device, Scratch] = {}
         self._closed = False
+        self._call: Call | None = None
         self._turn = Turn(
             "the session is rendering; its callbacks can neither render with it nor close it: open another, or wait "
             "for the render to end"
@@ -100,7 +107,7 @@ class Session:
         if self._closed:
             raise UsageError("the session is closed; open another")
         if self._devices is None:
-            self._devices = self._open()
+            self._devices = self._exclusively(self._open) if self._call is None else self._open()
         usable = [device for device in self._devices if not (device.lost or device in self._dismissed)]
         if not usable:
             raise DeviceError("every device of the session hangs or computes wrong results; open another session")
@@ -114,13 +121,15 @@ class Session:
         UsageError
             When a callback of a render of this session calls it; nothing is released then.
         """
-        with self._turn:
-            self._closed = True
-            for device in self._devices or []:
-                device.release_but(self._before[device])
-                if device not in self._borrowed:
-                    device.close()
-            self._uploaded, self._scratch, self._flat, self._devices = {}, {}, None, None
+        self._exclusively(self._close)
+
+    def _close(self) -> None:
+        self._closed = True
+        for device in self._devices or []:
+            device.release_but(self._before[device])
+            if device not in self._borrowed:
+                device.close()
+        self._uploaded, self._scratch, self._flat, self._devices = {}, {}, None, None
 
     def render(
         self,
@@ -180,13 +189,17 @@ class Session:
                 f"cluster is {cluster!r}, but a session wants what clrender.cluster.open_cluster opens there; "
                 "clrender.render takes addresses"
             )
-        if checkpoint is None:
-            if resume:
-                raise UsageError("resume has no effect without a checkpoint; name its file")
-            with self._alone():
-                return JobRender(self, job, on_progress, should_stop, None, cluster).image(keep_film)
-        with self._alone(), Checkpoint(checkpoint, resume, self.tell) as saved:
-            return JobRender(self, job, on_progress, should_stop, saved, cluster).image(keep_film)
+        if checkpoint is None and resume:
+            raise UsageError("resume has no effect without a checkpoint; name its file")
+
+        def work() -> RenderedImage:
+            render = partial(JobRender, self, job, *self._callbacks(on_progress, should_stop))
+            if checkpoint is None:
+                return render(None, cluster).image(keep_film)
+            with Checkpoint(checkpoint, resume, self.tell) as saved:
+                return render(saved, cluster).image(keep_film)
+
+        return self._exclusively(work)
 
     def refine(
         self,
@@ -219,8 +232,9 @@ class Session:
         SceneError, UsageError, DeviceError, RenderError
             See `render`. The film keeps the finished samples.
         """
-        with self._alone():
-            return JobRender(self, job, on_progress, should_stop, begun=film).refine()
+        return self._exclusively(
+            lambda: JobRender(self, job, *self._callbacks(on_progress, should_stop), begun=film).refine()
+        )
 
     def develop(self, job: RenderJob, film: RunningFilm) -> RenderedImage:
         """Develop a film into an image with its statistics, as if a render had been stopped there.
@@ -236,8 +250,7 @@ class Session:
         -------
         RenderedImage
         """
-        with self._alone():
-            return JobRender(self, job, None, None, begun=film).developed()
+        return self._exclusively(lambda: JobRender(self, job, *self._callbacks(), begun=film).developed())
 
     def layers(
         self, job: RenderJob, should_stop: Callable[[], bool] | None = None
@@ -255,8 +268,7 @@ class Session:
         dict of str to (height, width, channels) float32
             Keys are the names in the job's `aov`.
         """
-        with self._alone():
-            return JobRender(self, job, None, should_stop).layers()
+        return self._exclusively(lambda: JobRender(self, job, *self._callbacks(None, should_stop)).layers())
 
     def team(self, job: RenderJob) -> tuple[DeviceTeam, str]:
         """The session's devices as workers for a job; see `clrender.job_render.JobRender.team`.
@@ -271,8 +283,7 @@ class Session:
         sha256 : str
             Hash of the scene's arrays.
         """
-        with self._alone():
-            return JobRender(self, job, None, None).team()
+        return self._exclusively(lambda: JobRender(self, job, None, None).team())
 
     def render_part(
         self,
@@ -298,18 +309,42 @@ class Session:
         -------
         Film
         """
-        with self._alone():
-            return JobRender(self, job, on_progress, should_stop).part(wanted, check)
+        return self._exclusively(
+            lambda: JobRender(self, job, *self._callbacks(on_progress, should_stop)).part(wanted, check)
+        )
 
-    @contextmanager
-    def _alone(self) -> Iterator[None]:
-        """Lock the session, and the devices that other sessions may share, for this thread."""
-        with ExitStack() as turns:
-            turns.enter_context(self._turn)
-            shared = {id(device.turn): device.turn for device in self._borrowed}
-            for _, turn in sorted(shared.items()):  # always in the same order, to avoid deadlock
-                turns.enter_context(turn)
-            yield
+    def _exclusively(self, work: Callable[[], _T]) -> _T:
+        """Execute work, shielded from signals, with the session and the devices that others may share locked."""
+        call = Call()
+
+        def alone() -> _T:
+            with ExitStack() as turns:
+                turns.enter_context(self._turn.of(call))
+                shared = {id(device.turn): device.turn for device in self._borrowed}
+                for _, turn in sorted(shared.items()):  # always in the same order, to avoid deadlock
+                    turns.enter_context(turn.of(call))
+                self._call = call
+                try:
+                    return work()
+                finally:
+                    self._call = None
+
+        return call.run(alone)
+
+    def _callbacks(
+        self, on_progress: Callable[[Progress], None] | None = None, should_stop: Callable[[], bool] | None = None
+    ) -> tuple[Callable[[Progress], None] | None, Callable[[], bool]]:
+        """Callbacks of the current call, to be called by its work; the work stops when it is abandoned."""
+        call = self._call
+        assert call is not None
+        return (
+            None if on_progress is None else call.callback(on_progress, None),
+            (lambda: call.abandoned) if should_stop is None else call.callback(should_stop, otherwise=True),
+        )
+
+    def has_read(self, scene: Scene) -> bool:
+        """Whether all files of a scene have been read, as only its camera differs from the session's last one."""
+        return self._flat is not None and self._flat[0].scene.shares_contents(scene)
 
     def flat(self, job: RenderJob) -> FlatScene:
         """The job's scene as arrays. If only the camera differs from the session's last job, its arrays are reused.
@@ -408,11 +443,12 @@ class Session:
         ----------
         line : str
         """
-        self._notify(line)
+        call = self._call
+        (self._notify if call is None else call.callback(self._notify, None))(line)
 
     def _open(self) -> list[Device]:
         names = [each for each in self._given if not isinstance(each, Device)]
-        opened = select(names, notify=self._notify) if names or not self._borrowed else []
+        opened = select(names, notify=self.tell) if names or not self._borrowed else []
         devices = [*self._borrowed, *opened]
         self._before = {device: device.buffers for device in devices}
         return devices

@@ -3,38 +3,52 @@
 from __future__ import annotations
 
 import threading
-from typing import Any
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Final
 
 from clrender.errors import UsageError
+from clrender.shield import Abandoned, Call
 
 __all__ = ["Turn"]
 
+_LOOK_SECONDS: Final = 0.1
+"""Interval at which a call that waits looks whether its caller still does."""
+
 
 class Turn:
-    """A non-reentrant lock. Other threads wait for it; the thread that holds it gets an error instead of a deadlock.
-
-    It is a context manager.
+    """A non-reentrant lock. Calls wait for it; one from a callback of its holder gets an error instead of a deadlock.
 
     Parameters
     ----------
     busy : str
-        Message of the error if a thread acquires the lock while it already holds it.
+        Message of that error.
     """
 
     def __init__(self, busy: str) -> None:
         self._busy = busy
-        self._lock = threading.RLock()
-        self._taken = False
+        self._lock = threading.Lock()
+        self._holder: Call | None = None
 
-    def __enter__(self) -> Turn:
-        # An `RLock`, so that an interrupt right after this line cannot make this thread wait for itself later
-        self._lock.acquire()
-        if self._taken:
-            self._lock.release()
+    @contextmanager
+    def of(self, call: Call) -> Iterator[None]:
+        """Context in which a call holds the lock; entered in the call's own thread.
+
+        Raises
+        ------
+        UsageError
+            When a call that has not ended, made in the same thread, holds it.
+        """
+        holder = self._holder
+        # A call that was abandoned still holds it for a moment, but is not waited for by this thread
+        if holder is not None and holder.caller == call.caller and not holder.abandoned:
             raise UsageError(self._busy)
-        self._taken = True
-        return self
-
-    def __exit__(self, *details: Any) -> None:
-        self._taken = False
-        self._lock.release()
+        while not self._lock.acquire(timeout=_LOOK_SECONDS):
+            if call.abandoned:
+                raise Abandoned
+        self._holder = call
+        try:
+            yield
+        finally:
+            self._holder = None
+            self._lock.release()

@@ -36,8 +36,8 @@ def at(scene: clrender.Scene, hour: str, shutter: float) -> clrender.Scene:
     light = scene.sky
     assert light is not None and light.time is not None
     day, offset = light.time[:11], light.time[19:]
-    other = light.model_copy(update={"time": f"{day}{hour}:00{offset}"})
-    return scene.model_copy(update={"lights": (other,)}).with_exposure(shutter=shutter)
+    other = light.changed({"time": f"{day}{hour}:00{offset}"})
+    return scene.changed({"lights": (other,)}).with_exposure(shutter=shutter)
 
 
 def main() -> None:

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Mapping
-from contextlib import ExitStack
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -89,6 +89,7 @@ class Film:
             if band is not None and band.nbytes >= LARGE_BYTES:
                 prefer_large_pages(band.ctypes.data, band.nbytes)
                 weakref.finalize(band, withdraw_preference, band.ctypes.data, band.nbytes).atexit = False
+        self._intact = True  # False during a change, and after one that an exception ended half-way
         self._whole = threading.RLock()  # guards the consistency of the sums with the ledger
         self._pixels = threading.Lock()  # guards the consistency of a pixel's sums with its count
 
@@ -113,10 +114,16 @@ class Film:
         Raises
         ------
         RenderError
-            After `develop`.
+            After `develop`, and when a change of the film was interrupted half-way.
         """
         if self.developed:
             raise RenderError("the film is developed and its sums are released; call mean() to keep them.")
+        if not self._intact:
+            with self._whole:  # another thread may be changing it
+                if not self._intact:
+                    raise RenderError(
+                        "a change of the film was interrupted, so its sums are not those of its samples; load it again"
+                    )
         return [band for band in self._bands if band is not None]
 
     def square_bands(self) -> list[Sums]:
@@ -178,6 +185,8 @@ class Film:
             for film in films:
                 held.enter_context(film._whole)
                 film.bands()
+            for film in films:
+                held.enter_context(film._changing())
                 film.ledger.add(unit.blocks(self.width, self.height), unit.first_sample, result.done)
             for rows in rows_of(unit, words, result.counts, self.width, self.height, squares):
                 for film in films:
@@ -287,17 +296,18 @@ class Film:
             raise UsageError(f"{ours} and {theirs} are the same film; each sample counts once.")
         with other._whole, self._whole:
             bands, added = self.bands(), other.bands()
-            try:
-                self.ledger.unite(other.ledger)
-            except UsageError as error:
-                raise UsageError(f"{ours} and {theirs} overlap: {error}") from None
-            for index, (band, more) in enumerate(zip(bands, added, strict=True)):
-                top = index * self.band_rows
-                with self._pixels:
-                    rows = slice(top, top + len(band))
-                    add(band, self.counts[rows], more, other.counts[rows])
-                    if self.replicate_spp:
-                        add_words(self._squares[index], other._squares[index])
+            with self._changing():
+                try:
+                    self.ledger.unite(other.ledger)
+                except UsageError as error:
+                    raise UsageError(f"{ours} and {theirs} overlap: {error}") from None
+                for index, (band, more) in enumerate(zip(bands, added, strict=True)):
+                    top = index * self.band_rows
+                    with self._pixels:
+                        rows = slice(top, top + len(band))
+                        add(band, self.counts[rows], more, other.counts[rows])
+                        if self.replicate_spp:
+                            add_words(self._squares[index], other._squares[index])
 
     def take_out(self, other: Film) -> None:
         """Subtract a film of this size whose samples are all in this one, exactly as if they had never been added.
@@ -315,15 +325,27 @@ class Film:
         """
         with other._whole, self._whole:
             bands, taken = self.bands(), other.bands()
-            self.ledger.take_out(other.ledger)
-            for index, (band, less) in enumerate(zip(bands, taken, strict=True)):
-                top = index * self.band_rows
-                rows = slice(top, top + len(band))
-                with self._pixels:
-                    subtract_words(band, less)
-                    self.counts[rows] -= other.counts[rows]
-                    if self.replicate_spp:
-                        subtract_words(self._squares[index], other._squares[index])
+            with self._changing():
+                self.ledger.take_out(other.ledger)
+                for index, (band, less) in enumerate(zip(bands, taken, strict=True)):
+                    top = index * self.band_rows
+                    rows = slice(top, top + len(band))
+                    with self._pixels:
+                        subtract_words(band, less)
+                        self.counts[rows] -= other.counts[rows]
+                        if self.replicate_spp:
+                            subtract_words(self._squares[index], other._squares[index])
+
+    @contextmanager
+    def _changing(self) -> Iterator[None]:
+        """Context of a change of the sums, with the film locked; after an exception the film can no longer be used."""
+        self._intact = False
+        try:
+            yield
+        except UsageError:  # nothing was changed
+            self._intact = True
+            raise
+        self._intact = True
 
     def copy_to(self, other: Film) -> None:
         """Copy the current contents to another film of this size.
@@ -335,11 +357,12 @@ class Film:
         other : Film
         """
         with self._whole:
-            other.request, other.provenance, other.ledger = self.request, self.provenance, self.ledger.copy()
-            np.copyto(other.counts, self.counts)
             mine, copies = (*self.bands(), *self._squares), (*other.bands(), *other._squares)
-            for band, copy in zip(mine, copies, strict=True):
-                np.copyto(copy, band)
+            with other._changing():
+                other.request, other.provenance, other.ledger = self.request, self.provenance, self.ledger.copy()
+                np.copyto(other.counts, self.counts)
+                for band, copy in zip(mine, copies, strict=True):
+                    np.copyto(copy, band)
 
     def save(self, path: str | Path, provenance: Mapping[str, Any] | None = None, *, beside: str | None = None) -> None:
         """Write the film to a `.film` file atomically.

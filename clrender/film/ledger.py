@@ -46,9 +46,8 @@ class Ledger:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Ledger):
             return NotImplemented
-        self._compact()
-        other._compact()
-        return self._sets == other._sets and np.array_equal(self._blocks, other._blocks)
+        (ours, blocks), (theirs, other_blocks) = self.to_file(), other.to_file()
+        return ours == theirs and np.array_equal(blocks, other_blocks)
 
     __hash__ = None  # type: ignore[assignment]  # mutable
 
@@ -200,8 +199,9 @@ class Ledger:
 
     def to_file(self) -> tuple[dict[str, Any], npt.NDArray[np.uint32]]:
         """Table of sets, as JSON values, and (blocks,) uint32 indices into it; identical for equal ledgers."""
-        self._compact()
-        return {"block": BLOCK, "sets": [[list(pair) for pair in each] for each in self._sets]}, self._blocks
+        compact = self.copy()
+        compact._compact()
+        return {"block": BLOCK, "sets": [[list(pair) for pair in each] for each in compact._sets]}, compact._blocks
 
     @classmethod
     def from_file(cls, width: int, height: int, table: Mapping[str, Any], blocks: npt.NDArray[np.uint32]) -> Ledger:

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from clrender.errors import UsageError
 from clrender.film.film import Film
 from clrender.film.unit import Unit, UnitSums
 
@@ -33,7 +32,6 @@ class RunningFilm(Film):
         super().__init__(width, height, request)
         self.changes = 0
         self.rays = self.shadow_rays = self.max_depth = 0
-        self._intact = True
 
     @property
     def samples_taken(self) -> int:
@@ -56,22 +54,12 @@ class RunningFilm(Film):
 
     def commit(self, unit: Unit, result: UnitSums, part: Film | None = None) -> int:
         """See `Film.commit`."""
-        with self._changing():
+        with self._whole:
             samples = super().commit(unit, result, part)
             self.rays += result.rays
             self.shadow_rays += result.shadow_rays
             self.max_depth = max(self.max_depth, result.deepest)
         return samples
-
-    def merge(self, other: Film, ours: str = "one film", theirs: str = "another") -> None:
-        """See `Film.merge`; the counts of rays stay."""
-        with self._changing():
-            super().merge(other, ours, theirs)
-
-    def take_out(self, other: Film) -> None:
-        """See `Film.take_out`; the counts of rays are not reduced, as their origin is unknown."""
-        with self._changing():
-            super().take_out(other)
 
     def copy_if_whole(self, other: RunningFilm) -> bool:
         """Copy the film and its counts of rays; returns False if an exception left a part of a unit in it."""
@@ -90,13 +78,6 @@ class RunningFilm(Film):
 
     @contextmanager
     def _changing(self) -> Iterator[None]:
-        """Context of a change of the film: copies are blocked meanwhile, and refused after an exception."""
-        with self._whole:
-            self._intact = False
-            try:
-                yield
-            except UsageError:  # the film is unchanged
-                self._intact = True
-                raise
-            self.changes += 1
-            self._intact = True
+        with super()._changing():
+            yield
+        self.changes += 1

@@ -135,7 +135,7 @@ def _subject(text: str, names: Sequence[str], allow_paths: Sequence[Path]) -> Su
 
 def whitened(scene: Scene) -> Scene:
     """The materials without absorbing colours: any remaining loss of light has another cause."""
-    return scene.model_copy(update={"materials": {name: _white(each) for name, each in scene.materials.items()}})
+    return scene.with_checked(materials={name: _white(each) for name, each in scene.materials.items()})
 
 
 def _shown(material: Any, key: str) -> bool:
@@ -149,7 +149,7 @@ def _white(material: Any) -> Any:
     changes: dict[str, Any] = {key: (1.0, 1.0, 1.0) for key in _COLORS if _shown(material, key)}
     if {"metal", "eta", "k"} <= set(fields) and "f0" not in changes:
         changes |= {"metal": None, **_WHITE_METAL}
-    return material.model_copy(update=changes)
+    return material.changed(changes)
 
 
 def _parsed(text: str) -> Any:

@@ -114,7 +114,7 @@ class Surfaces:
         # Separated, so that the BVH over them is an ordinary one
         shapes = tuple(_triangle(float(i % side), float(i // side), *place) for i, place in enumerate(places))
         camera = Camera(position=(0.0, 0.0, 4.0), target=(0.0, 0.0, 0.0))
-        flat = flatten(scene.model_copy(update={"camera": camera, "shapes": shapes, "lights": ()}), 8, 8)
+        flat = flatten(scene.with_checked(camera=camera, shapes=shapes, lights=()), 8, 8)
         first = flat.arrays["shapes"]["first_primitive"]
         self._primitive = {place: np.uint32(first[i]) for i, place in enumerate(places)}
         self._uv: Uv | None = None

@@ -18,6 +18,7 @@ from clrender.importers.sharing import share_meshes
 from clrender.importers.studio import studio_light
 from clrender.scene import EnvironmentLight, Mesh, Scene
 from clrender.scene.bounds import scene_bounds
+from clrender.scene.frozen import frozen
 from clrender.scene.validation_errors import scene_error
 
 __all__ = ["completed"]
@@ -52,14 +53,15 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
         raise scene_error(error, Scene, files.source) from None
     scene = scene.placed(files.source, files.folder, files.allow_paths)
     held = {shape.asset for _, shape in scene.all_shapes() if isinstance(shape, Mesh) and shape.file in draft.meshes}
-    meshes = {asset: draft.meshes[asset[0]] for asset in held}
-    scene = scene.with_files(
-        meshes=meshes, transforms=draft.places, encoded=draft.pictures, environments=draft.environments
+    meshes = {asset: frozen(draft.meshes[asset[0]]) for asset in held}
+    places, pictures = (
+        {name: frozen(content) for name, content in each.items()} for each in (draft.places, draft.environments)
     )
+    scene = scene.with_files(meshes=meshes, transforms=places, encoded=draft.pictures, environments=pictures)
     if framed:
         notes = [*notes, "there is no camera in it: it is framed from the front, a little from above"]
         low, high = scene_bounds(scene)
-        scene = scene.model_copy(update={"camera": scene.camera.model_copy(update=_around(low, high, scene))})
+        scene = scene.with_checked(camera=scene.camera.with_checked(**_around(low, high, scene)))
     if dark:
         notes = [*notes, _LIT]
         scene = scene.with_default_light(EnvironmentLight(type="environment", file=_STUDIO), _LIT)

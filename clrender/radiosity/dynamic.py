@@ -187,9 +187,9 @@ class DynamicRadiosity:
         if not isinstance(old, AT_POINT):
             raise UsageError(f"light {light} is {old.type}, which has no position; lights at a point can be moved")
         place = tuple(p + float(d) for p, d in zip(old.position, by, strict=True))
-        new = old.model_copy(update={"position": place})
+        new = old.with_checked(position=place)
         lights = (*scene.lights[:light], new, *scene.lights[light + 1 :])
-        self.patches = self.patches.lit_by(scene.model_copy(update={"lights": lights}))
+        self.patches = self.patches.lit_by(scene.with_checked(lights=lights))
         self.flat = self.patches.flat(*self._size)
         self._place()
         self._direct(True)

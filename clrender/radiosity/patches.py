@@ -169,8 +169,8 @@ class Patches:
         """The scene before it was divided into patches, with the same lights as `flat`."""
         shapes = self.scene.shapes
         if not self.shadow_rays_find_emission:
-            shapes = tuple(shape.model_copy(update={"emission": None}) for shape in shapes)
-        scene = self.scene.model_copy(update={"shapes": shapes, "lights": self._lights})
+            shapes = tuple(shape.with_checked(emission=None) for shape in shapes)
+        scene = self.scene.with_checked(shapes=shapes, lights=self._lights)
         return flatten(scene, width, height, light_sampler, _ORIGIN)
 
     @property
@@ -233,8 +233,8 @@ class Patches:
         corners = self.corners.copy()
         corners[first:end] += np.array(by)
         shapes = list(self.scene.shapes)
-        shapes[shape] = shapes[shape].model_copy(update={"transform": shapes[shape].transform.moved(by)})
-        scene = self.scene.model_copy(update={"shapes": tuple(shapes)})
+        shapes[shape] = shapes[shape].with_checked(transform=shapes[shape].transform.moved(by))
+        scene = self.scene.with_checked(shapes=tuple(shapes))
         return self._again(replace(self, scene=scene, corners=corners), *_CARRIED)
 
     def lit_by(self, scene: Scene) -> Patches:
@@ -297,12 +297,12 @@ def _relative(scene: Scene) -> Scene:
 
     camera = {name: moved(getattr(scene.camera, name)) for name in ("position", "target")}
     lights = (
-        light.model_copy(update={"position": moved(light.position)}) if isinstance(light, AT_POINT) else light
+        light.with_checked(position=moved(light.position)) if isinstance(light, AT_POINT) else light
         for light in scene.lights
     )
-    shapes = (shape.model_copy(update={"transform": shape.transform.moved((-x, -y, -z))}) for shape in scene.shapes)
-    parts = {"camera": scene.camera.model_copy(update=camera), "lights": tuple(lights), "shapes": tuple(shapes)}
-    return scene.model_copy(update=parts)
+    shapes = (shape.with_checked(transform=shape.transform.moved((-x, -y, -z))) for shape in scene.shapes)
+    parts = {"camera": scene.camera.with_checked(**camera), "lights": tuple(lights), "shapes": tuple(shapes)}
+    return scene.with_checked(**parts)
 
 
 def _coarse(scene: Scene, size: float) -> tuple[Patches, NDArray[np.bool_]]:

@@ -201,7 +201,7 @@ def _written(shapes: Sequence[_Placed], array: NDArray[np.float64]) -> list[_Pla
 def _moved(shape: AnyShape, outer: Affine) -> AnyShape:
     inner = combined(outer, affine(shape.transform))
     rows = tuple((*row, offset) for row, offset in zip(inner.linear, inner.offset, strict=True))
-    return shape.model_copy(update={"transform": Transform(matrix=(*rows, (0.0, 0.0, 0.0, 1.0)))})
+    return shape.with_checked(transform=Transform(matrix=(*rows, (0.0, 0.0, 0.0, 1.0))))
 
 
 def _check_similar(scene: Scene, index: int, group: str, shapes: Sequence[_Placed], array: NDArray[np.float64]) -> None:

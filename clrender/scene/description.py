@@ -10,16 +10,18 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from pydantic import FailFast, Field, PrivateAttr, Strict, model_validator
+from pydantic import AfterValidator, FailFast, Field, PrivateAttr, Strict, model_validator
 
 from clrender.errors import SceneError
 from clrender.exposure import photographic_stops
 from clrender.scene.camera import Camera
+from clrender.scene.changes import Changes, table_values, validated
 from clrender.scene.content_hash import content_sha256
 from clrender.scene.defaults import Image, Render
 from clrender.scene.environment import EnvironmentPicture
+from clrender.scene.frozen import FrozenDict, frozen
 from clrender.scene.groups import Group, Instance, ShapeOrInstance, TransformArray
 from clrender.scene.ies import IesProfile
 from clrender.scene.light_kinds import (
@@ -54,6 +56,9 @@ from clrender.scene.values import (
 )
 from clrender.scene.wording import place
 
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
 __all__ = [
     "LIGHT_TYPES",
     "MATERIAL_TYPES",
@@ -77,9 +82,19 @@ __all__ = [
 
 _NO_CONTENTS: Final = frozenset({"title", "camera", "image", "render"})
 """Attributes of a scene that are not part of its contents."""
+_FREEZE: Final = AfterValidator(FrozenDict)
 
 
-class Scene(Part):
+class _Head(Part):
+    """What a scene says besides its contents."""
+
+    title: Annotated[str, Strict()] = ""
+    camera: Camera
+    image: Image = Image()
+    render: Render = Render()
+
+
+class Scene(_Head):
     """A scene: what a scene file says, validated.
 
     Read one with `clrender.scene.load`, or build one in code from the classes of this package; a bad value raises
@@ -105,15 +120,11 @@ class Scene(Part):
         Name of the medium that is wherever no other one is.
     """
 
-    title: Annotated[str, Strict()] = ""
-    camera: Camera
-    image: Image = Image()
-    render: Render = Render()
-    materials: Annotated[dict[Name, Material], Field(max_length=65536)] = Field(default_factory=dict)
+    materials: Annotated[dict[Name, Material], Field(max_length=65536), _FREEZE] = Field(default_factory=FrozenDict)
     shapes: Annotated[tuple[ShapeOrInstance, ...], FailFast(), Field(max_length=SHAPE_LIMIT)] = ()
-    groups: Annotated[dict[Name, Group], Field(max_length=65536)] = Field(default_factory=dict)
+    groups: Annotated[dict[Name, Group], Field(max_length=65536), _FREEZE] = Field(default_factory=FrozenDict)
     lights: Annotated[tuple[Light, ...], FailFast(), Field(max_length=SHAPE_LIMIT)] = ()
-    media: Annotated[dict[Name, Medium], Field(max_length=65536)] = Field(default_factory=dict)
+    media: Annotated[dict[Name, Medium], Field(max_length=65536), _FREEZE] = Field(default_factory=FrozenDict)
     fog: Name | None = Field(
         None, description="name of the medium that fills all space outside other media, to infinity"
     )
@@ -130,6 +141,15 @@ class Scene(Part):
     def _names_resolve(self) -> Scene:
         check_references(self)
         return self
+
+    def _changed(self, changes: Changes) -> Self:
+        values = table_values(self, changes, (), self.source)
+        if changes.keys() <= _NO_CONTENTS:  # shapes and names, of which there may be many, are as they were
+            head = {name: value for name, value in values.items() if name in _NO_CONTENTS}
+            made: Part = validated(_Head, head, (), self.source)
+        else:
+            made = validated(type(self), values, (), self.source)
+        return self.with_checked(**{name: getattr(made, str(name)) for name in map(str, changes)})
 
     def all_shapes(self) -> Iterator[tuple[tuple[str | int, ...], AnyShape]]:
         """Its shapes and those of its groups, without instances, each with its location in the description.
@@ -191,7 +211,7 @@ class Scene(Part):
         -------
         Scene
         """
-        scene = self.model_copy(update={"shapes": tuple(shape for _, shape in shapes), "groups": {}})
+        scene = self.with_checked(shapes=tuple(shape for _, shape in shapes), groups={})
         scene._places = tuple(at for at, _ in shapes)
         return scene
 
@@ -258,11 +278,17 @@ class Scene(Part):
         ----------
         **contents : mapping
             By kind of file and name: `meshes`, `transforms`, `environments`, `profiles`, `textures` and `encoded`; see
-            `clrender.scene.scene_files.SceneFiles`.
+            `clrender.scene.scene_files.SceneFiles`. A mesh may be named by its file alone. Arrays are copied unless
+            they are read-only.
 
         Returns
         -------
         Scene
+
+        Raises
+        ------
+        SceneError
+            There is no such kind of file, or a content is of another kind.
         """
         scene = self.model_copy()
         scene._files = self._files.with_contents(**contents)
@@ -290,8 +316,9 @@ class Scene(Part):
             Mesh(type="mesh", file=f"shape {i}", material=s.material, emission=s.emission if emitting else None)
             for i, s in enumerate(self.shapes)
         )
-        scene = self.model_copy(update={"shapes": shapes, "lights": tuple(lights)})
-        scene._files = replace(self._files, meshes={(f"shape {i}", None): mesh for i, mesh in enumerate(meshes)})
+        scene = self.with_checked(shapes=shapes, lights=tuple(lights))
+        given = FrozenDict({(f"shape {i}", None): frozen(mesh) for i, mesh in enumerate(meshes)})
+        scene._files = replace(self._files, meshes=given)
         return scene
 
     @property
@@ -334,7 +361,7 @@ class Scene(Part):
         -------
         Scene
         """
-        scene = self.model_copy(update={"lights": (*self.lights, light)})
+        scene = self.with_checked(lights=(*self.lights, light))
         scene._default_light = light, note
         return scene
 
@@ -501,7 +528,7 @@ class Scene(Part):
             return self
         given = {**(self.camera.exposure or {}), **asked}
         photographic_stops(**given)
-        return self.model_copy(update={"camera": self.camera.model_copy(update=given)})
+        return self.with_checked(camera=self.camera.changed(given))
 
     def ies_lights(self) -> list[tuple[int, IesLight]]:
         """The IES lights, each with its index."""
@@ -555,7 +582,7 @@ class Scene(Part):
         default, note = self._default_light
         others = tuple(light for light in self.lights if light is not default)
         light, pictures = _environment(environment)
-        scene = self.model_copy(update={"lights": (*others, light)}).with_files(environments=pictures)
+        scene = self.with_checked(lights=(*others, light)).with_files(environments=pictures)
         scene._default_light = None, ""
         return scene.with_notes(each for each in self._notes if default is None or not each.endswith(note))
 
@@ -601,4 +628,4 @@ def _environment(asked: str | Path | float) -> tuple[EnvironmentLight, dict[str,
         return EnvironmentLight(type="environment", radiance=(float(asked),) * 3), {}
     path = Path(asked).absolute()
     picture = EnvironmentPicture.read(path.name, path.parent, [path.resolve().parent], "the environment")
-    return EnvironmentLight(type="environment", file=str(path)), {str(path): picture}
+    return EnvironmentLight(type="environment", file=str(path)), {str(path): frozen(picture)}

@@ -15,6 +15,7 @@ from clrender.errors import SceneError
 from clrender.scene.content_hash import put_at
 from clrender.scene.description import Scene
 from clrender.scene.environment import EnvironmentPicture
+from clrender.scene.frozen import frozen
 from clrender.scene.groups import TransformArray
 from clrender.scene.ies import IesProfile
 from clrender.scene.mesh_data import CORNER_ARRAYS, MeshData
@@ -212,4 +213,4 @@ def _asset(sha256: str, assets: Mapping[str, bytes], place: str, made: Callable[
         raise SceneError(f"{place}: the asset {sha256} cannot be read ({error}); send it again") from None
     if not same:
         raise SceneError(f"{place}: the asset {sha256} has another content than its hash says; send it again")
-    return asset
+    return frozen(asset)  # type: ignore[no-any-return]

@@ -7,12 +7,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Final
 
 from numpy import uint8
 from numpy.typing import NDArray
 
+from clrender.errors import SceneError
 from clrender.scene.environment import EnvironmentPicture
+from clrender.scene.frozen import FrozenDict, frozen
 from clrender.scene.groups import TransformArray
 from clrender.scene.ies import IesProfile, read_ies
 from clrender.scene.mesh_data import MeshData
@@ -21,11 +23,20 @@ from clrender.scene.named_files import open_named_file
 from clrender.scene.shapes import Mesh
 from clrender.scene.texels import StoredPicture
 from clrender.scene.vertex_colors import VertexColors
-from clrender.scene.wording import place, quoted
+from clrender.scene.wording import place, quoted, shown, suggestion
 
 __all__ = ["SceneFiles"]
 
 _PICTURE_BYTES = 2**33
+_KINDS: Final[Mapping[str, type]] = {
+    "meshes": MeshData,
+    "transforms": TransformArray,
+    "environments": EnvironmentPicture,
+    "profiles": IesProfile,
+    "textures": tuple,
+    "encoded": tuple,
+}
+"""What each kind of file holds."""
 
 
 def _working_folder() -> Path:
@@ -35,7 +46,7 @@ def _working_folder() -> Path:
         return Path()
 
 
-@dataclass
+@dataclass(frozen=True)
 class SceneFiles:
     """Contents by name in the scene; missing ones are read from the file of that name.
 
@@ -60,21 +71,42 @@ class SceneFiles:
     source: str = "Scene"
     base_folder: Path = field(default_factory=_working_folder)
     allow_paths: tuple[Path, ...] = ()
-    meshes: dict[tuple[str, VertexColors | None], MeshData] = field(default_factory=dict)
-    transforms: dict[str, TransformArray] = field(default_factory=dict)
-    environments: dict[str, EnvironmentPicture] = field(default_factory=dict)
-    profiles: dict[str, IesProfile] = field(default_factory=dict)
-    textures: dict[str, tuple[StoredPicture, NDArray[uint8]]] = field(default_factory=dict)
-    encoded: dict[str, tuple[bytes, str]] = field(default_factory=dict)
+    meshes: dict[tuple[str, VertexColors | None], MeshData] = field(default_factory=FrozenDict)
+    transforms: dict[str, TransformArray] = field(default_factory=FrozenDict)
+    environments: dict[str, EnvironmentPicture] = field(default_factory=FrozenDict)
+    profiles: dict[str, IesProfile] = field(default_factory=FrozenDict)
+    textures: dict[str, tuple[StoredPicture, NDArray[uint8]]] = field(default_factory=FrozenDict)
+    encoded: dict[str, tuple[bytes, str]] = field(default_factory=FrozenDict)
 
     def in_folder(self, source: str, base_folder: Path, allow_paths: tuple[Path, ...]) -> SceneFiles:
         """Files of the same names in another folder; only images that were given are kept."""
         return SceneFiles(source, base_folder, allow_paths, textures=self.textures, encoded=self.encoded)
 
     def with_contents(self, **contents: Mapping[Any, Any]) -> SceneFiles:
-        """A copy with more contents: attributes of this class, by name."""
-        merged: dict[str, Any] = {kind: {**getattr(self, kind), **more} for kind, more in contents.items()}
+        """A copy with more contents: attributes of this class, by name. Arrays are copied unless they are read-only.
+
+        Raises
+        ------
+        SceneError
+            There is no such attribute, or a content is of another kind.
+        """
+        merged: dict[str, Any] = {}
+        for kind, more in contents.items():
+            if kind not in _KINDS:
+                raise SceneError(f"{quoted(kind)} is no kind of a scene's files{suggestion(kind, _KINDS)}")
+            given = {(name, None) if kind == "meshes" and isinstance(name, str) else name: more[name] for name in more}
+            for name, content in given.items():
+                if not isinstance(content, _KINDS[kind]):
+                    text = f"is {shown(content)}, but must be a {_KINDS[kind].__name__}"
+                    file = name[0] if isinstance(name, tuple) else name
+                    raise SceneError(f"{kind}: the content of {quoted(str(file))} {text}")
+            read_only = {name: frozen(content, copied=True) for name, content in given.items()}
+            merged[kind] = FrozenDict({**getattr(self, kind), **read_only})
         return replace(self, **merged)
+
+    def _read(self, kind: str, name: Any, content: Any) -> None:
+        """Keep the content of a file, read-only."""
+        dict.__setitem__(getattr(self, kind), name, frozen(content))
 
     def mesh(self, at: tuple[str | int, ...], shape: Mesh) -> MeshData:
         """Triangles of a mesh that names a file.
@@ -93,29 +125,30 @@ class SceneFiles:
         if shape.asset not in self.meshes:
             assert shape.file is not None
             where = f"{self.source}: {place((*at, 'file'))}"
-            self.meshes[shape.asset] = read_mesh(
-                shape.file, self.base_folder, self.allow_paths, where, shape.vertex_colors
-            )
+            mesh = read_mesh(shape.file, self.base_folder, self.allow_paths, where, shape.vertex_colors)
+            self._read("meshes", shape.asset, mesh)
         return self.meshes[shape.asset]
 
     def transform_array(self, name: str, where: str) -> TransformArray:
         """Transforms of an instance; `where` is the location of the name, for messages. Raises like `mesh`."""
         if name not in self.transforms:
             where = f"{self.source}: {where}"
-            self.transforms[name] = TransformArray.read(name, self.base_folder, self.allow_paths, where)
+            self._read("transforms", name, TransformArray.read(name, self.base_folder, self.allow_paths, where))
         return self.transforms[name]
 
     def environment(self, name: str, where: str) -> EnvironmentPicture:
         """An environment map; `where` is the location of the name, for messages. Raises like `mesh`."""
         if name not in self.environments:
             where = f"{self.source}: {where}"
-            self.environments[name] = EnvironmentPicture.read(name, self.base_folder, self.allow_paths, where)
+            picture = EnvironmentPicture.read(name, self.base_folder, self.allow_paths, where)
+            self._read("environments", name, picture)
         return self.environments[name]
 
     def profile(self, name: str, where: str) -> IesProfile:
         """Content of an IES file; `where` is the location of the name, for messages. Raises like `mesh`."""
         if name not in self.profiles:
-            self.profiles[name] = read_ies(name, self.base_folder, self.allow_paths, f"{self.source}: {where}")
+            profile = read_ies(name, self.base_folder, self.allow_paths, f"{self.source}: {where}")
+            self._read("profiles", name, profile)
         return self.profiles[name]
 
     @contextmanager

@@ -83,9 +83,9 @@ class Transform(Part):
     def moved(self, by: tuple[float, float, float]) -> Transform:
         """This transform followed by a translation in world space, metres."""
         if self.matrix is None:
-            return self.model_copy(update={"translate": tuple(a + b for a, b in zip(self.translate, by, strict=True))})
+            return self.with_checked(translate=tuple(a + b for a, b in zip(self.translate, by, strict=True)))
         rows = [(*row[:3], row[3] + step) for row, step in zip(self.matrix, (*by, 0.0), strict=True)]
-        return self.model_copy(update={"matrix": tuple(rows)})
+        return self.with_checked(matrix=tuple(rows))
 
     def is_similarity(self) -> bool:
         """Whether it scales uniformly, so that a sphere stays a sphere."""

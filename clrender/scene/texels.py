@@ -158,6 +158,7 @@ class TexelStore:
                     self._add(name, open_picture(file, ending), label)
         self.texels = self.texels[: max(self._used, 1)]
         self.texels[self._used :] = 0
+        self.texels.flags.writeable = False
 
     def holds(self, textures: Iterable[AnyTexture]) -> bool:
         """Whether it contains the images of all these textures."""

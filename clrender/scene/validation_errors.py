@@ -44,7 +44,9 @@ _BOUNDS: Final[Mapping[str, tuple[str, str]]] = {
 }
 
 
-def scene_error(error: ValidationError, root: type[BaseModel], source: str) -> SceneError:
+def scene_error(
+    error: ValidationError, root: type[BaseModel], source: str, above: tuple[int | str, ...] = ()
+) -> SceneError:
     """The error that a user sees for a pydantic error.
 
     Parameters
@@ -53,6 +55,8 @@ def scene_error(error: ValidationError, root: type[BaseModel], source: str) -> S
         From validating a table of class `root`.
     source : str
         Name of the file, or of the class for a table built in code.
+    above : tuple of int or str
+        Place of the table in the scene.
 
     Returns
     -------
@@ -63,10 +67,11 @@ def scene_error(error: ValidationError, root: type[BaseModel], source: str) -> S
     # A misspelt key also leaves the right one missing: report the cause, not the consequence.
     first = next((item for item in details if item["type"] == "extra_forbidden"), details[0])
     location, sentence = _explained(first, details, root)
+    location = (*above, *location)
     where = place(location) or "the scene"
     misspelt = {item["loc"][:-1] for item in details if item["type"] == "extra_forbidden"}
     rest = (item for item in details if item["type"] != "missing" or item["loc"][:-1] not in misspelt)
-    others = _others((_explained(item, details, root)[0] for item in rest), location)
+    others = _others(((*above, *_explained(item, details, root)[0]) for item in rest), location)
     if sentence.startswith("the key"):
         return SceneError(f"{source}: {where}: {sentence}{others}" if location else f"{source}: {sentence}{others}")
     return SceneError(f"{source}: {where} {sentence}{others}")

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Final, TypeAlias
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, StringConstraints, ValidationError
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
+from clrender.errors import SceneError
 from clrender.limits import NotAllowed
+from clrender.scene.changes import changes_by_place, plain, table_values, validated
+from clrender.scene.frozen import FrozenDict, refuse_change
 from clrender.scene.validation_errors import scene_error
 from clrender.settings import Setting
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 __all__ = [
     "COORDINATE_LIMIT",
@@ -91,10 +98,64 @@ class Part(BaseModel):
         try:
             super().__init__(**values)
         except ValidationError as error:
-            raise scene_error(error, type(self), type(self).__name__) from None
+            converted = plain(values)
+            if converted is values:
+                raise scene_error(error, type(self), type(self).__name__) from None
+            self.__init__(**converted)  # type: ignore[misc]
 
     # Nested tables must not use this constructor, which would lose their locations.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in type(self).model_fields:
+            refuse_change(f"{type(self).__name__}.{name}")
+        super().__setattr__(name, value)
+
+    def __delattr__(self, name: str) -> None:
+        if name in type(self).model_fields:
+            refuse_change(f"{type(self).__name__}.{name}")
+        super().__delattr__(name)
+
+    def changed(self, paths: Mapping[Any, Any] | None = None, /, **named: Any) -> Self:
+        """A copy with other values, validated like a scene file; what was not named stays the same object.
+
+        Parameters
+        ----------
+        paths : mapping of str to value, optional
+            Places, as error messages write them, and their new values: ``{"materials.white.reflectance[1]": 0.5}``. A
+            tuple of steps is a place too. A new name adds an entry to a table, and the index after the last one adds
+            one to a list. None takes an entry away, or gives a key its default. All indices are those before the
+            change.
+        **named : values
+            The same for places whose names are words, with two underscores between the steps:
+            ``camera__vertical_fov=30.0``.
+
+        Raises
+        ------
+        SceneError
+            There is no such place, or a value is not allowed.
+        """
+        return self._changed(changes_by_place({} if paths is None else paths, named))
+
+    def _changed(self, changes: Any) -> Self:
+        source = type(self).__name__
+        made: Self = validated(type(self), table_values(self, changes, (), source), (), source)
+        return made
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy; with values to update, it is `changed`."""
+        same = super().model_copy(deep=deep)
+        return same.changed({(name,): value for name, value in update.items()}) if update else same
+
+    def with_checked(self, **values: Any) -> Self:
+        """A copy with these values, which have been validated before."""
+        update = {name: FrozenDict(each) if isinstance(each, dict) else each for name, each in values.items()}
+        return super().model_copy(update=update)
+
+    @classmethod
+    def model_construct(cls, _fields_set: set[str] | None = None, **values: Any) -> Self:  # type: ignore[override]
+        """Refused: it would validate nothing."""
+        raise SceneError(f"{cls.__name__}.model_construct would check nothing; write {cls.__name__}(...) instead")
 
 
 def fault(kind: str, message: str, *place: str | int) -> PydanticCustomError:

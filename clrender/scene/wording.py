@@ -7,6 +7,8 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
+
 __all__ = ["place", "quoted", "shown", "suggestion"]
 
 _PLAIN = re.compile(r"[A-Za-z0-9_-]{1,60}\Z")
@@ -30,6 +32,8 @@ def shown(value: Any) -> str:
         return {None: "null", True: "true", False: "false"}[value]
     if isinstance(value, dict):
         return "a table"
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape}"
     if isinstance(value, list | tuple):
         return f"a list of {len(value)}" if len(value) != 1 else "a list of one"
     if isinstance(value, int):

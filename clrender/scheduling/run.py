@@ -133,8 +133,8 @@ class _Run:
 
     def tally_of_all(self) -> Tally:
         """Run until all workers have ended, and return the tally."""
-        self._threads.start()
         try:
+            self._threads.start()
             while self._alive:
                 self._ask_to_stop()
                 try:

@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import tomli_w
 from pydantic import ValidationError
-from pydantic_core import PydanticCustomError
 
-from clrender.errors import SceneError, UsageError
+from clrender.errors import UsageError
 from clrender.job import RenderJob
 from clrender.limits import nearest, shown
 from clrender.scene import Scene
 from clrender.scene.camera import Camera
-from clrender.scene.references import check_references
 from clrender.scene.validation_errors import scene_error
 from clrender.settings import IMAGE, SETTINGS, settings_of
 from clrender.view.parameters import changeable, is_plain
@@ -85,13 +83,7 @@ class EditedScene:
         materials: Mapping[str, Material],
         settings: Mapping[str, Any],
     ) -> EditedScene:
-        changed = scene
-        if materials:
-            changed = scene.model_copy(update={"materials": {**scene.materials, **materials}})
-            try:
-                check_references(changed)
-            except PydanticCustomError as error:
-                raise SceneError(str((error.context or {}).get("sentence", error))) from None
+        changed = scene.changed({("materials", name): material for name, material in materials.items()})
         return cls(scene, given, camera, materials, settings, RenderJob.of(changed, **{**given, **settings}))
 
     @property
@@ -100,7 +92,7 @@ class EditedScene:
         scene = self.checked.scene
         if scene.camera is self.camera:
             return self.checked
-        return dataclasses.replace(self.checked, scene=scene.model_copy(update={"camera": self.camera}))
+        return dataclasses.replace(self.checked, scene=scene.with_checked(camera=self.camera))
 
     def moved(self, keys: Mapping[str, Any]) -> EditedScene:
         """With other keys of the camera; None stands for a key's default.

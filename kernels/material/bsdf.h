@@ -24,7 +24,7 @@
 
 typedef struct {
     Frame frame;         // around the shading normal, on the side of wo
-    vec3 wo;             // local, towards where the light is seen from
+    vec3 wo;             // local, towards where the light is seen from, a unit vector with z above 0
     vec3 side;           // geometric normal on the side of wo
     vec3 color;
     vfloat eta;          // index beyond over index on wo's side
@@ -48,6 +48,17 @@ typedef struct {
     vec3 weight;         // f |cosθ| / pdf; zero ends the path
     vfloat pdf;          // per steradian; 0 where the BSDF is specular (but whether it is, the mask says)
 } BsdfSample;
+
+// Towards the viewer, a unit vector. An interpolated normal may look away from there: then it is seen at the most grazing angle.
+static vec3 bsdf_wo(Frame frame, vec3 direction) {
+    const vec3 wo = frame_to_local(frame, negate(direction));
+    const vfloat least = splat(1.0e-7f);
+    const vmask away = wo.z < least;
+    if (!lane_any(away)) return wo;
+    const vec3 level = unit(vec3_of(wo.x, wo.y, splat(0.0f)));
+    const vmask opposite = (level.x == 0.0f) & (level.y == 0.0f);
+    return choose(away, vec3_of(opposite ? splat(1.0f) : level.x, level.y, least), wo);
+}
 
 #ifdef MATERIALS
 // The same frame with its x axis where a surface is roughest, `turn` from the tangent of its vertices, or else from the one that goes
@@ -74,12 +85,6 @@ static Frame bsdf_turned_frame(const Scene* scene, const Surface* surface, vec3 
     f.bitangent = along(scale(bitangent, c), tangent, -s);
     f.normal = n;
     return f;
-}
-
-static vec3 bsdf_wo(Frame frame, vec3 direction) {
-    vec3 wo = frame_to_local(frame, negate(direction));
-    wo.z = greater(wo.z, splat(1.0e-7f));
-    return wo;
 }
 
 // What materials with rows are, instead.
@@ -137,8 +142,7 @@ static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* 
     shading = choose(b->passes & s->front, s->normal, shading);
 #endif
     b->frame = frame_around(choose(s->front, shading, negate(shading)));
-    b->wo = frame_to_local(b->frame, negate(direction));
-    b->wo.z = greater(b->wo.z, splat(1.0e-7f));      // an interpolated normal may look away from the viewer
+    b->wo = bsdf_wo(b->frame, direction);
     b->color = color;
     b->eta = s->front ? s->ior : quotient(splat(1.0f), s->ior);
     b->kind = s->kind;

@@ -90,8 +90,8 @@ def test_it_is_so_after_a_camera_that_moved_and_a_render_that_stopped_and_went_o
     page.say("set", settings={"spp": spp})
     page.say("run", run=True)
     scene = clrender.load("room")
-    moved = scene.camera.model_copy(update={"position": (0.05 * 19, 2.0, 5.0)})
-    assert page.until_done() == rendered(device, scene.model_copy(update={"camera": moved}), spp=spp)
+    moved = scene.camera.changed({"position": (0.05 * 19, 2.0, 5.0)})
+    assert page.until_done() == rendered(device, scene.changed({"camera": moved}), spp=spp)
 
 
 def test_more_samples_are_added_to_those_that_are_there(
@@ -181,8 +181,8 @@ def test_a_material_that_changes_gives_the_image_of_that_scene(opened: Callable[
     )
     assert told.content["materials"]["red"]["type"] == "lambert"
     scene = clrender.load("room")
-    red = scene.materials["white"].model_copy(update={"reflectance": (0.9, 0.1, 0.1)})
-    changed = scene.model_copy(update={"materials": {**scene.materials, "white": red}})
+    red = scene.materials["white"].changed({"reflectance": (0.9, 0.1, 0.1)})
+    changed = scene.changed({"materials": {**scene.materials, "white": red}})
     assert page.until_done() == rendered(device, changed) != before
     page.say("reset", what="materials")
     assert page.until_done() == before
@@ -278,8 +278,8 @@ def test_a_scene_file_that_changes_is_read_again_and_a_broken_one_is_told(
     digest = page.until_done()
     assert page.newest["state"].content["problem"] is None
     scene = clrender.load(path)
-    camera = scene.camera.model_copy(update={"vertical_fov": 50.0})  # the file's has not changed: the page's stays
-    assert digest == rendered(device, scene.model_copy(update={"camera": camera}))
+    camera = scene.camera.changed({"vertical_fov": 50.0})  # the file's has not changed: the page's stays
+    assert digest == rendered(device, scene.changed({"camera": camera}))
     path.unlink()
     assert page.until(lambda m: m.kind == "state" and m.content["problem"] is not None)
 

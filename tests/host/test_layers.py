@@ -44,7 +44,7 @@ LAYERS = (
     ("resources",),
     ("pixel_filter",),
     ("layout",),
-    ("drawing", "chi_squared", "student"),
+    ("drawing", "chi_squared", "exact", "student"),
     ("errors", "version"),
 )
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}

@@ -16,7 +16,7 @@ def geometry(scene: Scene) -> _Geometry:
 
 def test_a_camera_needs_no_comparison_of_contents(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = clrender.load("room")
-    moved = scene.model_copy(update={"camera": scene.camera.model_copy(update={"vertical_fov": 30.0})})
+    moved = scene.changed({"camera": scene.camera.changed({"vertical_fov": 30.0})})
     monkeypatch.setattr(Scene, "content_sha256", lambda scene: pytest.fail("the contents were hashed"))
     assert geometry(scene).same(geometry(moved))
 
@@ -25,9 +25,9 @@ def test_a_scene_with_other_media_is_another_scene() -> None:
     haze = {"scattering": [0.1, 0.1, 0.1], "absorption": [0.0, 0.0, 0.0]}
     camera = {"position": [0, 0, 3], "target": [0, 0, 0]}
     clear = Scene.model_validate({"camera": camera, "media": {"haze": haze}})
-    foggy = clear.model_copy(update={"fog": "haze"})
-    thick = foggy.model_copy(
-        update={
+    foggy = clear.changed({"fog": "haze"})
+    thick = foggy.changed(
+        {
             "media": Scene.model_validate(
                 {"camera": camera, "media": {"haze": {**haze, "scattering": [1.0, 1.0, 1.0]}}}
             ).media

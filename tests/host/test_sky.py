@@ -269,7 +269,7 @@ def test_the_sundial_goes_right(hour: int) -> None:
     scene = load("sundial")
     assert scene.sky is not None and scene.sky.time is not None
     day, offset = scene.sky.time[:11], scene.sky.time[19:]
-    sun = scene.sky.model_copy(update={"time": f"{day}{hour:02}:00:00{offset}"}).sun_axis
+    sun = scene.sky.changed({"time": f"{day}{hour:02}:00:00{offset}"}).sun_axis
     lines, gnomon = (np.array(scene.mesh(index).vertices, np.float64) for index in (6, 7))
     corners = lines[4 * (hour - 5) : 4 * (hour - 4)]
     begin, end = (corners[0] + corners[3]) / 2.0, (corners[1] + corners[2]) / 2.0

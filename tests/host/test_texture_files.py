@@ -272,8 +272,8 @@ def test_a_copy_of_a_scene_may_have_other_textures(tmp_path: Path) -> None:
     Image.fromarray(COLORS[::-1]).save(tmp_path / "b.png")
     first = scene(tmp_path, m=lambert({"texture": "a.png"}))
     store = first.textures()
-    second = first.model_copy(update={"materials": scene(tmp_path, m=lambert({"texture": "b.png"})).materials})
-    third = first.model_copy(update={"shapes": ()})
+    second = first.changed({"materials": scene(tmp_path, m=lambert({"texture": "b.png"})).materials})
+    third = first.changed({"shapes": ()})
     assert list(second.textures().pictures) == ["b.png"]
     assert first.textures() is store and third.textures() is store
     assert first.content_sha256() != second.content_sha256()

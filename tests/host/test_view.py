@@ -172,7 +172,7 @@ def test_a_scene_that_is_read_again_keeps_the_camera_unless_it_has_another(edite
     again = moved.reread(scene.model_copy())
     assert again.camera == moved.camera
     assert not again.materials
-    other = scene.model_copy(update={"camera": scene.camera.model_copy(update={"vertical_fov": 30.0})})
+    other = scene.changed({"camera": scene.camera.changed({"vertical_fov": 30.0})})
     assert moved.reread(other).camera.vertical_fov == 30.0
 
 

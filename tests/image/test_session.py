@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -107,6 +108,24 @@ def test_another_camera_uploads_no_scene(device: Device, watched: Watched) -> No
         assert len(watched.writes) == 4
     assert first.stats["image_sha256"] == again.stats["image_sha256"] != second.stats["image_sha256"]
     assert second.stats["image_sha256"] == clrender.render(moved, device=device, size=SIZE, spp=1).stats["image_sha256"]
+
+
+def test_another_camera_looks_at_no_shape(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A moving camera takes the same time in scenes of any number of shapes."""
+    job = clrender.RenderJob.of(clrender.load("room"), size=(16, 16), spp=1)
+    camera = job.scene.camera
+    x, y, z = camera.position
+    cameras = [camera.model_copy(update={"position": (x + 0.1 * step, y, z)}) for step in range(3)]
+    moved = [dataclasses.replace(job, scene=job.scene.model_copy(update={"camera": each})) for each in cameras]
+    with clrender.Session(device=device) as session:
+        session.refine(job)
+        for name in ("all_shapes", "instances", "placed_textures", "place_of"):
+            monkeypatch.setattr(clrender.Scene, name, lambda *_: pytest.fail("looked at the shapes"))
+        images = [session.refine(each).mean() for each in moved]
+        assert not np.array_equal(images[0], images[1])
+        other = job.scene.model_copy(update={"shapes": job.scene.shapes[:-1]})
+        with pytest.raises(pytest.fail.Exception, match="looked at the shapes"):
+            session.refine(dataclasses.replace(job, scene=other))
 
 
 def test_other_scenes_and_integrators_in_turn(device: Device) -> None:
