@@ -1,0 +1,309 @@
+"""Random scenes of everything that a scene file may hold, in three kinds whose answer is known.
+
+``python tests/statistics/mixed_scenes.py KIND NUMBER -o DIR`` writes one of them, with the files that it names.
+
+What is added to the schema is added here: `test_mixed_scenes.py` fails if some key, type or word of it appears in no
+scene.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from mixed_files import files
+from mixed_parts import Draw, Json, emission_for_white, medium
+from mixed_shapes import Things
+
+from clrender.scene import Scene
+
+__all__ = ["KINDS", "Mixed", "mixed_scene"]
+
+KINDS: Final = ("white", "light", "black")
+"""A white furnace, of radiance `Mixed.exact`; a scene whose image does not depend on strategies; a black one."""
+_REACH: Final = 4.5
+"""Half the size of rooms; cameras are within, things in the middle third of it."""
+
+
+@dataclass(frozen=True)
+class Mixed:
+    """A random scene.
+
+    Attributes
+    ----------
+    name : str
+        Kind and number.
+    content : dict
+        What a scene file says.
+    exact : float or None
+        Radiance of every pixel, if known.
+    inner : bool
+        Whether this holds for the middle half of the image only.
+    """
+
+    name: str
+    content: Json
+    exact: float | None = None
+    inner: bool = False
+    facts: Json = field(default_factory=dict)
+
+    def scene(self, folder: Path) -> Scene:
+        """The scene, with its files in a folder."""
+        return Scene(**self.content).placed(self.name, folder)
+
+    def write(self, folder: Path) -> Path:
+        """Write the scene and the files that it names; returns the scene's path."""
+        folder.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(self.content, indent=1)
+        for name, data in files().items():
+            if json.dumps(name) in text:
+                (folder / name).write_bytes(data)
+        path = folder / f"{self.name.replace(' ', '-')}.json"
+        path.write_text(text)
+        return path
+
+
+def mixed_scene(kind: str, number: int) -> Mixed:
+    """The random scene of this kind and number.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    number : int
+    """
+    draw = Draw(f"{kind} {number}", kind == "white")
+    return {"white": _white, "light": _light, "black": _black}[kind](draw, f"{kind} {number}")
+
+
+def _assembled(things: Things, camera: Json, lights: list[Json], **more: Any) -> Json:
+    tables = {"materials": things.materials, "media": things.media, "groups": things.groups}
+    return {
+        "camera": camera,
+        "shapes": things.shapes,
+        "lights": lights,
+        **{k: v for k, v in tables.items() if v},
+        **more,
+    }
+
+
+def _camera(draw: Draw, kinds: tuple[str, ...] = ("perspective", "orthographic", "panoramic", "fisheye")) -> Json:
+    """A camera that looks at the middle from outside of what is there."""
+    axis = draw.direction()
+    distance = 3.6 / math.sqrt(sum(x * x for x in axis))
+    kind = draw.one(kinds) if draw.chance(0.5) else "perspective"
+    camera: Json = {"type": kind, "position": [round(distance * x, 4) for x in axis], "target": draw.point(0.3)}
+    camera["up"] = draw.direction()
+    if kind in ("perspective", "fisheye"):
+        camera["vertical_fov"] = draw.between(20.0, 50.0 if kind == "perspective" else 100.0)
+    if kind == "orthographic":
+        camera["height"] = draw.between(0.5, 2.5)
+    if kind in ("perspective", "orthographic") and draw.chance(0.4):
+        camera |= {"aperture_radius": draw.between(0.01, 0.2), "focus_distance": draw.between(1.0, 5.0)}
+        camera |= (
+            {"blades": draw.count(3, 8), "blade_rotation_degrees": draw.between(-90, 90)} if draw.chance(0.5) else {}
+        )
+    if kind in ("perspective", "orthographic") and draw.chance(0.2):
+        camera["mirrored"] = True
+    return camera
+
+
+def _white(draw: Draw, name: str) -> Mixed:
+    things = Things(draw, media=draw.chance(0.6), solids=draw.chance(0.8))
+    lights: list[Json] = []
+    more: Json = {}
+    around = draw.one(("constant", "map", "shining room", "grey room"))
+    if around == "constant":
+        share = draw.one((1.0, 0.5, 0.25))
+        lights.append({"type": "environment", "radiance": [share] * 3, "scale": 1.0 / share})
+    elif around == "map":
+        lights.append({"type": "environment", "file": "white.exr", "rotate_degrees": draw.between(-180, 180)})
+    else:
+        room: Json = draw.one(({"type": "box", "size": [2.0 * _REACH] * 3}, {"type": "sphere", "radius": 1.6 * _REACH}))
+        room = {**room, "flip_normals": True, "emission": [1.0, 1.0, 1.0]}
+        if around == "grey room":
+            reflectance, room["emission"] = emission_for_white(draw)
+            things.materials["walls"] = {"type": "lambert", "reflectance": reflectance}
+            room["material"] = "walls"
+        things.shapes.append(room)
+        if things.may_scatter and draw.chance(0.5):
+            things.media["fog"] = medium(draw, 0.3)
+            more["fog"] = "fog"
+    for _ in range(draw.count(1, 5)):
+        things.add()
+    if draw.chance(0.3):
+        things.shining(0.7, white=True)
+    camera, exact = _camera(draw), 1.0
+    if things.may_enter and camera["type"] in ("perspective", "panoramic") and draw.chance(0.2):
+        # The camera in a ball of its own, in which radiance is the square of the index
+        exact = _around_camera(draw, things, camera)
+    return Mixed(name, _assembled(things, camera, lights, **more), exact, inner=camera["type"] == "fisheye")
+
+
+def _around_camera(draw: Draw, things: Things, camera: Json) -> float:
+    index = draw.between(1.1, 1.8)
+    things.materials["lens"] = {"type": "dielectric", "ior": index, "priority": 9}
+    camera.pop("aperture_radius", None)
+    # From the middle of a sphere no light is reflected for ever, as it is in the corners of a box
+    ball = {"type": "sphere", "radius": draw.between(0.2, 0.4), "center": camera["position"], "material": "lens"}
+    things.shapes.append(ball)
+    return index * index
+
+
+def _light(draw: Draw, name: str) -> Mixed:
+    things = Things(draw, media=draw.chance(0.45), solids=draw.chance(0.75))
+    more: Json = {}
+    if draw.chance(0.7):
+        floor = things.flat_material("lambert", "oren_nayar", "principled", "conductor")
+        shape = {"type": "quad", "origin": [-3.0, -1.5, 3.0], "edge_u": [6.0, 0.0, 0.0], "edge_v": [0.0, 0.0, -6.0]}
+        things.shapes.append({**shape, "material": floor})
+    for _ in range(draw.count(1, 5)):
+        things.add()
+    lights = list(_lights(draw, things))
+    if things.may_scatter and draw.chance(0.25):
+        things.media["fog"] = medium(draw, 0.4)
+        more["fog"] = "fog"
+    elif things.may_scatter and draw.chance(0.25):
+        things.media["haze"] = medium(draw, 0.3)
+        things.shapes.append({"type": "box", "size": [11.0, 10.0, 9.0], "interior": "haze"})
+    if draw.chance(0.3):
+        walls = things.flat_material("lambert", "oren_nayar")
+        things.shapes.append({"type": "box", "size": [2.0 * _REACH] * 3, "material": walls, "flip_normals": True})
+        lights = [light for light in lights if light["type"] in ("point", "spot", "ies")] or [_point(draw)]
+    return Mixed(name, _assembled(things, _camera(draw), lights, **more))
+
+
+def _point(draw: Draw) -> Json:
+    return {"type": "point", "position": [*draw.point(1.5)[:2], 2.2], "intensity": draw.color(2.0, 9.0)}
+
+
+def _lights(draw: Draw, things: Things) -> Iterator[Json]:
+    """One to three lights; those that are shapes go to the things."""
+    surrounds = False
+    for _ in range(draw.count(1, 3)):
+        kind = draw.one(("shape", "shape", "point", "spot", "ies", "directional", "environment", "sun_sky"))
+        if kind == "shape":
+            things.shining(1.4, white=False)
+            things.shapes[-1].setdefault("transform", {})
+        elif kind == "point":
+            yield _point(draw)
+        elif kind == "spot":
+            above = [*draw.point(1.0)[:2], 3.0]
+            spot = {"type": kind, "position": above, "direction": [0.1, -0.1, -1.0], "intensity": draw.color(5.0, 20.0)}
+            yield {**spot, "cone_degrees": draw.between(60, 120), **draw.one(({}, {"blend": draw.between(0.2, 1.0)}))}
+        elif kind == "ies":
+            lamp = {"type": kind, "position": [0.3, 2.6, 0.2], "file": "lamp.ies", "scale": draw.between(0.5, 2.0)}
+            yield {**lamp, **draw.one(({}, {"direction": [0.2, -1.0, 0.1], "horizontal_zero": draw.direction()}))}
+        elif kind == "directional":
+            yield {"type": kind, "direction": draw.direction(), "irradiance": draw.color(0.5, 4.0)}
+        elif not surrounds:
+            surrounds = True
+            yield _environment(draw) if kind == "environment" else _sky(draw)
+
+
+def _environment(draw: Draw) -> Json:
+    if draw.chance(0.4):
+        return {"type": "environment", "radiance": draw.color(0.2, 1.5)}
+    file = draw.one(("around.hdr", "around.exr", "around.png"))
+    return {
+        "type": "environment",
+        "file": file,
+        "rotate_degrees": draw.between(-180, 180),
+        "scale": draw.color(0.3, 1.5),
+    }
+
+
+def _sky(draw: Draw) -> Json:
+    where: Json = {"sun_direction": [draw.between(-1, 1), draw.between(0.2, 1), draw.between(-1, 1)]}
+    if draw.chance(0.3):
+        where = {"latitude": 48.0, "longitude": 11.0, "time": "2026-06-21T12:30:00+02:00"}
+    more: Json = {"turbidity": draw.between(2.0, 9.0)} if draw.chance(0.5) else {}
+    more |= {"ground": False} if draw.chance(0.4) else {"ground_albedo": draw.color()}
+    more |= {"rotate_degrees": draw.between(-90, 90)} if draw.chance(0.5) else {}
+    scales: Json = {"scale": 0.02, "sun_scale": draw.between(0.2, 1.0), "sky_scale": draw.color(0.3, 1.0)}
+    return {"type": "sun_sky", **where, **more, **scales}
+
+
+def _black(draw: Draw, name: str) -> Mixed:
+    """Light outside of a closed room that is looked at, inside one that is not, beyond endless fog, or turned away."""
+    way = draw.one(("outside", "outside", "inside", "fog", "away"))
+    things = Things(draw, media=draw.chance(0.4), solids=draw.chance(0.7))
+    camera = _camera(draw, ("perspective", "panoramic"))
+    camera.pop("aperture_radius", None)
+    for _ in range(draw.count(1, 4)):
+        things.add()
+    for made in things.materials.values():
+        made.pop("emission", None)
+    lights: list[Json] = []
+    more: Json = {}
+    if way == "fog":
+        things.media["fog"] = {**medium(draw, 0.5), **draw.one(({}, {"absorption": 0.2}))}
+        more["fog"] = "fog"
+        lights = [{"type": "directional", "direction": draw.direction(), "irradiance": draw.color(0.5, 4.0)}]
+        lights += [draw.one((_environment, _sky))(draw)]
+    elif way == "away":
+        for _ in range(3):
+            x, z = draw.between(-3, 3), draw.between(-3, 3)
+            lamp = {"type": "disk", "center": [x, 6.0, z], "normal": [0.0, 1.0, 0.0], "radius": 0.7}
+            things.shapes.append({**lamp, "emission": draw.color(1.0, 9.0)})
+    else:
+        _hidden_lights(draw, things, lights, None if way == "outside" else camera["position"])
+    return Mixed(name, _assembled(things, camera, lights, **more), 0.0)
+
+
+def _hidden_lights(draw: Draw, things: Things, lights: list[Json], inside: list[float] | None) -> None:
+    """Lamps behind the walls of a closed box, some of them very near to it, and volumes with the very faces of the box.
+
+    The box is around everything else, or opposite to the camera at `inside` with the lamps in it.
+    """
+    walls = things.flat_material("lambert", "mirror", "oren_nayar", "conductor")
+    made = things.materials[walls]
+    made.pop("opacity", None)
+    made.pop("opacity_cutoff", None)
+    outside = inside is None
+    half, middle = (_REACH, [0.0, 0.0, 0.0]) if inside is None else (0.8, [-1.4 * x for x in inside])
+    gap = draw.decades(-5.0, -0.5) * half
+    top = middle[1] + half
+    things.shapes.append(
+        {"type": "box", "center": middle, "size": [2.0 * half] * 3, "material": walls, "flip_normals": draw.chance(0.5)}
+    )
+    y = top + gap if outside else top - gap
+    lamp = {
+        "type": "quad",
+        "origin": [middle[0] - 0.3 * half, y, middle[2] - 0.3 * half],
+        "edge_u": [0.6 * half, 0.0, 0.0],
+        "edge_v": [0.0, 0.0, 0.6 * half],
+    }
+    things.shapes.append({**lamp, "emission": draw.color(1.0, 9.0), "flip_normals": not outside and draw.chance(0.5)})
+    if outside:
+        lights += [{"type": "directional", "direction": draw.direction(), "irradiance": draw.color(0.5, 4.0)}]
+        lights += [{"type": "point", "position": [0.2, y, 0.1], "intensity": draw.color(1.0, 9.0)}]
+        lights += [draw.one((_environment, _sky))(draw)] if draw.chance(0.6) else []
+    else:
+        lights += [{"type": "point", "position": middle, "intensity": draw.color(1.0, 9.0)}]
+    if things.may_enter and draw.chance(0.5):  # a volume on the floor of the room, or of exactly its size
+        volume = {"type": "box", "center": middle, "size": [2.0 * half] * 3}
+        if outside and draw.chance(0.5):
+            volume = {"type": "box", "center": [0.0, -half + 0.5, 0.0], "size": [1.0, 1.0, 1.0]}
+        things.materials["touching"] = {"type": "dielectric", "ior": 1.4, "priority": 5}
+        things.shapes.append({**volume, "material": "touching"})
+    elif things.may_scatter and draw.chance(0.5):
+        volume = {"type": "box", "center": middle, "size": [2.0 * half] * 3}
+        things.shapes.append({**volume, "interior": things.medium()})
+
+
+def _written(arguments: Mapping[str, Any]) -> Path:
+    return mixed_scene(arguments["kind"], arguments["number"]).write(arguments["output"])
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("kind", choices=KINDS)
+    parser.add_argument("number", type=int)
+    parser.add_argument("-o", "--output", type=Path, default=Path())
+    print(_written(vars(parser.parse_args())))

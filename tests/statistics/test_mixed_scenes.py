@@ -1,0 +1,170 @@
+"""Random scenes of everything: white furnaces are white, black scenes black, and all ways to an image agree.
+
+A failure names its scenes. ``python tests/statistics/mixed_scenes.py KIND NUMBER -o DIR`` writes one as a file.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import mixed_oracles
+import numpy as np
+import pytest
+from mixed_coverage import parts_of_scene, parts_of_schema
+from mixed_files import files
+from mixed_moves import PLACES, moved, with_all_features
+from mixed_oracles import Comparison, Oracle, different, surprising
+from mixed_parts import Draw, Json
+from mixed_scenes import KINDS, Mixed, mixed_scene
+from mixed_ways import UNUSED, biased_ways, black_ways, ways, white_ways
+
+import clrender
+from clrender.limits import Choice
+from clrender.scene import Scene
+from clrender.settings import IMAGE, SETTINGS
+
+if TYPE_CHECKING:
+    from clrender.device import Device
+
+ALARM = 1e-3
+"""Chance that a correct renderer fails either of the two tests of scenes, each time its bits change."""
+FEW = {"white": (0, 2, 4, 7), "light": (0, 1, 3, 4), "black": (0, 1, 5, 7)}
+MANY = 500
+NATURAL = 10
+"""Of so many scenes one is rendered without the features that it lacks."""
+NEVER = {
+    ("Scene", "title"),
+    ("Scene", "image"),
+    ("Scene", "render"),
+    *((camera, key) for camera in ("Camera",) for key in ("f_stop", "shutter", "iso")),  # of display images
+    *((shape, "interior") for shape in ("Quad", "Disk", "Triangle")),  # of closed shapes
+    *(("Subsurface", key) for key in ("opacity", "opacity_cutoff")),  # refused
+}
+"""Keys that no mixed scene has. Of the settings in a scene file see `test_every_setting_is_varied`."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the files."""
+    made = tmp_path_factory.mktemp("mixed")
+    for name, data in files().items():
+        (made / name).write_bytes(data)
+    return made
+
+
+@pytest.fixture(scope="module")
+def session(device: Device) -> Iterator[clrender.Session]:
+    """Renders on the device under test."""
+    with clrender.Session(device.info.index) as opened:
+        yield opened
+
+
+@pytest.fixture
+def oracle(session: clrender.Session, folder: Path) -> Oracle:
+    """Without the ways that need programs of their own."""
+    return Oracle(session, folder, without=("filter", "splitting", "photon", "whitted"))
+
+
+def told(found: list[Comparison]) -> str:
+    return "\n".join(f"{each.scene}: {each.way}: {each.text}, chance {each.chance:.2g}" for each in found)
+
+
+def test_a_few_mixed_scenes(oracle: Oracle) -> None:
+    scenes = [mixed_scene(kind, number) for kind, numbers in FEW.items() for number in numbers]
+    made = [comparison for mixed in scenes for comparison in oracle.judged(mixed)]
+    assert len(made) > 50
+    assert not (found := surprising(made, ALARM)), told(found)
+
+
+@pytest.mark.slow
+def test_many_mixed_scenes(session: clrender.Session, folder: Path) -> None:
+    oracle, made = Oracle(session, folder, more=4), list[Comparison]()
+    for number in range(MANY):
+        mixed = mixed_scene(KINDS[number % len(KINDS)], number // len(KINDS))
+        made += oracle.judged(mixed, all_features=number % NATURAL > 0)
+    assert not (found := surprising(made, ALARM)), told(found)
+
+
+def test_a_wrong_image_is_found(oracle: Oracle, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lights that are 10 % brighter in one of two images, 2 % of a white furnace, and a room without walls."""
+
+    def brighter(content: Json, factor: float, by: list[float]) -> Json:
+        made = moved(content, factor, by)
+        made["lights"][0]["scale"] = [1.1 * share for share in made["lights"][0]["scale"]]
+        return made
+
+    monkeypatch.setattr(mixed_oracles, "moved", brighter)
+    lit = Mixed("lit", {**mixed_scene("light", 0).content, "lights": [{"type": "environment", "radiance": [1.0] * 3}]})
+    assert {each.way.partition(" ")[0] for each in surprising(list(oracle.judged(lit)), ALARM)} == {"moved"}
+    assert surprising(list(oracle.judged(dataclasses.replace(mixed_scene("white", 1), exact=1.02))), ALARM)
+    assert surprising(list(oracle.judged(dataclasses.replace(lit, exact=0.0))), ALARM)
+
+
+def test_deviations_are_judged_by_mean_and_median() -> None:
+    rng = np.random.default_rng(1)
+    even = rng.normal(1.0, 0.1, (64, 4))
+    assert different(even, 1.0, (0.0, 0.0), robust=True)[0] > 1e-3
+    assert different(even + 0.1, 1.0, (0.0, 0.0), robust=True)[0] < 1e-6
+    assert different(even + 0.1, 1.0, (0.0, 0.1), robust=True)[0] > 1e-3
+    assert different(even - 0.1, 1.0, (0.0, 0.1), robust=True)[0] < 1e-6
+    rare = even - 0.05 * (rng.random(even.shape) < 0.99)  # what is missing here is found one time in a hundred
+    assert different(np.zeros((8, 4)), 0.0, (0.0, 0.0), robust=False)[0] == 1.0
+    assert different(rare, 1.0, (0.0, 0.0), robust=True)[0] < 1e-3
+
+
+def test_holm() -> None:
+    made = [Comparison("", "", chance, "") for chance in (0.5, 1e-9, 0.0004, 0.0003, 0.9)]
+    assert [each.chance for each in surprising(made, 1e-3)] == [1e-9]
+    assert [each.chance for each in surprising(made, 1.3e-3)] == [1e-9, 0.0003, 0.0004]
+
+
+def test_scenes_have_all_of_the_schema() -> None:
+    """Whatever is added to the schema has to be added to the mixed scenes, or to `NEVER` with a reason."""
+    schema = Scene.model_json_schema()
+    known = {part for part in parts_of_schema(schema) if part[:2] not in NEVER and part[0] not in ("Image", "Render")}
+    found = {
+        part for kind in KINDS for n in range(MANY) for part in parts_of_scene(schema, mixed_scene(kind, n).content)
+    }
+    assert not known - found
+    assert found <= parts_of_schema(schema)
+
+
+def test_every_setting_is_varied() -> None:
+    """All settings of the image, and all words that they take."""
+    used: dict[str, set[Any]] = {}
+    for kind in KINDS:
+        for number in range(100):
+            mixed, draw = mixed_scene(kind, number), Draw(f"{number}", white=False)
+            made = [
+                *ways(draw, mixed.content),
+                *biased_ways(mixed.content),
+                *white_ways(draw, mixed.content),
+                *black_ways(draw),
+            ]
+            for name, value in (item for way in made for item in way.settings.items()):
+                used.setdefault(name, set()).add(value)
+    for name, setting in SETTINGS.items():
+        if setting.group != IMAGE or name in UNUSED:
+            continue
+        words = set(setting.domain.members) if isinstance(setting.domain, Choice) else set()
+        left = (
+            {word for word in words if isinstance(word, str)} - used.get(name, set()) - {setting.default, "radiosity"}
+        )
+        assert name in used and not left, (name, left)
+
+
+def test_scenes_are_the_same_each_time(folder: Path) -> None:
+    assert mixed_scene("light", 3) == mixed_scene("light", 3) != mixed_scene("light", 4)
+    path = mixed_scene("light", 3).write(folder / "written")
+    assert clrender.load(path).sha256() == mixed_scene("light", 3).scene(folder).sha256()
+
+
+def test_moves_know_the_places(folder: Path) -> None:
+    np.testing.assert_allclose(np.load(folder / "places.npy"), np.array(PLACES)[:, :3])
+    content: dict[str, Any] = mixed_scene("white", 0).content
+    there_and_back = moved(moved(content, 4.0, [1.0, 2.0, 3.0]), 0.25, [-0.25, -0.5, -0.75])
+    np.testing.assert_allclose(there_and_back["camera"]["position"], content["camera"]["position"])
+    Mixed("all", with_all_features(content)).scene(folder)
