@@ -7,7 +7,7 @@ import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,12 +28,12 @@ from clrender.scene.description import (
 )
 from clrender.scene.holes import hole_rows
 from clrender.scene.instances import FlatInstances, flat_instances
-from clrender.scene.interiors import media_around, media_in_box, media_with_lights, packed
+from clrender.scene.interiors import media_around, media_in_box, media_with_lights, open_media, packed
 from clrender.scene.lamp_tables import lamp_tables
 from clrender.scene.lights import FlatLights, flat_environment, flat_lights
 from clrender.scene.material_rows import flat_materials
 from clrender.scene.materials import Dielectric, Material, Subsurface
-from clrender.scene.media import Solid, scene_media, solid_of
+from clrender.scene.media import Media, Solid, scene_media, solid_of
 from clrender.scene.microfacets import albedo_tables
 from clrender.scene.surfaces import SMALLEST, flat_surfaces
 from clrender.scene.texture_rows import flat_textures
@@ -42,6 +42,8 @@ from clrender.scene.values import COORDINATE_LIMIT, Vector, cross, length
 __all__ = ["FlatScene", "flatten", "scene_origin"]
 
 _Rows: TypeAlias = NDArray[np.void]
+_WHITE: Final = 0.9999
+"""Albedo from which on a medium counts as one that absorbs nothing."""
 
 
 @dataclass(frozen=True)
@@ -237,6 +239,7 @@ def flatten(
     }
     if media.subsurface:
         _darken(arrays, triangle_count, lights.count, instances)
+    unbounded = _mark_open(arrays, triangle_count, media) if media.scatters else []
     digest = hashlib.sha256(f"{lights.environment} {triangle_count} {analytic_count} {lights.count}".encode())
     for name, array in arrays.items():
         digest.update(f"{name} {array.shape}".encode())
@@ -265,6 +268,7 @@ def flatten(
             *_no_light(scene, lights),
             *_lost_light(scene, media.no_boundary),
             *_lost_in_fog(scene),
+            *_endless(scene, arrays, media, unbounded),
         ),
         origin=origin,
     )
@@ -293,6 +297,28 @@ def _darken(
     flags[(flags & layout.MEDIUM_FLAG_SUBSURFACE) != 0] |= np.uint32(layout.MEDIUM_FLAG_DARK)
     for medium in media_with_lights(arrays, triangle_count, light_count, instances):
         flags[medium] &= np.uint32(~layout.MEDIUM_FLAG_DARK & 0xFFFFFFFF)
+
+
+def _mark_open(arrays: Mapping[str, NDArray[Any]], triangle_count: int, media: Media) -> list[int]:
+    """Set the flag of media that have no end, and return those of shapes: there paths that get lost end early."""
+    found = open_media(arrays, triangle_count)
+    flags = arrays["media_rows"][:, 15].view(np.uint32)
+    flags[[*found, *([0] if media.fog else [])]] |= np.uint32(layout.MEDIUM_FLAG_OPEN)
+    return found
+
+
+def _endless(scene: Scene, arrays: Mapping[str, NDArray[Any]], media: Media, unbounded: list[int]) -> list[str]:
+    """Warn of media that absorb nothing and have a surface with a hole: cost and variance cannot both be finite."""
+    rows = arrays["media_rows"].astype(np.float64)
+    extinction, scattering = rows[unbounded, 5:8], rows[unbounded, 8:11]
+    white: NDArray[np.bool_] = np.any((scattering > 0.0) & (scattering >= _WHITE * extinction), axis=1)
+    endless = set(np.array(unbounded, np.int64)[white].tolist())
+    names = sorted({solid[1] or solid[0] or "" for solid, number in media.of_solid.items() if number in endless})
+    return [
+        f"{scene.source}: {name}: light scatters in it without being absorbed, and its surface has a hole, so that the "
+        "variance of the image has no bound; close the surface, or let it absorb a little"
+        for name in names
+    ]
 
 
 def _no_light(scene: Scene, lights: FlatLights) -> list[str]:

@@ -54,7 +54,8 @@ def relative_variances(images: Floats, mean: Floats) -> Floats:
     floor = 0.01 * np.square(mean).mean()
     own = images.mean(axis=0)
     squares = np.square(images - own) / (np.square(mean) + floor)
-    return squares.reshape(len(images), -1).mean(axis=1)
+    means: Floats = squares.reshape(len(images), -1).mean(axis=1)
+    return means
 
 
 def ratio(first: dict[str, Any], second: dict[str, Any], name: str) -> tuple[Floats, float, float]:

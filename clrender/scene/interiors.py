@@ -23,11 +23,14 @@ __all__ = [
     "media_in_box",
     "media_with_lights",
     "medium_of_primitives",
+    "open_media",
     "packed",
 ]
 
 _Arrays: TypeAlias = Mapping[str, NDArray[Any]]
 _CHUNK: Final = 2**18
+_OPEN: Final = 1e-3
+"""Share of a surface's area that a hole must have to be told from rounding."""
 
 LIST_LENGTH: Final = 8
 """Most nested media that a path tracks: ``INTERIOR_ENTRIES`` of ``kernels/material/interior.h``."""
@@ -222,6 +225,38 @@ def _shining_points(arrays: _Arrays, triangle_count: int, light: np.void) -> NDA
         return np.asarray(center + 1e-4 * radius * row["normal"][:3])[None]
     axes = np.concatenate([np.eye(3), -np.eye(3)])
     return np.asarray(center + radius * (1.0 + 1e-4 * float(row["normal"][3])) * axes)
+
+
+def open_media(arrays: _Arrays, triangle_count: int) -> list[int]:
+    """Media whose surfaces have a hole: the normals of a closed surface, by area, add up to nothing.
+
+    Parameters
+    ----------
+    arrays : mapping of str to ndarray
+        See `clrender.flatten.FlatScene`.
+    triangle_count : int
+
+    Returns
+    -------
+    list of int
+        Rows of ``media_rows``.
+    """
+    medium_of = medium_of_primitives(arrays)
+    corners = arrays["vertices"][arrays["triangles"][:triangle_count]].astype(np.float64)
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    rows = arrays["analytic_shapes"][: len(medium_of) - triangle_count]
+    radius, normal = rows["center_radius"][:, 3:].astype(np.float64), rows["normal"].astype(np.float64)
+    disks = np.where(normal[:, 3:] == 0.0, math.pi * radius * radius * normal[:, :3], 0.0)
+    areas = np.concatenate([np.cross(first, second) / 2.0, disks])
+    found = []
+    for medium in np.unique(medium_of[medium_of != 0]).tolist():
+        own = areas[medium_of == medium]
+        # In a fixed order: the sums decide about bits
+        total = math.sqrt(sum(math.fsum(column) ** 2 for column in own.T.tolist()))
+        whole = math.fsum(np.sqrt((own * own).sum(axis=1)).tolist())
+        if total > _OPEN * whole:
+            found.append(medium)
+    return found
 
 
 def packed(media: list[int]) -> tuple[int, int]:

@@ -17,6 +17,7 @@
 
 #define ROULETTE_LONG_PATH 8192u
 #define ROULETTE_LONGEST_PATH 1048576u
+#define ROULETTE_LOST_PATH 256u
 
 // The probability that a path goes on which has come this far, in events of one kind: the same whatever roulette was asked for.
 static vfloat roulette_late(vuint events) {
@@ -25,6 +26,13 @@ static vfloat roulette_late(vuint events) {
     const vfloat ends = quotient(splat(1.0f), vfloat_of(vint_from_uint(events + 1u))), most = splat(1.0f - 2.0f * EPSILON);
     const vfloat on = lesser(splat(1.0f) - ends, most), squared = on * on, fourth = squared * squared;
     return late ? (events >= ROULETTE_LONGEST_PATH ? fourth * fourth : on) : splat(1.0f);
+}
+
+// The same in a medium that has no end, where light that gets lost never comes back: (N / n)² of the paths reach event n, N = ROULETTE_LOST_PATH.
+static vfloat roulette_lost(vuint events) {
+    const vmask late = events >= ROULETTE_LOST_PATH;
+    const vfloat on = splat(1.0f) - quotient(splat(1.0f), vfloat_of(vint_from_uint(events + 1u)));
+    return late ? on * on : splat(1.0f);
 }
 
 // The probability for what carries this share of the flux that it began with.
@@ -40,6 +48,6 @@ static vfloat roulette_survival(uint roulette, vec3 flux, vuint depth, vfloat ab
 }
 
 // Whether that can be less than 1 for any of them.
-static int roulette_matters(uint roulette, vuint depth) { return roulette != ROULETTE_NONE || lane_any(depth >= ROULETTE_LONG_PATH); }
+static int roulette_matters(uint roulette, vuint depth) { return roulette != ROULETTE_NONE || lane_any(depth >= ROULETTE_LOST_PATH); }
 
 #endif

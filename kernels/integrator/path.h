@@ -5,6 +5,20 @@
 // scene, the roulette or the depth asked for ends it. Where rays part on their way through the tree, a work-item carries several
 // packets of paths, `path[0]` to `path[PACKETS - 1]`, so that enough rays take turns (geometry/traverse.h); else it carries one.
 //
+// What happens at a vertex:
+//
+//     vertex                 light samples   emission met next       roulette, depth     radiance
+//     diffuse, glossy        yes             by MIS                  by flux, + 1        by the BSDF
+//     delta                  no              in full                 by flux, + 1        1/eta² where it crosses
+//     passes, keeps nothing  no: dark (1)    in full, or by MIS      by flux, + 1        1/eta²
+//     passes, keeps some     yes             by MIS                  by flux, + 1        1/eta² where it crosses
+//     in a medium            yes, or dark    by MIS, or in full      by flux, + 1 (2)    by the phase function
+//     straight               no              as at the vertex before (3)   none, + 0     the index is the same
+//     back (splits)          no: had them    by MIS                  by flux, + 1        as the first time
+//
+// (1) Where the medium beyond is lit from inside it is diffuse on the other side. (2) Earlier where the medium has no end: medium_survival.
+// (3) With STRAIGHT_SHADOWS; elsewhere in full, because no shadow ray passes. eta: material/index.h; by flux: core/roulette.h.
+//
 // For a reader: path_trace, at the end, is the loop. Everything before it is one of its steps, for all lanes of a packet.
 #ifndef INTEGRATOR_PATH_H
 #define INTEGRATOR_PATH_H
@@ -238,7 +252,8 @@ static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex, H
     path->depth = straight ? event : event + 1u;
     if (roulette_matters(settings->roulette, path->depth)) {
         const vfloat played = path_survival(scene, path, path->throughput, path->depth, vertex->surface.absorption);
-        const vfloat survival = straight ? splat(1.0f) : played;
+        const vfloat open = medium_survival(scene, &path->interior, medium_scatters(hit), path->depth);
+        const vfloat survival = straight ? splat(1.0f) : played * open;
         sampler_hash_bits(path->sample.sampler, sampler_set(event, SET_ROULETTE), &bits_u, &bits_v);
         goes_on = goes_on & (unit_interval(bits_u) < survival);
         path->throughput = scale(path->throughput, inverse_or_one(survival));

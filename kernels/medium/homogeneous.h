@@ -8,6 +8,7 @@
 #ifndef MEDIUM_HOMOGENEOUS_H
 #define MEDIUM_HOMOGENEOUS_H
 
+#include "core/roulette.h"
 #include "geometry/surface.h"
 #include "material/interior.h"
 #include "medium/equiangular.h"
@@ -118,9 +119,18 @@ static void medium_surface(const Scene* scene, const Ray* ray, const Interior* i
     s->g = here ? lane_gather(scene->media_rows, interior_top(in) * 16u + (uint)MEDIUM_ROW_G) : s->g;
 }
 
+// The probability that a path goes on which scatters here, beside what its throughput says: where the medium has no end it may get lost.
+static vfloat medium_survival(const Scene* scene, const Interior* in, vmask here, vuint depth) {
+    const vmask late = here & (depth >= ROULETTE_LOST_PATH);
+    if (!lane_any(late)) return splat(1.0f);
+    const vuint flags = vfloat_bits(lane_gather(scene->media_rows, interior_top(in) * 16u + (uint)MEDIUM_ROW_FLAGS));
+    return late & ((flags & MEDIUM_FLAG_OPEN) != 0u) ? roulette_lost(depth) : splat(1.0f);
+}
+
 #else
 
 static vmask medium_scatters(Hit hit) { return mask_none(); }
+static vfloat medium_survival(const Scene* scene, const Interior* in, vmask here, vuint depth) { return splat(1.0f); }
 
 typedef struct {
     uint nothing;

@@ -158,6 +158,19 @@ def test_lamps_in_a_liquid_are_found_in_every_way(evidence: Evidence, studio: St
     evidence.equal("tiles", *ways)
 
 
+def test_paths_that_leave_a_white_body_through_a_hole_end(studio: Studio) -> None:
+    """Its medium has no end there. The body is a plate, so light that passes beside it never meets anything again."""
+    plate = quad([-1, -1, 0], [2, 0, 0], [0, 2, 0], material="skin")
+    what = scene([plate], [SKY], {**BESIDE, "vertical_fov": 10.0}, skin=skin(radius=0.05))
+    (warning,) = flatten(what, 8, 8).warnings
+    assert "skin: light scatters in it without being absorbed, and its surface has a hole" in warning
+    closed = scene([sphere([0, 0, 0], 1.0, material="skin")], [SKY], BESIDE, skin=skin())
+    assert not flatten(closed, 8, 8).warnings
+    assert not flatten(scene([plate], [SKY], BESIDE, skin=skin(albedo=0.9)), 8, 8).warnings
+    pixels = studio.pixels(what, 16, spp=16)
+    assert 0.7 < pixels.mean() < 1.1
+
+
 def lit(light: str, **material: Any) -> Scene:
     """A block above a floor."""
     shapes = [
