@@ -175,8 +175,7 @@ class _Space:
         self._closed = _closed(self._faces, len(kinds))
         if placed is not None:  # a map has to do with all coordinates
             self._own = np.repeat(self._own.max(axis=1, initial=0.0)[:, None], 3, axis=1)
-        everywhere = self._own.max(axis=0, initial=0.0) * 2.0
-        self._far = np.minimum(everywhere, _REACH * self._own.max(axis=1, initial=0.0)[:, None])
+        self._far = np.minimum(_extent(surfaces), _REACH * self._own.max(axis=1, initial=0.0)[:, None])
 
     def decide(self) -> None:
         """Write the moves of this space's primitives."""
@@ -224,7 +223,7 @@ class _Space:
         row, shape, partner = lamp.row[found.first], lamp.shape[found.first], other.row[found.second]
         reach = np.maximum(np.abs(self._result.first[partner]), np.abs(self._result.second[partner]))
         reach = reach * other.stretch[found.second]
-        way = self._far[shape] + self._own[other.shape[found.second]]
+        way = self._far[shape] + np.abs(other.corners[found.second]).max(axis=1, initial=0.0)
         np.maximum.at(lift, shape, found.gap + reach + self._slack * _CLEAR * inner(np.abs(found.normal), way))
         for chosen in (sign < 0.0, sign > 0.0):
             self._result.first[row[chosen]] = sign[chosen] * lift[shape[chosen]]
@@ -284,6 +283,17 @@ def _boxes(faces: Faces, shape: NDArray[np.int64], numbers: _Floats, count: int)
     np.minimum.at(low, shape, numbers[:, :3] - numbers[:, 3:])
     np.maximum.at(high, shape, numbers[:, :3] + numbers[:, 3:])
     return low, high
+
+
+def _extent(surfaces: FlatSurfaces) -> _Floats:
+    """(3,) how far rays come at most, and how far from the origin they are."""
+    balls = surfaces.analytic_shapes["center_radius"].astype(np.float64)
+    ends: list[_Floats] = [balls[:, :3] - balls[:, 3:], balls[:, :3] + balls[:, 3:]]
+    if len(surfaces.vertices):
+        ends.append(np.stack([surfaces.vertices.min(axis=0), surfaces.vertices.max(axis=0)]).astype(np.float64))
+    every = np.concatenate(ends)
+    low, high = every.min(axis=0), every.max(axis=0)
+    return np.asarray(2.0 * (np.maximum(np.abs(low), np.abs(high)) + (high - low)))
 
 
 def _closed(faces: Faces, count: int) -> NDArray[np.bool_]:

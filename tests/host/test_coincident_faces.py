@@ -79,7 +79,7 @@ def test_only_what_touches_moves() -> None:
     assert (heights == heights[:, :1]).all() and 0.0 < np.abs(heights).max() < 1e-4
     box = touched.arrays["vertices"][touched.arrays["triangles"][4:]]
     before = alone.arrays["vertices"][alone.arrays["triangles"][2:]]
-    np.testing.assert_allclose(box + np.float32([0, 0.1, 0]), before, atol=1e-6)
+    np.testing.assert_allclose(box + np.array([0, 0.1, 0], np.float32), before, atol=1e-6)
     assert touched.arrays["primitive_shape"].tolist() == [0] * 4 + [1] * 12
 
 
@@ -98,7 +98,7 @@ def test_copies_keep_their_attributes_and_normals() -> None:
     for copy, original in ((0, 0), (1, 0), (2, 1), (3, 1)):
         np.testing.assert_array_equal(after[copy, :6], before[original, :6])
         colors = [rows[int(rows[at, COLORS].view(np.uint32))] for rows, at in ((after, copy), (before, original))]
-        np.testing.assert_array_equal(*colors)
+        np.testing.assert_array_equal(colors[0], colors[1])
     assert before[:, COLORS].any()
 
 
