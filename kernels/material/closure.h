@@ -204,7 +204,7 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
     // In shares of the sum. What reflects nothing is sampled by the cosine
     c->with_coat = coat;
     // Rough diffuse surfaces seen at grazing angles scatter over their cosine towards the horizon (EON)
-    const vfloat level = splat(1.0f) - wo.z, even = c->diffuse.there ? c->diffuse.roughness * 0.5f * level * level * level : none;
+    const vfloat even = c->diffuse.there ? c->diffuse.roughness * 0.5f * fresnel_grazing(wo.z) : none;
     const vfloat diffuse = closure_mean(spread) * c->below;
     c->with_even = fma(diffuse, even, largest(c->sheen.color) * sheen);
     c->with_reflection = closure_mean(reflected) * c->below;
