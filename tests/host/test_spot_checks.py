@@ -732,7 +732,10 @@ def test_a_worker_elsewhere_that_cannot_take_the_job_is_named_at_once() -> None:
         told.append(line)
         heard.set()
 
-    good = FakeWorker(plan, "good", lambda asked, unit: heard.wait())
+    def waits(asked: int, unit: Unit) -> None:
+        heard.wait()
+
+    good = FakeWorker(plan, "good", waits)
     candidates = [Candidate("w1", refuses, elsewhere=True), Candidate("good", lambda: good)]
     tally = run(plan, candidates, film, tell=tell)
     assert told == ["warning: worker w1: version differs here; its work is done by the others"]
