@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import queue
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -26,6 +28,9 @@ if TYPE_CHECKING:
 __all__ = ["DaskCluster", "Peer", "open_cluster"]
 
 CONNECT_SECONDS: Final = 10.0
+"""Default time limit of the connection to a scheduler (see ``CLRENDER_CLUSTER_SECONDS``)."""
+_MORE_SECONDS: Final = 2.0
+"""Time for Dask to notice by itself that it has expired."""
 PATIENCE: float = 30.0
 """Seconds without any worker after which a render fails."""
 _LOOK_SECONDS: Final = 0.5
@@ -106,19 +111,54 @@ def open_cluster(
             from clrender.cluster.local import local_cluster
 
             where = stack.enter_context(local_cluster(count))
-        try:
-            connect: Any = distributed.Client
-            client = connect(where, timeout=CONNECT_SECONDS, direct_to_workers=True, name="clrender")
-        except Exception as error:  # Dask passes on any exception of its transports
-            reason = str(error).split("\n", maxsplit=1)[0].strip() or type(error).__name__
-            raise RenderError(
-                f"{address}: no Dask scheduler answers there ({reason}); start one with `dask scheduler`, and workers "
-                "with `dask worker`"
-            ) from None
+        client = _connected(distributed.Client, address, where)
         stack.callback(_close, client)
         cluster = DaskCluster(address, client, spec, notify or (lambda line: None), spare=0 if count else _SPARE)
         stack.callback(cluster.close)
         yield cluster
+
+
+def _connected(client: Any, address: str, where: str) -> Any:
+    """Connect to the scheduler; `address` is for messages."""
+    seconds = _connect_seconds()
+    found: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    late = threading.Event()
+
+    def connect() -> None:
+        try:
+            made = client(where, timeout=seconds, direct_to_workers=True, name="clrender")
+            made.scheduler_info(n_workers=-1)
+            found.put(made)
+            if late.is_set():
+                _close_quietly(made)
+        except Exception as error:  # Dask passes on any exception of its transports
+            found.put(error)
+
+    # In a thread, because Dask's time limit does not cover all that a scheduler may be silent about
+    threading.Thread(target=connect, daemon=True).start()
+    try:
+        answer = found.get(timeout=seconds + _MORE_SECONDS)
+    except queue.Empty:
+        late.set()
+        raise RenderError(
+            f"{address}: something accepts connections there, but has not answered for {seconds:g} s as a Dask "
+            "scheduler does; check host and port, or set CLRENDER_CLUSTER_SECONDS to more seconds"
+        ) from None
+    if isinstance(answer, Exception):
+        reason = str(answer).split("\n", maxsplit=1)[0].strip() or type(answer).__name__
+        raise RenderError(
+            f"{address}: no Dask scheduler answers there ({reason}); start one with `dask scheduler`, and workers with "
+            "`dask worker`; CLRENDER_CLUSTER_SECONDS sets the time limit"
+        )
+    return answer
+
+
+def _connect_seconds() -> float:
+    """The time limit of the connection."""
+    try:
+        return max(float(os.environ["CLRENDER_CLUSTER_SECONDS"]), 0.1)
+    except (KeyError, ValueError):
+        return CONNECT_SECONDS
 
 
 def _close(client: Any) -> None:

@@ -10,6 +10,7 @@ import itertools
 import json
 import os
 import platform
+import re
 import shutil
 import time
 from collections.abc import Iterator
@@ -252,7 +253,10 @@ def _record(entry: Path) -> dict[str, Any]:
 
 
 def _purge(base: Path, record: dict[str, Any]) -> None:
-    """Remove the entries that a process may have damaged; all, if the record cannot be read."""
+    """Remove the entries that a process may have damaged; all, if the record cannot be read.
+
+    Those that a living process has mapped are sound: it runs them, as nobody who compiles or loads is left.
+    """
     if not record:
         renew_compiler_folder()
         return
@@ -260,9 +264,24 @@ def _purge(base: Path, record: dict[str, Any]) -> None:
     for key in record["keys"]:
         with contextlib.suppress(OSError):
             (folder / "programs" / Path(key).name).unlink()
+    used = _mapped(folder / "pocl")
     for entry in _pocl_entries(folder / "pocl"):
-        if _newest(entry, loaded=not record["interrupted"]) >= record["since"] - _CLOCK_SECONDS:
+        if (
+            entry.resolve() not in used
+            and _newest(entry, loaded=not record["interrupted"]) >= record["since"] - _CLOCK_SECONDS
+        ):
             shutil.rmtree(entry, ignore_errors=True)
+
+
+def _mapped(folder: Path) -> set[Path]:
+    """Folders of programs in PoCL's cache of which living processes have a file in their memory."""
+    folder = folder.resolve()
+    used = set()
+    for maps in Path("/proc").glob("[0-9]*/maps"):
+        with contextlib.suppress(OSError):  # it has ended, or is another user's
+            names = re.findall(re.escape(os.fsencode(folder)) + rb"/([^/\n]+/[^/\n]+)/", maps.read_bytes())
+            used |= {folder / os.fsdecode(name) for name in names}
+    return used
 
 
 def _pocl_entries(folder: Path) -> Iterator[Path]:

@@ -252,6 +252,10 @@ class _Run:
         self._pending.pop(worker, None)
         if event.retry is None:
             self._end_of(worker, error, "failed")
+            if self._candidates[worker].elsewhere and len(self._alive) > 1 and not self._threads.stopping:
+                # One that cannot take the job, such as one of another version: to be mended while the render runs
+                self._say(f"warning: {error}; its work is done by the others")
+                self._tally.told.append(error)
         else:
             self._pending[worker] = error
             self._work.pause(worker)

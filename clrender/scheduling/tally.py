@@ -81,6 +81,8 @@ class Tally:
         In the order of the candidates.
     failures : list of ClrenderError
         Errors that ended workers before the work was done, each with the name of its device in the message.
+    told : list of ClrenderError
+        Those of the failures that the user has been told of.
     recovered : list of ClrenderError
         Errors of workers that later worked again.
     check_samples, checks, differences : int
@@ -91,6 +93,7 @@ class Tally:
     stopped: bool = False
     workers: list[WorkerTally] = field(default_factory=list)
     failures: list[ClrenderError] = field(default_factory=list)
+    told: list[ClrenderError] = field(default_factory=list)
     recovered: list[ClrenderError] = field(default_factory=list)
     check_samples: int = 0
     checks: int = 0
@@ -134,6 +137,7 @@ class Tally:
         for number, more in zip(numbers, later.workers, strict=True):
             self.workers[number].absorb(more)
         self.failures += later.failures
+        self.told += later.told
         self.recovered += later.recovered
         self.check_samples += later.check_samples
         self.checks += later.checks
@@ -148,6 +152,6 @@ class Tally:
 def failures_told(tally: Tally) -> list[str]:
     """Messages about failed devices for the end of a render, one line each."""
     rest = "" if tally.stopped else "; its work was done by the others"
-    lines = [f"warning: {error}{rest}" for error in tally.failures]
+    lines = [f"warning: {error}{rest}" for error in tally.failures if error not in tally.told]
     lines += [f"warning: {error}; it worked again when it was set up anew" for error in tally.recovered]
     return [line if times == 1 else f"{line} ({times} times)" for line, times in Counter(lines).items()]

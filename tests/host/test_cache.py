@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import mmap
 import os
 import stat
 import subprocess
@@ -223,6 +224,23 @@ def test_a_process_that_ends_while_it_compiles_costs_what_it_compiled_and_no_mor
     assert [old.exists(), written.exists()] == [True, False]
     # One that was loaded may be what it died of, unless somebody wanted it to end.
     assert loaded.exists() == (how == INTERRUPTED)
+
+
+@pytest.mark.parametrize("how", [KILLED, "os.abort()"])
+def test_what_another_process_runs_is_kept(how: str) -> None:
+    """A killed process cannot have damaged what others have in their memory and run."""
+    now = time.time()
+    used, unused = pocl_program("used", 0, now), pocl_program("unused", 0, now)
+    for entry in (used, unused):
+        (entry / "kernel" / "16-1-1").mkdir(parents=True)
+        (entry / "kernel" / "16-1-1" / "kernel.so").write_bytes(b"code")
+    with (
+        (used / "kernel" / "16-1-1" / "kernel.so").open("rb") as file,
+        mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ),
+    ):
+        die(how)
+        folder_of_compiled()
+        assert [used.exists(), unused.exists()] == [True, False]
 
 
 def test_a_process_that_ends_well_costs_nothing() -> None:

@@ -719,3 +719,24 @@ def test_at_the_end_nobody_waits_long_for_a_slow_worker_that_checks(
     assert first.kind is second.kind is Kind.CHECK and first.piece is not None and second.piece is not None
     assert (first.piece.samples, second.piece.samples) == (4096, largest)
     assert work.take(1) is None and work.ended, "nobody waits for what is left"
+
+
+def test_a_worker_elsewhere_that_cannot_take_the_job_is_named_at_once() -> None:
+    """It may be mended while the render runs; it is not named again at the end."""
+    plan, film, told, heard = plan_for(30, 22, 6, 8), Film(30, 22), list[str](), threading.Event()
+
+    def refuses() -> FakeWorker:
+        raise RenderError("worker w1: version differs here")
+
+    def tell(line: str) -> None:
+        told.append(line)
+        heard.set()
+
+    def waits(asked: int, unit: Unit) -> None:
+        heard.wait()
+
+    good = FakeWorker(plan, "good", waits)
+    candidates = [Candidate("w1", refuses, elsewhere=True), Candidate("good", lambda: good)]
+    tally = run(plan, candidates, film, tell=tell)
+    assert told == ["warning: worker w1: version differs here; its work is done by the others"]
+    assert tally.complete and tally.workers[0].state == "failed" and failures_told(tally) == []

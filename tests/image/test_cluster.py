@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import random
 import signal
+import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -166,6 +167,21 @@ def render_on(
 ) -> clrender.RenderedImage:
     with Session(DEVICE, notify=(told if told is not None else []).append) as session:
         return session.render(clrender.load("room"), spp=spp, size=size, cluster=cluster, **more)
+
+
+def test_an_address_that_is_silent_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Something accepts connections there, and says nothing."""
+    monkeypatch.setattr(dask_cluster, "_MORE_SECONDS", 0.0)
+    monkeypatch.setenv("CLRENDER_CLUSTER_SECONDS", "0.3")
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))
+        silent.listen(5)
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        with (
+            pytest.raises(RenderError, match=rf"^{address}: .*Dask scheduler.*CLRENDER_CLUSTER_SECONDS"),
+            open_cluster(address),
+        ):
+            pass
 
 
 @pytest.mark.parametrize(
