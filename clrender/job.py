@@ -7,6 +7,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Any, Final
 
 from clrender.aov import ERRORS, check_aovs
@@ -98,7 +99,7 @@ class RenderJob:
         layers = check_aovs(aov)
         if "unconverged" in layers and settings.error is None:
             raise UsageError("aov: the layer unconverged needs error, which says what counts as converged")
-        first, stop = samples if samples is not None else (0, settings.spp)
+        first, stop = _range(samples) if samples is not None else (0, settings.spp)
         if not 0 <= first < stop <= settings.spp:
             raise UsageError(f"samples is {(first, stop)}; it must be a range within the {settings.spp} of a pixel")
         if not ERRORS.isdisjoint(layers):
@@ -269,6 +270,14 @@ class RenderJob:
                 "of clrender"
             )
         return job
+
+
+def _range(samples: object) -> tuple[int, int]:
+    """The two ends of a range of samples, given by a caller."""
+    ends = tuple(samples) if isinstance(samples, Iterable) else ()
+    if len(ends) != 2 or not all(isinstance(end, Integral) for end in ends):
+        raise UsageError(f"samples is {samples!r}, but must be two whole numbers, the first and the one after the last")
+    return int(ends[0]), int(ends[1])
 
 
 def _check_parts(settings: RenderSettings, first: int, stop: int) -> None:

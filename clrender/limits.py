@@ -5,13 +5,17 @@ from __future__ import annotations
 import difflib
 import math
 import numbers
+import os
 import re
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
-__all__ = ["Bytes", "Choice", "Domain", "NotAllowed", "Range", "nearest", "shown"]
+from clrender.errors import UsageError
+
+__all__ = ["Bytes", "Choice", "Domain", "NotAllowed", "Range", "checked_path", "nearest", "shown"]
 
 _DIGITS = 400
 """Longest text that is parsed as a number: longer ones are surely mistakes, and slow to convert."""
@@ -193,6 +197,20 @@ class Choice:
 
     def _refused(self, value: object) -> NotAllowed:
         return NotAllowed(f"is {shown(value)}, but must be {self.words}{nearest(value, self.members)}")
+
+
+def checked_path(value: object, what: str) -> Path:
+    """The path of a file's name, given by a caller.
+
+    Raises
+    ------
+    UsageError
+        It is no name; the message begins with `what`.
+    """
+    name = os.fspath(value) if isinstance(value, str | os.PathLike) else value
+    if not isinstance(name, str):
+        raise UsageError(f"{what} is {shown(value)}, but must be the name of a file, a str or a pathlib.Path")
+    return Path(name)
 
 
 def nearest(wrong: object, known: Iterable[object]) -> str:

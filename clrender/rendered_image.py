@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from clrender.film import Film
 from clrender.film.replicates import relative_error
 from clrender.image.exr_write import ExrFormat
 from clrender.image.files import png_bytes, write_image
+from clrender.limits import checked_path
 
 __all__ = ["IncompleteRender", "Progress", "RenderedImage", "check_mattes"]
 
@@ -143,11 +145,15 @@ class RenderedImage:
         RenderError
             When the file cannot be written; no partial file is left.
         """
+        path = checked_path(path, "path")
+        if not isinstance(exposure, Real):
+            raise UsageError(f"exposure is {exposure!r}, but must be a number of stops")
+        exposure = float(exposure)
         exr = ExrFormat(exr_type, exr_compression, exr_tile)
-        if Path(path).suffix.lower() == ".film":
+        if path.suffix.lower() == ".film":
             told = {name: value for name, value in self.stats.items() if not name.startswith("denois")}
             self.film.save(path, {**told, "denoised": False})
-        elif Path(path).suffix.lower() == ".exr":
+        elif path.suffix.lower() == ".exr":
             check_mattes(self.aovs, exr)
             exact, attributes = exact_channels(self.aovs), matte_attributes(self.mattes)
             channels = exr_channels(self.aovs)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -198,7 +199,9 @@ class Session:
             When every device fails. It is an `IncompleteRender`, with the image so far, if any samples were finished.
         """
         job = RenderJob.given(scene, **settings)
-        if isinstance(cluster, str):
+        if on_progress is not None and not callable(on_progress):
+            raise UsageError(f"on_progress is {on_progress!r}, but must be a function")
+        if cluster is not None and not hasattr(cluster, "team"):
             raise UsageError(
                 f"cluster is {cluster!r}, but a session wants what clrender.cluster.open_cluster opens there; "
                 "clrender.render takes addresses"
@@ -488,8 +491,8 @@ def _given(device: object) -> list[str | int | Device]:
     """The given devices and descriptions of devices as a list; empty if none is given."""
     given: list[str | int | Device] = []
     for one in device if isinstance(device, Iterable) and not isinstance(device, str) else [device]:
-        if isinstance(one, (str, int, Device)) and not isinstance(one, bool):
-            given.append(one)
+        if isinstance(one, (str, Integral, Device)) and not isinstance(one, bool):
+            given.append(int(one) if isinstance(one, Integral) else one)
         elif one is not None:
             raise UsageError(f"device is {one!r}; give an index of clrender.devices(), a name, or a list of such")
     return given

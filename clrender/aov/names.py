@@ -60,14 +60,17 @@ _HALF: Final = ("albedo", "emission", "normal", "tangent")
 
 
 def check_aovs(names: Iterable[str]) -> tuple[str, ...]:
-    """The requested layers, without duplicates.
+    """The requested layers, without duplicates; a text may have several, with commas.
 
     Raises
     ------
     UsageError
         If one is unknown.
     """
-    wanted = tuple(dict.fromkeys(names))
+    if not isinstance(names, Iterable):
+        raise UsageError(f"aov is {names!r}, but must be names of layers, such as ('albedo', 'normal')")
+    given = [name.strip() for name in names.split(",")] if isinstance(names, str) else names
+    wanted = tuple(dict.fromkeys(given))
     for name in wanted:
         if name not in AOVS:
             raise UsageError(f"aov: there is no layer {name!r}{suggestion(name, AOVS)}")

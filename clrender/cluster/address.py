@@ -23,6 +23,8 @@ def local_workers(address: str) -> int | None:
     UsageError
         When it is no address of a cluster.
     """
+    if not isinstance(address, str):
+        raise UsageError(f"cluster is {address!r}, but must be an address: tcp://host:8786, or local:N for N processes")
     if address.startswith("local:"):
         count = address.removeprefix("local:")
         if count.isascii() and count.isdigit() and 1 <= int(count) <= MOST_LOCAL:

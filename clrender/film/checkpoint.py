@@ -25,6 +25,7 @@ from clrender.film.lock import FileLock
 from clrender.film.request import differences, options_for
 from clrender.film.running import RunningFilm
 from clrender.image.files import DISPLAY_ENDINGS, LINEAR_ENDINGS
+from clrender.limits import checked_path
 
 __all__ = ["Checkpoint", "check_checkpoint"]
 
@@ -103,7 +104,7 @@ class Checkpoint:
         notify: Callable[[str], None],
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self.path = Path(path)
+        self.path = checked_path(path, "checkpoint")
         _check_ending(self.path)
         target = Path(os.path.realpath(path))
         self._part = target.with_name(f".{target.name}.part")

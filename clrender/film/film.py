@@ -6,6 +6,7 @@ Integer addition is associative, so any grouping, order, resumption or merge giv
 
 from __future__ import annotations
 
+import copy
 import threading
 import weakref
 from collections.abc import Iterator, Mapping
@@ -97,6 +98,18 @@ class Film:
     def samples(self) -> int:
         """Samples accepted so far, over all pixels."""
         return int(self.counts.sum(dtype=np.uint64))
+
+    def __getstate__(self) -> dict[str, Any]:
+        with self._whole:
+            return {name: value for name, value in vars(self).items() if name not in ("_whole", "_pixels")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._whole, self._pixels = threading.RLock(), threading.Lock()
+
+    def __copy__(self: _Film) -> _Film:
+        """An independent film, because two of the same arrays would not know of each other's changes."""
+        return copy.deepcopy(self)
 
     @property
     def pixel_bytes(self) -> int:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib import import_module
+from numbers import Real
 from pathlib import Path
 from typing import Final
 
-from clrender.errors import SceneError
+from clrender.errors import SceneError, UsageError
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.choices import Choices
 from clrender.importers.draft import Draft
 from clrender.importers.framing import completed
+from clrender.limits import checked_path, shown
 from clrender.scene import Scene
 from clrender.scene.load import load as load_own
 from clrender.scene.wording import quoted
@@ -69,7 +71,13 @@ def load(
     SceneError
         In one sentence: file, location, problem and remedy.
     """
-    path = Path(path_or_name)
+    if isinstance(path_or_name, Scene):
+        raise SceneError("a Scene is loaded already; render it, or name a file to load another")
+    path = checked_path(path_or_name, "a scene to load")
+    allow_paths = [allow_paths] if isinstance(allow_paths, str | Path) else allow_paths
+    if not isinstance(allow_paths, Iterable):
+        raise UsageError(f"allow_paths is {shown(allow_paths)}, but must be a list of folders")
+    folders = [checked_path(folder, "allow_paths") for folder in allow_paths]
     ending = path.suffix.lower()
     choices = Choices(time_at, variant)
     for key, given in (("time_at", time_at), ("variant", variant)):
@@ -81,7 +89,8 @@ def load(
         raise SceneError(f"time_at is {time_at!r}; it must be a finite number of seconds")
     reader = _READERS.get(ending)
     origin = {"name": str(path_or_name), "time_at": time_at, "variant": variant}
-    origin |= {"environment": str(environment) if isinstance(environment, Path) else environment}
+    if isinstance(environment, str | Path | Real):  # a film cannot record an array
+        origin |= {"environment": float(environment) if isinstance(environment, Real) else str(environment)}
     origin = {key: value for key, value in origin.items() if value is not None}
     if reader is None:
         if ending and ending not in SCENE_ENDINGS:
@@ -90,10 +99,9 @@ def load(
                 f"{quoted(str(path))} is no scene: name a file that ends in {known}, or a built-in scene "
                 "(`clrender scenes`)"
             )
-        own = load_own(path_or_name, allow_paths=allow_paths).with_origin(origin)
+        own = load_own(path_or_name, allow_paths=folders).with_origin(origin)
         return own if environment is None else own.with_environment(environment)
     read: Callable[..., Draft] = import_module(reader).read
-    folders = [Path(folder) for folder in allow_paths]
     for folder in folders:
         if not folder.is_dir():
             raise SceneError(f"{quoted(str(folder))} is no folder, so nothing in it can be allowed")

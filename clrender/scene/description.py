@@ -12,6 +12,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
+import numpy as np
+import numpy.typing as npt
 from pydantic import AfterValidator, FailFast, Field, PrivateAttr, model_validator
 
 from clrender.errors import SceneError
@@ -55,7 +57,7 @@ from clrender.scene.values import (
     Part,
     Text,
 )
-from clrender.scene.wording import place
+from clrender.scene.wording import place, shown
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -556,13 +558,14 @@ class Scene(_Head):
         assert isinstance(light, IesLight)
         return self._files.profile(light.file, f"lights[{index}].file")
 
-    def with_environment(self, environment: str | Path | float) -> Scene:
+    def with_environment(self, environment: str | Path | float | npt.ArrayLike) -> Scene:
         """A copy of the scene, which has no environment of its own, in this environment.
 
         Parameters
         ----------
-        environment : str, pathlib.Path or float
-            An equirectangular `.exr`, `.hdr` or `.png` in any folder, or a constant radiance, W/(sr m2).
+        environment : str, pathlib.Path, float, three floats or (H, W, 3) array
+            An equirectangular `.exr`, `.hdr` or `.png` in any folder, such an image, or a constant radiance,
+            W/(sr m2).
 
         Returns
         -------
@@ -621,12 +624,26 @@ class Scene(_Head):
         return content_sha256(self, _NO_CONTENTS)
 
 
-def _environment(asked: str | Path | float) -> tuple[EnvironmentLight, dict[str, EnvironmentPicture]]:
+def _environment(asked: Any) -> tuple[EnvironmentLight, dict[str, EnvironmentPicture]]:
     """The environment light for a user's value, and its environment map, if any, by name."""
-    if not isinstance(asked, str | Path):
-        if not 0.0 <= asked <= POWER_LIMIT:
+    if isinstance(asked, str | Path):
+        path = Path(asked).absolute()
+        picture = EnvironmentPicture.read(path.name, path.parent, [path.resolve().parent], "the environment")
+        return EnvironmentLight(type="environment", file=str(path)), {str(path): frozen(picture)}
+    try:
+        values = np.asarray(asked, np.float64)
+    except (TypeError, ValueError):
+        values = np.zeros(0)
+    if values.shape in ((), (3,)) and asked is not None and not isinstance(asked, bool):
+        color = (values if values.shape else np.repeat(values, 3)).tolist()
+        if not all(0.0 <= each <= POWER_LIMIT for each in color):
             raise SceneError(f"the environment is {asked!r}, but a radiance must be from 0 to {POWER_LIMIT:g}")
-        return EnvironmentLight(type="environment", radiance=(float(asked),) * 3), {}
-    path = Path(asked).absolute()
-    picture = EnvironmentPicture.read(path.name, path.parent, [path.resolve().parent], "the environment")
-    return EnvironmentLight(type="environment", file=str(path)), {str(path): frozen(picture)}
+        return EnvironmentLight(type="environment", radiance=tuple(color)), {}
+    if values.ndim == 3 and values.shape[2] == 3 and values.size:
+        picture = EnvironmentPicture.checked(values.astype(np.float32), "the environment")
+        name = f"array {picture.sha256()[:8]}"
+        return EnvironmentLight(type="environment", file=name), {name: frozen(picture)}
+    raise SceneError(
+        f"the environment is {shown(asked)}, but must be the name of an image, a radiance (one number or three), or an "
+        "array of shape (height, width, 3)"
+    )

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -17,7 +18,8 @@ from clrender.film.request import differences
 from clrender.film.unit import BLOCK, blocks_across
 from clrender.importers import load
 from clrender.job import RenderJob
-from clrender.scene import builtin_names
+from clrender.limits import checked_path
+from clrender.scene import Scene, builtin_names
 from clrender.session import Session
 from clrender.verification.claim import Claim, claim_of
 from clrender.verification.confidence import detection_probability, least_detected
@@ -26,7 +28,6 @@ from clrender.verification.findings import Comparison, explanation
 if TYPE_CHECKING:
     from clrender.device import Device
     from clrender.rendered_image import Progress
-    from clrender.scene import Scene
 
 __all__ = ["Verification", "verify"]
 
@@ -141,8 +142,8 @@ def verify(
     SceneError, DeviceError, RenderError
         See `clrender.render`.
     """
-    path = Path(path)
-    if not 0.0 < fraction <= 1.0:
+    path = checked_path(path, "path")
+    if not (isinstance(fraction, Real) and 0.0 < fraction <= 1.0):
         raise UsageError(f"fraction is {fraction}; it must be above 0 and at most 1")
     claim = claim_of(path)
     tiles = _tiles_with_samples(claim)
@@ -194,8 +195,10 @@ def _scene(
     allow_paths: Sequence[str | Path],
 ) -> Scene:
     """The scene that a file was made from."""
-    if given is not None and not isinstance(given, (str, Path)):
+    if isinstance(given, Scene):
         return given
+    if given is not None and not isinstance(given, (str, Path)):
+        raise UsageError(f"scene is {given!r}, but must be a Scene or the name of a file")
     origin = _origin(claim)
     if given is None and "name" not in origin:
         raise UsageError(f"{path}: does not name its scene; name it with --scene (scene=…)")
