@@ -465,3 +465,11 @@ def test_cures_fit_causes(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "unset RUSTICL_ENABLE" in diagnose_driver(rusticl)[0].cure
     clover = DriverReport(Driver("libMesaOpenCL.so.1", "mesa.icd"), "", (("Clover", "OpenCL 1.1", 0),), ())
     assert diagnose_driver(clover)[0].harmless
+
+
+def test_the_list_of_drivers_is_the_suites_own(cache_folder: Path) -> None:
+    """What is installed or removed while the tests run changes none of them."""
+    if not os.environ["OCL_ICD_VENDORS"].startswith(str(cache_folder)):
+        pytest.skip("OCL_ICD_VENDORS was set")
+    origins = [Path(driver.origin) for driver in discover.drivers()]
+    assert origins and {path.parent for path in origins} == {cache_folder / "vendors"}
