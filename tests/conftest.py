@@ -35,7 +35,9 @@ def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     alone, base = "PYTEST_XDIST_WORKER" not in os.environ, tmp_path_factory.getbasetemp()
     folder = (base if alone else base.parent) / "cache"  # one for all workers
     folder.mkdir(exist_ok=True)
-    changes = {"XDG_CACHE_HOME": str(folder), "POCL_CACHE_DIR": None, **_kept_kernels(folder)}
+    changes = {
+        "XDG_CACHE_HOME": str(folder), "POCL_CACHE_DIR": None, **_kept_kernels(folder), **_kept_drivers(folder),
+    }  # fmt: skip
     before = {name: os.environ.get(name) for name in changes}
     _set(changes)
     yield folder
@@ -57,6 +59,23 @@ def _kept_kernels(folder: Path) -> dict[str, str | None]:
     with suppress(FileExistsError):  # of another worker
         (folder / "clrender" / "compiled").symlink_to(kept / "tests" / "compiled")
     return {"MESA_SHADER_CACHE_DIR": os.environ.get("MESA_SHADER_CACHE_DIR", str(kept / "tests" / "mesa"))}
+
+
+def _kept_drivers(folder: Path) -> dict[str, str | None]:
+    """The machine's list of drivers as it is now: one that is installed or removed meanwhile changes no test."""
+    from clrender.device import discover
+
+    found = discover.drivers()
+    if os.environ.get("OCL_ICD_VENDORS") or not all(driver.library for driver in found):
+        return {}
+    vendors = folder / "vendors"
+    vendors.mkdir(exist_ok=True)
+    for driver in found:
+        named = Path(driver.origin if driver.origin.endswith(".icd") else f"{driver.library}.icd").name
+        file = vendors / f"{os.getpid()}.part"
+        file.write_text(f"{driver.library}\n")
+        file.replace(vendors / named)
+    return {"OCL_ICD_VENDORS": str(vendors)}
 
 
 def _set(variables: dict[str, str | None]) -> None:

@@ -252,7 +252,8 @@ def open_media(arrays: _Arrays, triangle_count: int) -> list[int]:
     for medium in np.unique(medium_of[medium_of != 0]).tolist():
         own = areas[medium_of == medium]
         # In a fixed order: the sums decide about bits
-        total = math.sqrt(sum(math.fsum(column) ** 2 for column in own.T.tolist()))
+        sums = [math.fsum(column) for column in own.T.tolist()]
+        total = math.sqrt(sum(each * each for each in sums))
         whole = math.fsum(np.sqrt((own * own).sum(axis=1)).tolist())
         if total > _OPEN * whole:
             found.append(medium)

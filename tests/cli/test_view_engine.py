@@ -571,9 +571,8 @@ def test_another_device_gives_the_same_image(opened: Callable[..., Any]) -> None
 def test_it_ends_while_it_renders(opened: Callable[..., Any]) -> None:
     engine, page = opened(spp=2**16)
     page.until_kind("frame")
-    begin = time.monotonic()
     engine.close()
-    assert time.monotonic() - begin < 5.0
+    assert not engine._thread.is_alive()
     assert json.loads(json.dumps(page.until_kind("bye").content))["reason"]
     assert page.viewer.closed
 

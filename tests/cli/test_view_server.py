@@ -429,8 +429,6 @@ def test_a_socket_whose_viewer_fails_is_hung_up_on() -> None:
     async def talk() -> None:
         await asyncio.wait_for(serve_page(page), 20.0)
 
-    begin = time.monotonic()
-    with pytest.raises(ValueError, match="made up"):
+    with pytest.raises(ValueError, match="made up"):  # and no TimeoutError
         asyncio.run(talk())
-    assert time.monotonic() - begin < 15.0  # of its own accord
     assert left == ["viewer"]

