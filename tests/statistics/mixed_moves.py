@@ -161,11 +161,13 @@ def with_all_features(content: Json) -> Json:
 
 
 def _add_surfaces(scene: Json, here: Iterator[list[float]]) -> None:
-    """Textures, holes, instances, smooth normals, and so many nodes in the tree that rays take turns."""
+    """Textures, holes, tables of facets, instances, smooth normals, and a tree of more nodes than a small one has."""
     mask = {"texture": "alpha.png", "channel": "a"}
     scene["materials"]["far mask"] = {"type": "lambert", "reflectance": [1.0, 1.0, 1.0], "opacity": mask}
     scene["materials"]["far white"] = {"type": "lambert", "reflectance": [1.0, 1.0, 1.0]}
-    box = {"type": "box", "size": [0.1] * 3, "material": "far white"}
+    metal = {"type": "conductor", "f0": [1.0, 1.0, 1.0], "roughness": 0.5, "microfacets": "beckmann"}
+    scene["materials"]["far metal"] = metal
+    box = {"type": "box", "size": [0.1] * 3, "material": "far metal"}
     scene.setdefault("groups", {})["far group"] = {"shapes": [box]}
     quad = {"type": "quad", "origin": next(here), "edge_u": [0.1, 0.0, 0.0], "edge_v": [0.0, 0.1, 0.0]}
     ball = {"type": "mesh", "file": "smooth.obj", "transform": {"translate": next(here), "scale": 0.05}}

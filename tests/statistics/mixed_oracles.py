@@ -60,7 +60,7 @@ class Comparison:
 
 
 def different(rows: Floats, wanted: float, allowed: tuple[float, float], robust: bool) -> tuple[float, str]:
-    """The chance of the deviation of independent rows of tiles from a number, beyond what is allowed on either side."""
+    """The chance that independent rows of tiles are so far from a number, beyond what is allowed."""
     low, high = allowed
     columns = np.concatenate([rows, rows.mean(axis=1, keepdims=True)], axis=1) - wanted
     count = len(columns)

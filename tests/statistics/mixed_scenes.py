@@ -139,18 +139,20 @@ def _white(draw: Draw, name: str) -> Mixed:
     if draw.chance(0.3):
         things.shining(0.7, white=True)
     camera, exact = _camera(draw), 1.0
-    if things.may_enter and camera["type"] in ("perspective", "panoramic") and draw.chance(0.2):
+    if things.may_enter and camera["type"] != "fisheye" and draw.chance(0.2):
         # The camera in a ball of its own, in which radiance is the square of the index
         exact = _around_camera(draw, things, camera)
     return Mixed(name, _assembled(things, camera, lights, **more), exact, inner=camera["type"] == "fisheye")
 
 
 def _around_camera(draw: Draw, things: Things, camera: Json) -> float:
-    index = draw.between(1.1, 1.8)
+    index, radius = draw.between(1.1, 1.7), draw.between(0.2, 0.4)
     things.materials["lens"] = {"type": "dielectric", "ior": index, "priority": 9}
     camera.pop("aperture_radius", None)
     # From the middle of a sphere no light is reflected for ever, as it is in the corners of a box
-    ball = {"type": "sphere", "radius": draw.between(0.2, 0.4), "center": camera["position"], "material": "lens"}
+    ball = {"type": "sphere", "radius": radius, "center": camera["position"], "material": "lens"}
+    if camera["type"] == "orthographic":
+        camera["height"] = 0.8 * radius
     things.shapes.append(ball)
     return index * index
 
