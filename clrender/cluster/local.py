@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
+from clrender.elapsed import Elapsed, processor_seconds_of
 from clrender.errors import RenderError
 
 __all__ = ["local_cluster"]
@@ -89,14 +90,18 @@ def _variables() -> dict[str, str]:
 
 def _await_workers(scheduler: Any, processes: list[subprocess.Popen[bytes]], folder: Path) -> None:
     """Wait until all workers are connected."""
-    end = time.monotonic() + _START_SECONDS
+    elapsed = Elapsed(lambda: sum(processor_seconds_of(each.pid) for each in processes))
+    before = time.monotonic()
     while len(scheduler.scheduler_info["workers"]) < len(processes):
         ended = next((number for number, each in enumerate(processes) if each.poll() is not None), None)
         if ended is not None:
             lines = (folder / f"{ended}.log").read_text(errors="replace").split("\n")
             last = next((line.strip() for line in reversed(lines) if line.strip()), "it says nothing")
             raise RenderError(f"worker {ended} of the local cluster ended when it was to start: {last}")
-        if time.monotonic() > end:
+        now = time.monotonic()
+        elapsed.add(now - before)
+        before = now
+        if elapsed.seconds > _START_SECONDS:
             raise RenderError(f"the workers of the local cluster did not start within {_START_SECONDS:g} s")
         time.sleep(0.05)
 

@@ -9,8 +9,9 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -21,6 +22,7 @@ from cluster_support import DEVICE, Machines, machines, namespaces
 import clrender
 from clrender.bench.shapes import geodesic, write_ply
 from clrender.cluster import DaskCluster, check_address, connection, dask_cluster, open_cluster
+from clrender.cluster import local as local_module
 from clrender.errors import ClrenderError, DeviceFailure, RenderError, UsageError
 from clrender.film import Film
 from clrender.rendered_image import IncompleteRender, Progress
@@ -164,6 +166,24 @@ def render_on(
 ) -> clrender.RenderedImage:
     with Session(DEVICE, notify=(told if told is not None else []).append) as session:
         return session.render(clrender.load("room"), spp=spp, size=size, cluster=cluster, **more)
+
+
+@pytest.mark.parametrize(("step", "starts"), [(10.0, True), (0.1, False)], ids=["starved", "hanging"])
+def test_local_workers_have_the_time_that_there_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: float, starts: bool
+) -> None:
+    """A busy machine on which each look comes late is no reason to give up; workers that do nothing are."""
+    clock, scheduler = SimpleNamespace(now=0.0), SimpleNamespace(scheduler_info={"workers": {}})
+
+    def sleep(_seconds: float) -> None:
+        clock.now += step
+        if clock.now > 1000.0:
+            scheduler.scheduler_info = {"workers": {"tcp://here": {}}}
+
+    monkeypatch.setattr(local_module, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=sleep))
+    process: Any = SimpleNamespace(poll=lambda: None, pid=-1)
+    with nullcontext() if starts else pytest.raises(RenderError, match="did not start within 60 s"):
+        local_module._await_workers(scheduler, [process], tmp_path)
 
 
 def test_an_address_that_is_silent_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
