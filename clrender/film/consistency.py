@@ -63,7 +63,8 @@ def _possible(film: Film, top: int, index: int) -> bool:
     """Whether the squares of a band of rows are not too small, up to rounding."""
     words, of_squares = film.bands()[index], film.square_bands()[index]
     sums: npt.NDArray[np.float64] = words[..., 1].view(np.int64) + words[..., 0] * 2.0**-64
-    squares: npt.NDArray[np.float64] = of_squares[..., 3] * 2.0**64 + of_squares[..., 2] + of_squares[..., 1] * 2.0**-64
+    large, small = of_squares[..., 2:] * [1.0, 2.0**64], of_squares[..., :2] * [2.0**-128, 2.0**-64]
+    squares: npt.NDArray[np.float64] = large[..., 1] + large[..., 0] + small[..., 1] + small[..., 0]
     rows = np.arange(top, top + len(sums)) // BLOCK
     taken = film.ledger.taken().reshape(-1, blocks_across(film.width))[rows][:, np.arange(film.width) // BLOCK]
     replicates = taken[..., None] // (film.replicate_spp or 1)
