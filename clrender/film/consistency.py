@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.errors import UsageError
-from clrender.film.fixed_point import to_float64
 from clrender.film.unit import BLOCK, blocks_across
 
 if TYPE_CHECKING:
@@ -62,11 +61,11 @@ def _tops(film: Film) -> range:
 
 def _possible(film: Film, top: int, index: int) -> bool:
     """Whether the squares of a band of rows are not too small, up to rounding."""
-    sums, words = to_float64(film.bands()[index]), film.square_bands()[index].astype(np.float64)
-    squares: npt.NDArray[np.float64] = words[..., 3]
-    for k in (2, 1, 0):
-        squares = squares * 2.0**64 + words[..., k]
+    words, of_squares = film.bands()[index], film.square_bands()[index]
+    sums: npt.NDArray[np.float64] = words[..., 1].view(np.int64) + words[..., 0] * 2.0**-64
+    large, small = of_squares[..., 2:] * [1.0, 2.0**64], of_squares[..., :2] * [2.0**-128, 2.0**-64]
+    squares: npt.NDArray[np.float64] = large[..., 1] + large[..., 0] + small[..., 1] + small[..., 0]
     rows = np.arange(top, top + len(sums)) // BLOCK
     taken = film.ledger.taken().reshape(-1, blocks_across(film.width))[rows][:, np.arange(film.width) // BLOCK]
     replicates = taken[..., None] // (film.replicate_spp or 1)
-    return bool((replicates * np.ldexp(squares, -128) * (1.0 + 1e-9) >= sums * sums).all())
+    return bool((replicates * squares * (1.0 + 1e-9) + 1e-20 >= sums * sums).all())

@@ -251,7 +251,7 @@ class Scene(_Head):
         Scene
         """
         scene = self.model_copy()
-        scene._origin = dict(origin)
+        scene._origin = FrozenDict(origin)
         return scene
 
     def placed(self, source: str, base_folder: Path, allow_paths: Sequence[Path] = ()) -> Scene:

@@ -153,3 +153,13 @@ def test_samples_that_were_not_finite_are_no_contradiction(folder: Path) -> None
     assert contradictions(Film.load(saved(one_count_less, nonfinite_samples=None))) == []
     with Checkpoint(saved(one_count_less, nonfinite_samples=1), True, print) as checkpoint:
         assert checkpoint.loaded
+
+
+@pytest.mark.parametrize("scale", [1e-15, 1e-6, 1.0, -1.0, 1e9])
+def test_samples_of_any_size_and_sign_are_no_contradiction(scale: float) -> None:
+    """Equal samples, whose squares are as small as they may be, and others."""
+    equal = np.full((SPP, 64, 3), np.float32(scale))
+    mixed = samples_of(5, 64, SPP) * np.float32(scale) * np.where(np.arange(SPP) % 2, -1.0, 1.0)[:, None, None]
+    for values in (equal, mixed.astype(np.float32)):
+        film = film_of(values, 8, 8, (SPP,), {"replicate_spp": SIZE})
+        assert contradictions(film) == []

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import clrender
 from clrender import scene as scenes
 from clrender.errors import SceneError
 from clrender.scene.environment import EnvironmentPicture
@@ -53,6 +54,10 @@ def test_assignments_are_refused_with_the_cure(assign: Callable[[Any], None]) ->
             assign(same)
         assert same.sha256() == before
     assert scene.materials == dict(scene.materials)
+    loaded = clrender.load("room")
+    with pytest.raises(SceneError, match="cannot be assigned to"):
+        loaded.origin["name"] = "another"  # type: ignore[index]
+    assert loaded.origin == {"name": "room"}
     assert list(scene.model_dump()["materials"]) == list(scene.materials)
 
 
