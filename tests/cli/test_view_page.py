@@ -485,7 +485,7 @@ def test_the_viewer_is_one_module_for_notebooks(browser: Any) -> None:
     page.add_style_tag(path=PAGE / "style.css")
     page.add_script_tag(content=f"{viewer_module()}\nwindow.mount = mount;", type="module")
     page.wait_for_function("window.mount !== undefined")
-    page.evaluate(
+    before = page.evaluate(
         """hello => {
             window.sent = [];
             window.transport = { send: (text) => sent.push(JSON.parse(text)) };
@@ -494,6 +494,7 @@ def test_the_viewer_is_one_module_for_notebooks(browser: Any) -> None:
             transport.onmessage(JSON.stringify(hello));
             const scene = { type: "scene", title: null, source: "s.toml", shapes: 1, lights: 0, materials: {} };
             transport.onmessage(JSON.stringify(scene));
+            const before = getComputedStyle(document.querySelector(".cv-canvas")).visibility;
             const of = { frame: 7, revision: 1, layer: "image", format: "float32", channels: 3, samples: 1 };
             const size = { width: 2, height: 1, image_width: 2, image_height: 1 };
             const more = { coarse: false, final: true, answers: null, range: null };
@@ -503,12 +504,15 @@ def test_the_viewer_is_one_module_for_notebooks(browser: Any) -> None:
             new Uint8Array(frame).set(new TextEncoder().encode(header), 4);
             new Float32Array(frame, 264).set([1, 0, 0, 0, 1, 0]);
             transport.onmessage(frame);
+            return before;
         }""",
         hello,
     )
+    assert before == "hidden", "nothing black is shown before the first image"
     page.wait_for_function("sent.some((message) => message.type === 'ack' && message.frame === 7)")
     assert page.get_by_label("Samples", exact=True).is_visible()
     assert page.locator("h1").inner_text() == "s.toml"
+    assert page.locator(".cv-canvas").is_visible()
     sent = page.evaluate("sent.length")
     page.locator("#other").focus()
     page.keyboard.press("r")  # typed into a field of the page's own
