@@ -87,8 +87,8 @@ def ways(draw: Draw, content: Json) -> Iterator[Way]:
     else:
         yield Way("roulette", {**depth, "roulette": "absorption", **draw.one(({}, {"absorption": 0.1}))}, depth)
     yield Way("reuse", {**depth, "integrator": "reuse", "reuse": draw.one((2, 4, 8, 16))}, depth)
-    direct = {"integrator": "direct"}
-    yield Way("direct", {**direct, "light_sampler": draw.one(SAMPLERS), "shadow_rays": draw.count(1, 3)}, direct)
+    direct = {"integrator": "direct", "light_sampler": "power"}  # it has light samples alone
+    yield Way("direct", {**direct, "light_sampler": "uniform", "shadow_rays": draw.count(1, 3)}, direct)
     if all(kind in _DELTA for kind in _lights(content)) and not _shines(content):
         yield Way("whitted", {"integrator": "whitted"}, direct)
 
