@@ -72,21 +72,23 @@ def ways(draw: Draw, content: Json) -> Iterator[Way]:
         The scene.
     """
     depth: Json = {"max_depth": draw.count(1, 6)} if draw.chance(0.4) else {}
-    yield Way("light", {**depth, "sampling": "light"}, depth)
+    # The light BVH may hardly ever choose a light near a point, where its parent has far ones: BSDF samples find it
+    lights = {"sampling": "light", "light_sampler": draw.one(("power", "uniform"))}
+    yield Way("light", {**depth, **lights}, depth)
     yield Way("sampler", {**depth, "light_sampler": draw.one(SAMPLERS), "shadow_rays": draw.count(1, 4)}, depth)
     if not any(kind in (*_DELTA, "sun_sky") for kind in _lights(content)):  # of no size, or too small
         yield Way("bsdf", {**depth, "sampling": "bsdf"}, depth)
     if draw.chance(0.5):
         yield Way("splitting", {**depth, "indirect_rays": 2, "shadow_rays": draw.count(1, 2)}, depth)
     else:
-        yield Way("both", {**depth, "sampling": "light", "light_sampler": draw.one(SAMPLERS)}, depth)
+        yield Way("both", {**depth, **lights, "shadow_rays": 2}, depth)
     if depth and draw.chance(0.5):
         yield Way("no roulette", {**depth, "roulette": "none"}, depth)
     else:
         yield Way("roulette", {**depth, "roulette": "absorption", **draw.one(({}, {"absorption": 0.1}))}, depth)
     yield Way("reuse", {**depth, "integrator": "reuse", "reuse": draw.one((2, 4, 8, 16))}, depth)
-    direct = {"integrator": "direct"}
-    yield Way("direct", {**direct, "light_sampler": draw.one(SAMPLERS), "shadow_rays": draw.count(1, 3)}, direct)
+    direct = {"integrator": "direct", "light_sampler": "power"}  # it has light samples alone
+    yield Way("direct", {**direct, "light_sampler": "uniform", "shadow_rays": draw.count(1, 3)}, direct)
     if all(kind in _DELTA for kind in _lights(content)) and not _shines(content):
         yield Way("whitted", {"integrator": "whitted"}, direct)
 
