@@ -24,7 +24,7 @@ LAYERS = (
     ("rendering",),
     ("cluster",),
     ("session",),
-    ("job_render", "job_memory"),
+    ("job_render", "job_memory", "job_effort"),
     ("convergence_plot",),
     ("device_team", "rendered_image", "render_stats", "image_html"),
     ("job",),
@@ -40,11 +40,13 @@ LAYERS = (
     ("integrators",),
     ("limits", "exposure", "memory", "huge_pages", "heap"),
     ("image",),
-    ("files", "npy", "turn"),
+    ("files", "npy", "turn", "stages"),
     ("resources",),
     ("pixel_filter",),
     ("layout",),
     ("drawing", "chi_squared", "exact", "student"),
+    ("extras",),
+    ("elapsed", "shield"),
     ("errors", "version"),
 )
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
