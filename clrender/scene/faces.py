@@ -88,6 +88,10 @@ class Contacts:
     same: NDArray[np.bool_]
     gap: _Floats
 
+    def where(self, chosen: NDArray[np.bool_]) -> Contacts:
+        """Some of the pairs."""
+        return Contacts(*(getattr(self, name)[chosen] for name in Contacts.__annotations__))
+
 
 NO_CONTACTS: Final = Contacts(
     np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0, np.bool_), np.zeros(0)

@@ -211,10 +211,12 @@ class _Space:
         closed = self._closed[lamp.shape[found.first]]
         self._lift(lamp, opaque, found, np.where(found.same | ~closed, 1.0, -1.0), lift)
         found = self._known(coplanar_among(lamp, self._slack))
+        first, second = (self._closed[lamp.shape[each]] for each in (found.first, found.second))
+        # Closed lamps that stand on each other, front to front, hide both faces: a gap would only hold light
+        found = found.where(found.same | ~(first & second))
         closed = self._closed[lamp.shape[found.first]]
         self._lift(lamp, lamp, found, np.where(found.same | ~closed, 1.0, -1.0), lift)
-        apart = ~found.same
-        back = Contacts(*(getattr(found, name)[apart] for name in Contacts.__annotations__))
+        back = found.where(~found.same)
         back = replace(back, first=back.second, second=back.first)
         self._lift(lamp, lamp, back, np.where(self._closed[lamp.shape[back.first]], -1.0, 1.0), lift)
 
