@@ -117,13 +117,13 @@ def test_another_camera_looks_at_no_shape(device: Device, monkeypatch: pytest.Mo
     x, y, z = camera.position
     cameras = [camera.model_copy(update={"position": (x + 0.1 * step, y, z)}) for step in range(3)]
     moved = [dataclasses.replace(job, scene=job.scene.model_copy(update={"camera": each})) for each in cameras]
+    other = job.scene.model_copy(update={"shapes": job.scene.shapes[:-1]})
     with clrender.Session(device=device) as session:
         session.refine(job)
         for name in ("all_shapes", "instances", "placed_textures", "place_of"):
             monkeypatch.setattr(clrender.Scene, name, lambda *_: pytest.fail("looked at the shapes"))
         images = [session.refine(each).mean() for each in moved]
         assert not np.array_equal(images[0], images[1])
-        other = job.scene.model_copy(update={"shapes": job.scene.shapes[:-1]})
         with pytest.raises(pytest.fail.Exception, match="looked at the shapes"):
             session.refine(dataclasses.replace(job, scene=other))
 
