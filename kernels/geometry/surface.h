@@ -42,10 +42,6 @@ static vec3 surface_blend(const vfloat row[16], vfloat weight_a, vfloat weight_b
     return along(along(scale(c, weight_c), b, weight_b), a, weight_a);
 }
 
-// So far inside its triangle, in barycentric weights, every point is taken to be. In the corner of a room a point on the very edge may
-// lie beyond the plane of the other wall by its rounding, and a ray that leaves it would not meet that wall.
-#define SURFACE_EDGE (32.0f * EPSILON)
-
 // Triangles: the barycentric weights are found again, in all lanes at once, which is cheaper than carrying them along. The point is
 // then on the triangle to within the rounding of its coordinates, however far the ray came.
 static void surface_triangle(const Scene* scene, const Ray* ray, const Placed* placed, const vfloat row[16], vmask smooth, Surface* s) {
@@ -53,8 +49,8 @@ static void surface_triangle(const Scene* scene, const Ray* ray, const Placed* p
     const vec3 normal = outer(ab, ac), across = outer(sub(a, ray->origin), ray->direction);
     const vfloat determinant = inner(normal, ray->direction);
     const vfloat inverse = quotient(splat(1.0f), determinant != 0.0f ? determinant : splat(1.0f));
-    const vfloat weight_b = bounded(inner(across, ac) * inverse, SURFACE_EDGE, 1.0f - 2.0f * SURFACE_EDGE);
-    const vfloat weight_c = lesser(greater(-inner(across, ab) * inverse, splat(SURFACE_EDGE)), splat(1.0f - SURFACE_EDGE) - weight_b);
+    const vfloat weight_b = bounded(inner(across, ac) * inverse, 0.0f, 1.0f);
+    const vfloat weight_c = lesser(greater(-inner(across, ab) * inverse, splat(0.0f)), splat(1.0f) - weight_b);
     const vec3 step_b = scale(ab, weight_b), step_c = scale(ac, weight_c);
     s->point = add(a, add(step_b, step_c));
     // That far the plane of a neighbour may seem to stand out of this one's: the error of its normal, over the length of its edges.

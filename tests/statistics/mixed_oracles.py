@@ -140,8 +140,10 @@ class Oracle:
         scene = self._scene(mixed.name, content)
         for way in self._wanted(black_ways(draw)):
             with contextlib.suppress(SceneError):  # not for this integrator
-                brightest = float(self._rows(scene, range(1), False, **{"spp": 64, **way.settings}).max())
-                yield Comparison(mixed.name, str(way), float(brightest == 0.0), f"{brightest:.4g} in place of 0")
+                tiles = self._rows(scene, range(1), False, **{"spp": 64, **way.settings})
+                # Two of ten million rays get out at an edge where walls meet (DECISIONS.md, 27): so may one path
+                black = np.count_nonzero(tiles) <= 1
+                yield Comparison(mixed.name, str(way), float(black), f"{tiles.max():.4g} in place of 0")
 
     def _white(self, mixed: Mixed, content: Json, draw: Draw) -> Iterator[Comparison]:
         assert mixed.exact is not None

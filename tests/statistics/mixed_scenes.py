@@ -267,6 +267,8 @@ def _hidden_lights(draw: Draw, things: Things, lights: list[Json], inside: list[
     made = things.materials[walls]
     made.pop("opacity", None)
     made.pop("opacity_cutoff", None)
+    if made["type"] == "mirror":  # where nothing is absorbed, paths meet so many edges that some get out
+        made["reflectance"] = [0.5] * 3
     outside = inside is None
     half, middle = (_REACH, [0.0, 0.0, 0.0]) if inside is None else (0.8, [-1.4 * x for x in inside])
     gap = draw.decades(-5.0, -0.5) * half

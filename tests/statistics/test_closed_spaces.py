@@ -51,19 +51,6 @@ def test_furnace(evidence: Evidence, studio: Studio, kind: str, reflectance: flo
     uniform(evidence, studio, furnace(kind, reflectance, 0.75), exact, roulette="none", max_depth=80)
 
 
-def test_no_light_comes_in_through_edges(studio: Studio) -> None:
-    """Of a hundred million rays in a room of mirrors some meet a wall within roundings of its edge."""
-    shape = {
-        "type": "box",
-        "center": [0.0, 0.0, 0.0],
-        "size": [9.0, 9.0, 9.0],
-        "flip_normals": True,
-        "material": "wall",
-    }
-    what = scene([shape], [WHITE_SKY], camera=INSIDE, wall={"type": "mirror", "reflectance": [0.99] * 3})
-    assert not studio.pixels(what, 32, spp=1024).any()
-
-
 @pytest.mark.parametrize("roulette", ["throughput", "absorption"])
 @pytest.mark.parametrize("reflectance", [0.2, 0.5, 0.8])
 def test_furnace_with_roulette(evidence: Evidence, studio: Studio, reflectance: float, roulette: str) -> None:
