@@ -26,6 +26,7 @@ import numpy.typing as npt
 
 from clrender.errors import UsageError
 from clrender.exact.elementary import power_two_fifths
+from clrender.exact.matrices import inner, times
 
 __all__ = ["LUMINANCE", "TONE_MAPS", "display_values", "srgb_decode", "srgb_encode", "to_display"]
 
@@ -74,21 +75,20 @@ def srgb_decode(display: npt.ArrayLike) -> _Array:
 
 
 def _reinhard(x: _Array) -> _Array:
-    luminance = x @ np.array(LUMINANCE)
+    luminance = inner(x, LUMINANCE)
     return srgb_encode(np.clip(x / (1.0 + luminance)[..., None], 0.0, 1.0))
 
 
 def _aces(x: _Array) -> _Array:
-    v = x @ _ACES_IN.T
+    v = times(_ACES_IN, x)
     v = (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081)
-    return srgb_encode(np.clip(v @ _ACES_OUT.T, 0.0, 1.0))
+    return srgb_encode(np.clip(times(_ACES_OUT, v), 0.0, 1.0))
 
 
 def _agx(x: _Array) -> _Array:
     low, high = _AGX_STOPS
-    stops = np.log2(np.maximum(x @ _AGX_IN.T, 2.0**low))
-    display: _Array = np.polyval(np.array(_AGX_SIGMOID), (np.clip(stops, low, high) - low) / (high - low)) @ _AGX_OUT.T
-    return display
+    stops = np.log2(np.maximum(times(_AGX_IN, x), 2.0**low))
+    return times(_AGX_OUT, np.polyval(np.array(_AGX_SIGMOID), (np.clip(stops, low, high) - low) / (high - low)))
 
 
 _OPERATORS: Final[Mapping[str, Callable[[_Array], _Array]]] = {
