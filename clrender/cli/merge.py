@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from clrender.cli.options import exr_options, tone_options
+from clrender.cli.options import exr_options, outputs_option, tone_options
 from clrender.cli.outputs import check_distinct, check_formats, check_image_size
 
 __all__ = ["merge"]
@@ -15,16 +15,7 @@ __all__ = ["merge"]
 
 @click.command()
 @click.argument("films", metavar="FILM...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option(
-    "-o",
-    "--output",
-    "outputs",
-    metavar="FILE",
-    type=click.Path(path_type=Path),
-    multiple=True,
-    required=True,
-    help="Output file: .film exact sums, .exr .npy .hdr linear, .png .jpg for display. Repeatable.",
-)
+@outputs_option
 @tone_options
 @exr_options
 @click.pass_context

@@ -27,6 +27,7 @@ __all__ = [
     "exr_options",
     "number",
     "numbers",
+    "outputs_option",
     "progress_options",
     "scene_argument",
     "setting_option",
@@ -288,6 +289,18 @@ def allow_path_option(command: Any) -> Any:
 
 scene_argument = click.argument("scene", metavar="SCENE", shell_complete=complete_scenes)
 """The scene to render."""
+
+outputs_option = click.option(
+    "-o",
+    "--output",
+    "outputs",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    multiple=True,
+    required=True,
+    help="Output file: .png .jpg for display, .exr .npy .hdr linear, .film exact sums. Repeatable.",
+)
+"""Images and films of every command that writes them."""
 
 size_option = click.option("--size", type=size, metavar="WxH", help="Image size, pixels (800x800).")
 """The size of the image."""

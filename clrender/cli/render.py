@@ -22,6 +22,7 @@ from clrender.cli.options import (
     device_option,
     environment_option,
     exr_options,
+    outputs_option,
     progress_options,
     scene_argument,
     setting_options,
@@ -43,16 +44,7 @@ __all__ = ["render"]
 
 @click.command()
 @scene_argument
-@click.option(
-    "-o",
-    "--output",
-    "outputs",
-    metavar="FILE",
-    type=click.Path(path_type=Path),
-    multiple=True,
-    required=True,
-    help="Output file: .png .jpg for display, .exr .npy .hdr linear, .film exact sums. Repeatable.",
-)
+@outputs_option
 @size_option
 @device_option
 @setting_options
