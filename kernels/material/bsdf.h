@@ -56,7 +56,7 @@ static vec3 bsdf_normal(const Surface* s, vec3 shading, vec3 side, vec3 directio
     const vec3 smooth = choose(s->front, s->shading, negate(s->shading));
     const vmask own = (shading.x == smooth.x) & (shading.y == smooth.y) & (shading.z == smooth.z);
     const vmask flat = (shading.x == side.x) & (shading.y == side.y) & (shading.z == side.z);
-    const vmask bends = glossy & own & !flat;
+    const vmask bends = glossy & own & !flat & bent_needed(shading, side, negate(direction));
     return lane_any(bends) ? choose(bends, bent_normal(shading, side, negate(direction)), shading) : shading;
 }
 
