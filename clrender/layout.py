@@ -98,6 +98,7 @@ __all__ = [
     "SCHLICK_ROWS",
     "SHAPE_MASKED",
     "SHAPE_SMOOTH",
+    "SHAPE_TERMINATOR_OFFSET",
     "SHAPE_TEXTURED",
     "SHEEN_COLUMNS",
     "SHEEN_ROWS",
@@ -247,6 +248,8 @@ SHAPE_TEXTURED: Final = 2
 """Flag of a shape whose material or emission is textured: its primitives have attribute rows."""
 SHAPE_MASKED: Final = 4
 """Flag of a shape whose opacity is not 1 everywhere."""
+SHAPE_TERMINATOR_OFFSET: Final = 8
+"""Flag of a shape with interpolated normals whose shadow terminator is moved."""
 
 HOLE_GRID: Final = 32
 """Cells along each side of a masked triangle; a cell may be known to be entirely transparent or entirely opaque."""
@@ -294,6 +297,7 @@ CONSTANTS: Final[Mapping[str, int]] = {
     "SHAPE_SMOOTH": SHAPE_SMOOTH,
     "SHAPE_TEXTURED": SHAPE_TEXTURED,
     "SHAPE_MASKED": SHAPE_MASKED,
+    "SHAPE_TERMINATOR_OFFSET": SHAPE_TERMINATOR_OFFSET,
     "MATERIAL_LAMBERT": MATERIAL_LAMBERT,
     "MATERIAL_MIRROR": MATERIAL_MIRROR,
     "MATERIAL_DIELECTRIC": MATERIAL_DIELECTRIC,

@@ -63,7 +63,7 @@ static TreeWalk light_begin(const Scene* scene, vec3 origin, vec3 normal, Sample
 // environment.
 static void light_choose(const Scene* scene, const TreeWalk* walk, Sampler sampler, vuint set, vmask wanted, LightChoice* choice) {
     if (!lane_any(wanted)) return;
-    choice->probability = walk->chance;
+    choice->probability = tree_chance(walk->given, walk->power);
     if (scene->settings->light_levels > 0) {
         choice->light = tree_end(scene, walk);
         choice->u = walk->u;

@@ -1,7 +1,10 @@
 // Which of many lights is looked at from a point: a walk down a tree of lights, at every node to the child that is likely to give
 // more (Conty Estevez & Kulla, HPG 2018). clrender/scene/light_tree.py builds it.
 //
-// Lengths in the tree are scaled so that the scene's size is about 1, and powers so that the larger of two children's is: products of both
+// What is likely may be wrong: of a child whose lights are far apart the walk knows little, and one of them may be beside the point. So
+// of sixteen walks one goes by the powers alone, and no light is found more than sixteen times as seldom as by its power.
+//
+// Lengths in the tree are scaled so that the scene's size is about 1, and powers so that two children's add up to 1: products of both
 // remain normal numbers in scenes of any size. Only ratios count.
 //
 // No light that shines on the point is left out, and what the walk finds with a probability can be asked for that probability again.
@@ -57,8 +60,13 @@ static vmask tree_reaches(const vfloat child[8], const vfloat cone[4], vec3 orig
 }
 #endif
 
-// The probability of the first child of a node; negative where neither can give anything.
-__attribute__((always_inline)) static vfloat tree_first_probability(const Scene* scene, vuint node, vec3 origin, vec3 normal) {
+// The probability of the first child of a node, for walks by what it may give and for those by power alone; the latter is negative where
+// neither child can give anything.
+typedef struct {
+    vfloat given, power;
+} TreeShares;
+
+__attribute__((always_inline)) static TreeShares tree_first(const Scene* scene, vuint node, vec3 origin, vec3 normal) {
     vfloat row[16];
     lane_rows(scene->light_nodes, node, row);
     const vmask two_sided = (normal.x == 0.0f) & (normal.y == 0.0f) & (normal.z == 0.0f);
@@ -76,18 +84,33 @@ __attribute__((always_inline)) static vfloat tree_first_probability(const Scene*
     const vfloat distance_b = greater(b.distance2 * near_one, splat(1.0e-12f));
     const vfloat first = a.weight * near_one * (distance_b * distance_b), second = b.weight * near_one * (distance_a * distance_a);
     const vfloat both = first + second;
-    return both > 0.0f ? quotient(first, both) : splat(-1.0f);
+    const vmask some_a = a.weight > 0.0f, some_b = b.weight > 0.0f;
+    TreeShares shares;
+    shares.power = some_b ? (some_a ? row[NODE_ROW_POWER] : splat(0.0f)) : some_a ? splat(1.0f) : splat(-1.0f);
+    shares.given = both > 0.0f ? quotient(first, both) : shares.power;
+    return shares;
 }
+
+#define TREE_BY_POWER 0.0625f       // of the walks so many go by power alone: 1/16
+#define TREE_REST 1.0666667f        // 16/15
 
 // The way down to a light, for the surface point `origin` with this normal.
 typedef struct {
     vec3 origin, normal; // the origin in the tree's lengths
     vuint digits;        // random bits, from which each step draws the digits that its choice used up
-    vuint node;          // so far; and what is left of the random number, and the probability to come here, 0 where no light gives anything
-    vfloat u, chance;
+    vuint node;          // so far; and what is left of the random number
+    vfloat u;
+    vmask by_power;
+    vfloat given, power; // the probabilities to come here by what lights may give and by power; 0 where no light gives anything
 } TreeWalk;
 
 static vec3 tree_place(const Scene* scene, vec3 point) { return scale(point, splat(scene->light_nodes[NODE_ROW_SCALE])); }
+
+// New digits below those that are left of a random number.
+static vfloat tree_refill(TreeWalk* walk, vfloat left, float step) {
+    walk->digits = walk->digits * 0x2c9277b5u + 0xac564b05u;
+    return fma(unit_interval(hash(walk->digits)), splat(step), left);
+}
 
 static TreeWalk tree_begin(const Scene* scene, vec3 origin, vec3 normal, vuint bits, vuint digits) {
     TreeWalk walk;
@@ -95,20 +118,31 @@ static TreeWalk tree_begin(const Scene* scene, vec3 origin, vec3 normal, vuint b
     walk.normal = normal;
     walk.digits = digits;
     walk.node = splat_uint(1u);
-    walk.u = unit_interval(bits);
-    walk.chance = splat(1.0f);
+    const vfloat u = unit_interval(bits);
+    walk.by_power = u < TREE_BY_POWER;
+    const vfloat rest = (u - TREE_BY_POWER) * TREE_REST;
+    const vfloat left = tree_refill(&walk, u, 5.9604645e-8f);
+    walk.u = bounded(walk.by_power ? left * 16.0f : rest, 0.0f, 0.99999994f);
+    walk.given = walk.power = splat(1.0f);
     return walk;
 }
 
+// Go on to a child that these are the probabilities of.
+static void tree_enter(TreeShares first, vmask to_first, vfloat* given, vfloat* power) {
+    const vmask none = first.power < 0.0f;
+    *given = none ? splat(0.0f) : *given * (to_first ? first.given : splat(1.0f) - first.given);
+    *power = none ? splat(0.0f) : *power * (to_first ? first.power : splat(1.0f) - first.power);
+}
+
 static void tree_step(const Scene* scene, TreeWalk* walk) {
-    const vfloat first = tree_first_probability(scene, walk->node, walk->origin, walk->normal);
+    const TreeShares shares = tree_first(scene, walk->node, walk->origin, walk->normal);
+    const vfloat first = walk->by_power ? shares.power : shares.given;
     const vmask to_first = walk->u < first;
     const vfloat share = to_first ? first : splat(1.0f) - first;
     // The number has 24 digits. What is left of it, as wide as the child's share, is stretched and has fewer: new ones go below them
-    walk->digits = walk->digits * 0x2c9277b5u + 0xac564b05u;
-    const vfloat left = fma(unit_interval(hash(walk->digits)), splat(5.9604645e-8f), to_first ? walk->u : walk->u - first);
+    const vfloat left = tree_refill(walk, to_first ? walk->u : walk->u - first, 5.9604645e-8f);
     walk->u = bounded(quotient(left, greater(share, splat(1.0e-30f))), 0.0f, 0.99999994f);
-    walk->chance = first < 0.0f ? splat(0.0f) : walk->chance * share;
+    tree_enter(shares, to_first, &walk->given, &walk->power);
     walk->node = walk->node * 2u + (to_first ? splat_uint(0u) : splat_uint(1u));
 }
 
@@ -121,18 +155,19 @@ static vuint tree_end(const Scene* scene, const TreeWalk* walk) {
     return vfloat_bits(lane_gather(scene->light_order, walk->node - (1u << scene->settings->light_levels)));
 }
 
+// The probability of a light that walks of either kind find with these.
+static vfloat tree_chance(vfloat given, vfloat power) { return fma(given, splat(1.0f - TREE_BY_POWER), power * TREE_BY_POWER); }
+
 // The probability with which such a walk finds the light at this place of the last level.
 static vfloat tree_probability(const Scene* scene, vec3 origin, vec3 normal, vuint place) {
     const vec3 at = tree_place(scene, origin);
-    vfloat chance = splat(1.0f);
+    vfloat given = splat(1.0f), power = splat(1.0f);
     const uint levels = scene->settings->light_levels;
     for (uint level = 0; level < levels; ++level) {
         const vuint node = place >> (levels - level), next = place >> (levels - level - 1);
-        const vfloat first = tree_first_probability(scene, node, at, normal);
-        const vfloat share = (next & 1u) == 0u ? first : splat(1.0f) - first;
-        chance = first < 0.0f ? splat(0.0f) : chance * share;
+        tree_enter(tree_first(scene, node, at, normal), (next & 1u) == 0u, &given, &power);
     }
-    return chance;
+    return tree_chance(given, power);
 }
 
 #endif

@@ -72,8 +72,7 @@ def ways(draw: Draw, content: Json) -> Iterator[Way]:
         The scene.
     """
     depth: Json = {"max_depth": draw.count(1, 6)} if draw.chance(0.4) else {}
-    # The light BVH may hardly ever choose a light near a point, where its parent has far ones: BSDF samples find it
-    lights = {"sampling": "light", "light_sampler": draw.one(("power", "uniform"))}
+    lights = {"sampling": "light", "light_sampler": draw.one(SAMPLERS)}
     yield Way("light", {**depth, **lights}, depth)
     yield Way("sampler", {**depth, "light_sampler": draw.one(SAMPLERS), "shadow_rays": draw.count(1, 4)}, depth)
     if not any(kind in (*_DELTA, "sun_sky") for kind in _lights(content)):  # of no size, or too small
@@ -88,7 +87,8 @@ def ways(draw: Draw, content: Json) -> Iterator[Way]:
         yield Way("roulette", {**depth, "roulette": "absorption", **draw.one(({}, {"absorption": 0.1}))}, depth)
     yield Way("reuse", {**depth, "integrator": "reuse", "reuse": draw.one((2, 4, 8, 16))}, depth)
     direct = {"integrator": "direct", "light_sampler": "power"}  # it has light samples alone
-    yield Way("direct", {**direct, "light_sampler": "uniform", "shadow_rays": draw.count(1, 3)}, direct)
+    others = {"light_sampler": draw.one(("bvh", "uniform")), "shadow_rays": draw.count(1, 3)}
+    yield Way("direct", {**direct, **others}, direct)
     if all(kind in _DELTA for kind in _lights(content)) and not _shines(content):
         yield Way("whitted", {"integrator": "whitted"}, direct)
 

@@ -123,19 +123,46 @@ def test_the_tree_holds_every_light_once() -> None:
     assert np.array_equal(order[places - len(order)], np.arange(flat.light_count))
     powers = rows.reshape(-1, 8)[:, 7].astype(np.float64)
     assert np.count_nonzero(powers[len(order) :]) == flat.light_count
-    # Of two children the larger is from ½ to 1: bring them all to the scale of the first light
+    # Two children have shares of what is theirs: bring them all to the scale of the root
     absolute = np.zeros_like(powers)
     absolute[1] = 1.0
     for node in range(1, len(order)):
         shares = powers[2 * node : 2 * node + 2]
         if not shares.any():
             continue
-        assert 0.5 <= shares.max() < 1.0
-        absolute[2 * node : 2 * node + 2] = absolute[node] * shares / shares.sum()
+        assert shares.sum() == pytest.approx(1.0, abs=1e-6)
+        absolute[2 * node : 2 * node + 2] = absolute[node] * shares
     emitted = flat.arrays["lights"]["probability"].astype(np.float64)
     near = np.flatnonzero(flat.arrays["lights"]["primitive"] != layout.NONE)
     found = absolute[places[near]] / emitted[near]
     assert found == pytest.approx(np.full(len(near), found[0]), rel=1e-5), "in proportion to their power"
+
+
+def lamp_beside_a_far_one(others: int) -> Scene:
+    """A floor beside a shining box, and a point light of 1e-4 W/sr 40 m away; and as many such lights above."""
+    floor = quad((-1.0, 0.0, 1.0), (2.0, 0.0, 0.0), (0.0, 0.0, -2.0), material="white")
+    box = {"type": "box", "center": [1.15, 0.3, 0.0], "size": [0.2, 0.6, 2.0], "emission": [1.0] * 3}
+    rng = np.random.default_rng(51)
+    lights: list[dict[str, Any]] = [{"type": "point", "position": [-40.0, 3.0, 9.0], "intensity": [1e-4] * 3}]
+    for x, z in rng.uniform(-1.0, 1.0, (others, 2)).tolist():
+        lights.append({"type": "point", "position": [x, 3.0, z], "intensity": [1e-4] * 3})
+    return scene([floor, box], lights, {**down(height=2.0), "vertical_fov": 50.0}, white=lambert(0.7))
+
+
+@pytest.mark.parametrize("others", [0, 3], ids=["a place to spare", "as many as places"])
+def test_a_lamp_beside_the_point_is_found_though_another_is_far_away(
+    evidence: Evidence, studio: Studio, device: Device, others: int
+) -> None:
+    """Its branch of the tree may span them both, which tells little about either: its power still counts."""
+    what = lamp_beside_a_far_one(others)
+    table = LightTable(device, what)
+    power = table.flat.arrays["lights"]["probability"][: table.flat.light_count].astype(np.float64)
+    beside = np.flatnonzero((power > 0.5 * power.max()) & (table.choose((0.9, 0.0, 0.0), (0.0, 1.0, 0.0))[3] > 0.0))
+    shares = table.choose((0.9, 0.0, 0.0), (0.0, 1.0, 0.0))[3].astype(np.float64)
+    assert len(beside) and (shares[beside] >= power[beside] / 16.5).all()
+    settings: dict[str, Any] = {"spp": 64, "max_depth": 2}
+    sure = studio.tiles(what, range(16), light_sampler="power", **settings)
+    evidence.equal("light", sure, studio.tiles(what, range(40, 56), light_sampler="bvh", sampling="light", **settings))
 
 
 @pytest.mark.parametrize(("size", "bright"), [(27, 33), (-13, 0), (-23, -39)])
