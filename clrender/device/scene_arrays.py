@@ -160,6 +160,8 @@ class SceneArrays:
         Whether any shape is textured.
     tangents : bool
         Whether any triangle has vertex tangents.
+    terminator_offsets : bool
+        Whether any shape's shadow terminator is moved.
     emission_textures : bool
         Whether any shape has textured emission.
     page_bits : int or None
@@ -202,6 +204,7 @@ class SceneArrays:
         self.textured = len(attributes) > 1 or bool(attributes.any()) or self.emission_textures
         pages, self.page_bits = texel_pages(device, scene.arrays["texels"])
         smooth = len(scene.arrays["normals"]) > 1
+        self.terminator_offsets = bool((scene.arrays["shapes"]["flags"] & layout.SHAPE_TERMINATOR_OFFSET).any())
         self.buffers: dict[str, Buffer] = {
             # Lanes without a hit read row 0, so it must exist.
             "primitive_rows": device.empty(64 * primitives) if primitives else device.upload(np.zeros(16, np.float32)),

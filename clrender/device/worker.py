@@ -289,6 +289,8 @@ class DeviceWorker:
                 defines["CAMERA_CUTS_MEDIA"] = 1
         if self._arrays.instances:
             defines["INSTANCES"] = 1
+        if self._arrays.terminator_offsets:
+            defines["TERMINATOR_OFFSET"] = 1
         if self._arrays.masked_tree:
             defines["OPACITY"] = 1
             if self._arrays.holes:

@@ -14,6 +14,7 @@ from clrender.scene.materials import (
     Principled,
     Subsurface,
     material_without_color,
+    passes_light,
 )
 from clrender.scene.shapes import Mesh
 from clrender.scene.values import fault
@@ -51,6 +52,7 @@ def check_references(scene: Scene) -> None:
     _check_media(scene)
     _check_mixtures(scene)
     _check_colors(scene)
+    _check_terminators(scene)
     environments = [i for i, light in enumerate(scene.lights) if isinstance(light, EnvironmentLight | SunSkyLight)]
     for i in environments[1:]:
         sentence = f"is a second environment beside lights[{environments[0]}]; a scene can have only one"
@@ -123,6 +125,21 @@ def _check_colors(scene: Scene) -> None:
             sentence = f"would multiply the colour of the material {quoted(plain)}, which has none"
             cure = f"give it one of {', '.join(BASE_COLORS)}, or leave {shape.color_key} out"
             raise fault("mesh", f"{sentence}; {cure}", *at, shape.color_key)
+
+
+def _check_terminators(scene: Scene) -> None:
+    """Check that only opaque shapes without emission have their shadow terminator moved."""
+    for at, shape in scene.all_shapes():
+        if not isinstance(shape, Mesh) or not shape.shadow_terminator_offset:
+            continue
+        material = None if shape.material is None else scene.materials[shape.material]
+        if shape.emission is not None or (material is not None and _shines(material)):
+            why = "is a light, whose light leaves the triangles themselves"
+        elif shape.interior is not None or (material is not None and passes_light(scene.materials, material)):
+            why = "lets light inside, which begins at the triangles themselves"
+        else:
+            continue
+        raise fault("mesh", f"is given, but the shape {why}; leave it out", *at, "shadow_terminator_offset")
 
 
 def _shines(material: Material) -> bool:

@@ -226,6 +226,10 @@ class Mesh(Surface):
     vertex_colors: VertexColors | None = Field(
         None, description="multiply the material's colour by the vertex colours of the file, which have this encoding"
     )
+    shadow_terminator_offset: Flag = Field(
+        False,
+        description="light an opaque mesh with vertex normals as the curved surface that they stand for (Hanika 2021)",
+    )
 
     @property
     def asset(self) -> tuple[str, VertexColors | None]:

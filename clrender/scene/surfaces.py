@@ -151,8 +151,13 @@ def flat_surfaces(
             attributes[t : t + kept] = triangle_attributes(scene, index, mesh, sound, flipped)
             if (colored := triangle_colors(mesh, sound, flipped)) is not None:
                 colors[t] = colored
+        moves_terminator = isinstance(shape, Mesh) and shape.shadow_terminator_offset
+        if mesh.normals is None and moves_terminator:
+            warnings.append(f"{place}: shadow_terminator_offset changes nothing: the mesh has no vertex normals")
         if mesh.normals is not None:
             shapes["flags"][index] |= layout.SHAPE_SMOOTH
+            if moves_terminator:
+                shapes["flags"][index] |= np.uint32(layout.SHAPE_TERMINATOR_OFFSET)
             some = normals[v : v + len(here)]
             _place_normals(mesh.normals, transform, here, there[:kept], some, flip=shape.flip_normals)
             turned = _turned_away(here, there[:kept], some)

@@ -27,6 +27,7 @@
 #include "core/roulette.h"
 #include "geometry/find.h"
 #include "geometry/surface.h"
+#include "geometry/terminator.h"
 #include "integrator/path_state.h"
 #include "integrator/regroup.h"
 #include "integrator/shadow.h"
@@ -55,6 +56,7 @@ static vmask path_traces(const Path* path) { return path->alive & !split_back(&p
 static void path_vertex(const Scene* scene, const Path* path, Hit hit, PoolStats* stats, Vertex* v) {
     const vmask found = path->alive & (hit.primitive != NONE), on_surface = found & !medium_scatters(hit);
     v->surface = surface_at(scene, &path->ray, hit, on_surface);
+    terminator_offset(scene, &v->surface, on_surface);
     surface_random(&v->surface, path->sample.sampler, path->depth);
     medium_surface(scene, &path->ray, &path->interior, hit, &v->surface);
     v->crossing = interior_meet(scene, &path->interior, &v->surface, on_surface);

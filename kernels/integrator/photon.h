@@ -119,10 +119,13 @@ static void photon_gather(const Scene* scene, const PhotonMap* m, const Surface*
 }
 
 // Radiant exitance that photons bring to each lane's surface, per reflectance: the flux around it over the area that it is on.
-static vec3 photon_irradiance(const Scene* scene, const PhotonMap* m, const Surface* surface, const Bsdf* bsdf, const Path* path,
-                              vmask where, PoolStats* stats) {
+static vec3 photon_irradiance(const Scene* scene, const PhotonMap* m, const Surface* surface, const Path* path, vmask where,
+                              PoolStats* stats) {
     vec3 others, caustics;
-    photon_gather(scene, m, surface, bsdf->side, path->depth, where, &others, &caustics);
+    // Photons lie on the triangles themselves
+    const Surface mesh = terminator_mesh(surface);
+    const vec3 side = choose(mesh.front, mesh.normal, negate(mesh.normal));
+    photon_gather(scene, m, &mesh, side, path->depth, where, &others, &caustics);
     vec3 sum = vec3_all(0.0f);
     for (uint kind = 0; kind < 2u; ++kind) {
         const vec3 flux = kind == 0u ? others : caustics;
@@ -130,7 +133,7 @@ static vec3 photon_irradiance(const Scene* scene, const PhotonMap* m, const Surf
         if (!lane_any(asked)) continue;
         const float radius = kind == 0u ? m->radius : m->radius * CAUSTIC_RADIUS;
         const vuint set = DISK_SET + (path->depth * 2u + kind) * DISK_MOST_TRIES;
-        sum = add(sum, scale(flux, disk_tries(scene, surface, bsdf->side, path->sample.sampler, set, radius, asked, stats)));
+        sum = add(sum, scale(flux, disk_tries(scene, &mesh, side, path->sample.sampler, set, radius, asked, stats)));
     }
     return sum;
 }
@@ -154,7 +157,7 @@ static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, Po
         path_add_direct(scene, path, vertex, stats);
         const vmask gathers = vertex->diffuse & disk_receives(&vertex->surface);
         if (lane_any(gathers)) {
-            const vec3 arriving = photon_irradiance(scene, map, &vertex->surface, &vertex->bsdf, path, gathers, stats);
+            const vec3 arriving = photon_irradiance(scene, map, &vertex->surface, path, gathers, stats);
             const vec3 leaving = scale(mul(mul(path->throughput, vertex->bsdf.color), arriving), splat(INV_PI));
             path->radiance = choose(gathers, add(path->radiance, leaving), path->radiance);
         }

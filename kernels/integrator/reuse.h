@@ -188,7 +188,9 @@ static void reuse_trace(const Scene* scene, Pool* pool, __global float* records,
         path_add_sun(scene, path, vertex);
 
         // The first matt surface anchors the path; a matt one right after it sends its light to the whole group
-        const vmask matt = reuse_matt(vertex), anchors = matt & !reuse.anchored, shares = matt & reuse_alike(vertex) & reuse.leaves;
+        // What has been moved is not where another anchor would see it
+        const vmask alike = reuse_alike(vertex) & !terminator_moved(&vertex->surface);
+        const vmask matt = reuse_matt(vertex), anchors = matt & !reuse.anchored, shares = matt & alike & reuse.leaves;
         if (lane_any(shares)) reuse_share(&reuse, path, vertex, shares);
         if (lane_any(anchors)) reuse_anchor(scene, &reuse, path, vertex, anchors);
         reuse.leaves = anchors;

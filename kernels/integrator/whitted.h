@@ -6,6 +6,7 @@
 #include "core/roulette.h"
 #include "geometry/find.h"
 #include "geometry/surface.h"
+#include "geometry/terminator.h"
 #include "integrator/path_state.h"
 #include "light/light.h"
 #include "material/bsdf.h"
@@ -23,6 +24,7 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
         stats->deepest = pool_deepest(stats->deepest, path.depth, path.alive);
         const vmask found = path.alive & (hit.primitive != NONE);
         Surface surface = surface_at(scene, &path.ray, hit, found);
+        terminator_offset(scene, &surface, found);
         const Crossing crossing = interior_meet(scene, &path.interior, &surface, found);
         const vmask straight = interior_straight(&crossing);
         path.throughput = interior_absorb(scene, &path.interior, hit, path.throughput);

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from mixed_files import SMOOTH_MESHES
 from mixed_parts import Draw, Json, emission_for_white, material, medium
 
 __all__ = ["Things"]
@@ -52,8 +53,12 @@ class Things:
             center = [(1.35 if ranked else -1.35) + draw.between(-0.5, 0.5), *center[1:]]
             most = min(most, 0.5)
         solid = self._solid(made)
-        shape = self._form(solid or refracts, center, draw.between(least, most), frozenset(self._coordinates(name)))
+        opaque = self._opaque(name)
+        coordinates = frozenset(self._coordinates(name))
+        shape = self._form(solid or refracts, center, draw.between(least, most), coordinates, opaque)
         shape["material"] = name
+        if opaque and shape.get("file") in SMOOTH_MESHES and (draw.white or draw.chance(0.5)):
+            shape["shadow_terminator_offset"] = True
         if solid and made["type"] != "subsurface" and "attenuation_color" not in made and self.may_scatter:
             shape |= {"interior": self.medium()} if draw.chance(0.4) else {}
         if self.colorable(name) and shape["type"] == "mesh":
@@ -136,7 +141,7 @@ class Things:
         if "file" not in shape:
             if draw.chance(0.5):
                 shape["colors"] = [[1.0] * 3 if draw.white else draw.color(0.4, 1.0) for _ in shape["vertices"]]
-        elif shape["file"] == "smooth.ply" and draw.chance(0.6):
+        elif shape["file"] == "smooth.ply" and not draw.white and draw.chance(0.6):
             shape["vertex_colors"] = draw.one(("auto", "srgb", "linear"))
 
     @staticmethod
@@ -161,11 +166,20 @@ class Things:
             if isinstance(value, dict):
                 yield value.get("uv_set", 0)
 
-    def _form(self, closed: bool, center: list[float], size: float, coordinates: frozenset[int]) -> Json:
+    def _opaque(self, name: str) -> bool:
+        """Whether it neither shines nor lets light in, so that its mesh may stand for a curved surface."""
+        made = self.materials[name]
+        if made["type"] == "mix":
+            return all(self._opaque(part) for part in made["materials"])
+        return made["type"] not in ("dielectric", "subsurface") and not {"transmission", "emission"} & made.keys()
+
+    def _form(
+        self, closed: bool, center: list[float], size: float, coordinates: frozenset[int], opaque: bool = False
+    ) -> Json:
         """A shape without material, whose middle and half size are these."""
         draw = self.draw
         kinds: tuple[str, ...] = _CLOSED if closed or draw.chance(0.5) else _OPEN
-        if draw.white:
+        if draw.white and not opaque:
             kinds = tuple(kind for kind in kinds if kind != "smooth")
         if coordinates:
             kinds = tuple(kind for kind in kinds if kind != "block")
@@ -189,7 +203,7 @@ class Things:
         elif kind == "mesh":
             shape |= self._octahedron(center, size, closed, coordinates)
         else:
-            file = "block.stl" if kind == "block" else draw.one(("smooth.obj", "smooth.ply"))
+            file = "block.stl" if kind == "block" else draw.one(SMOOTH_MESHES)
             shape = {"type": "mesh", "file": file, "transform": {"scale": size, "translate": center}}
             if draw.chance(0.5):
                 shape["transform"]["rotate_degrees"] = [draw.between(-180, 180) for _ in range(3)]
