@@ -113,7 +113,7 @@ class RenderJob:
                 settings = dataclasses.replace(settings, replicate_spp=size)
                 check_memory(settings)
         _check_parts(settings, first, stop)
-        check_materials(scene, settings.integrator)
+        scene.of_contents(f"taken by {settings.integrator}", lambda: check_materials(scene, settings.integrator))
         return cls(scene, settings, first, stop - first, layers, denoise)
 
     @classmethod

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Set
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from clrender.exposure import PHOTOGRAPHIC
 from clrender.scene.shapes import Mesh
@@ -13,7 +13,10 @@ from clrender.scene.shapes import Mesh
 if TYPE_CHECKING:
     from clrender.scene.description import Scene
 
-__all__ = ["content_sha256", "put_at"]
+__all__ = ["HEAD", "content_sha256", "put_at"]
+
+HEAD: Final = frozenset({"title", "camera", "image", "render"})
+"""Attributes of a scene that are not part of its contents."""
 
 
 def content_sha256(scene: Scene, left_out: Set[str]) -> str:
@@ -35,20 +38,40 @@ def content_sha256(scene: Scene, left_out: Set[str]) -> str:
     SceneError
         A file cannot be read or is invalid.
     """
-    content = scene.model_dump(mode="json", exclude=set(left_out))
+    parts = {**_head(scene), **scene.of_contents("json", lambda: _contents(scene))}
+    digest = hashlib.sha256()
+    for number, name in enumerate(sorted(parts.keys() - left_out)):
+        digest.update(f'{"," if number else "{"}"{name}":'.encode())
+        digest.update(parts[name])
+    digest.update(b"}")
+    return digest.hexdigest()
+
+
+def _head(scene: Scene) -> dict[str, bytes]:
+    """Canonical JSON of each table that is not part of the contents."""
+    content = scene.model_dump(mode="json", include=set(HEAD))
     for key in PHOTOGRAPHIC:
-        content.get("camera", {}).pop(key, None)
+        content["camera"].pop(key, None)
     if not scene.camera.mirrored:  # hashes in existing films predate this key
-        content.get("camera", {}).pop("mirrored", None)
-    if not scene.groups:  # likewise
+        content["camera"].pop("mirrored", None)
+    return {name: _json(table) for name, table in content.items()}
+
+
+def _contents(scene: Scene) -> dict[str, bytes]:
+    """Canonical JSON of each table of the contents. In large scenes this takes longer than the hash."""
+    content = scene.model_dump(mode="json", exclude=set(HEAD))
+    if not scene.groups:  # hashes in existing films predate this key
         content.pop("groups", None)
     for index in range(len(scene.shapes)):
         content["shapes"][index].pop("name", None)
     for at, shape in scene.all_shapes():
         if at[0] == "groups":
             content["groups"][at[1]]["shapes"][at[3]].pop("name", None)
-        if isinstance(shape, Mesh) and shape.file is not None:
-            put_at(content, (*at, "file"), scene.mesh_of(at, shape).sha256())
+        if isinstance(shape, Mesh):
+            if shape.file is not None:
+                put_at(content, (*at, "file"), scene.mesh_of(at, shape).sha256())
+            if not shape.shadow_terminator_offset:  # likewise
+                _table_at(content, at).pop("shadow_terminator_offset")
     for index, instance in scene.instances():
         if instance.file is not None:
             content["shapes"][index]["transforms"] = scene.transforms(index).sha256()
@@ -62,11 +85,19 @@ def content_sha256(scene: Scene, left_out: Set[str]) -> str:
         store = scene.textures()
         for at, texture in named:
             put_at(content, at, store.picture(texture).sha256)
-    return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+    return {name: _json(table) for name, table in content.items()}
+
+
+def _json(table: Any) -> bytes:
+    return json.dumps(table, sort_keys=True, separators=(",", ":")).encode()
+
+
+def _table_at(description: Any, at: tuple[str | int, ...]) -> Any:
+    for step in at:
+        description = description[step]
+    return description
 
 
 def put_at(description: Any, at: tuple[str | int, ...], value: str) -> None:
     """Store a string at a path in nested tables and lists."""
-    for step in at[:-1]:
-        description = description[step]
-    description[at[-1]] = value
+    _table_at(description, at[:-1])[at[-1]] = value

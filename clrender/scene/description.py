@@ -7,10 +7,10 @@ a transform that squashes a sphere) is checked by the model that has them. `vali
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,8 @@ from clrender.errors import SceneError
 from clrender.exposure import photographic_stops
 from clrender.scene.camera import Camera
 from clrender.scene.changes import Changes, table_values, validated
-from clrender.scene.content_hash import content_sha256
+from clrender.scene.content_hash import HEAD, content_sha256
+from clrender.scene.contents_memo import ContentsMemo
 from clrender.scene.defaults import Image, Render
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.frozen import FrozenDict, frozen
@@ -83,8 +84,7 @@ __all__ = [
 ]
 
 
-_NO_CONTENTS: Final = frozenset({"title", "camera", "image", "render"})
-"""Attributes of a scene that are not part of its contents."""
+_T = TypeVar("_T")
 _FREEZE: Final = AfterValidator(FrozenDict)
 
 
@@ -134,6 +134,7 @@ class Scene(_Head):
 
     _files: SceneFiles = PrivateAttr(default_factory=SceneFiles)
     _store: list[TexelStore] = PrivateAttr(default_factory=list)
+    _memo: list[ContentsMemo] = PrivateAttr(default_factory=list)
     _places: tuple[tuple[str | int, ...], ...] = PrivateAttr(default=())
     _notes: tuple[str, ...] = PrivateAttr(default=())
     _read_files: tuple[Path, ...] = PrivateAttr(default=())
@@ -147,8 +148,8 @@ class Scene(_Head):
 
     def _changed(self, changes: Changes) -> Self:
         values = table_values(self, changes, (), self.source)
-        if changes.keys() <= _NO_CONTENTS:  # shapes and names, of which there may be many, are as they were
-            head = {name: value for name, value in values.items() if name in _NO_CONTENTS}
+        if changes.keys() <= HEAD:  # shapes and names, of which there may be many, are as they were
+            head = {name: value for name, value in values.items() if name in HEAD}
             made: Part = validated(_Head, head, (), self.source)
         else:
             made = validated(type(self), values, (), self.source)
@@ -602,8 +603,28 @@ class Scene(_Head):
         bool
             True only if `content_sha256` of both is equal; it may be equal otherwise too.
         """
-        names = type(self).model_fields.keys() - _NO_CONTENTS
-        return self._files is other._files and all(getattr(self, name) is getattr(other, name) for name in names)
+        return all(a is b for a, b in zip(self._contents(), other._contents(), strict=True))
+
+    def of_contents(self, name: str, compute: Callable[[], _T]) -> _T:
+        """A value that depends on the contents alone, kept for all copies of the scene that share them.
+
+        Parameters
+        ----------
+        name : str
+            Of the value.
+        compute : callable
+            Returns the value; called if it is not known yet. If it raises an error, nothing is kept.
+        """
+        contents = self._contents()
+        if not self._memo:
+            self._memo.append(ContentsMemo(contents))  # for all copies
+        elif not self._memo[0].holds(contents):
+            self._memo = [ContentsMemo(contents)]
+        return self._memo[0].value(name, compute)
+
+    def _contents(self) -> tuple[object, ...]:
+        """Every object but those of `HEAD`, in the order of their names."""
+        return self._files, *(getattr(self, name) for name in sorted(type(self).model_fields.keys() - HEAD))
 
     def sha256(self) -> str:
         """Hash of the scene's content, independent of its location and spelling.
@@ -621,7 +642,7 @@ class Scene(_Head):
 
     def content_sha256(self) -> str:
         """Hash of shapes, materials and lights alone, without camera and settings."""
-        return content_sha256(self, _NO_CONTENTS)
+        return content_sha256(self, HEAD)
 
 
 def _environment(asked: Any) -> tuple[EnvironmentLight, dict[str, EnvironmentPicture]]:

@@ -6,10 +6,8 @@ by flux / √q has the least variance. So the power of a node is the sum of its 
 of its cone's solid angle, divided by the square root of the node's own solid angle. For a single light this is its flux
 over its solid angle; for a group that faces all directions, nearly the flux alone.
 
-The tree is complete: node n has the children 2n and 2n + 1, and all lights are on the last level. Where that leaves a
-choice, each node is split so that the sum of both halves' powers times their squared extents is least: a light far from
-the others gets a branch of its own. It uses only operations that every processor rounds alike, for the same bits
-everywhere.
+The tree is complete: node n has the children 2n and 2n + 1, and all lights are on the last level. It uses only
+operations that every processor rounds alike, for the same bits everywhere.
 
 Kernels multiply powers by squares of distances. Only ratios count, and factors that are powers of two round nothing. So
 the tree is scaled to a size of about 1, and the powers of each pair of children to a sum of 1: no product leaves the
@@ -209,7 +207,7 @@ def _levels(emitters: Emitters, group: NDArray[np.int64], depth: int) -> tuple[N
 
 
 def _sorted(emitters: Emitters, order: NDArray[np.int64], depth: int) -> NDArray[np.int64]:
-    """Order lights so that each node's halves lie on either side of a plane across the axis of largest extent."""
+    """Order lights so that each node's halves lie on either side of the median along the axis of largest extent."""
     center = emitters.low * 0.5 + emitters.high * 0.5
     for level in range(depth):
         runs = order.reshape(1 << level, -1)
@@ -219,57 +217,8 @@ def _sorted(emitters: Emitters, order: NDArray[np.int64], depth: int) -> NDArray
         axis = spread.argmax(1)
         along = np.where(there[:, :, 0], np.take_along_axis(at, axis[:, None, None], 2)[:, :, 0], np.inf)
         # Empty positions come last, so that lights stay together.
-        runs = np.take_along_axis(runs, along.argsort(1, kind="stable"), 1)
-        order = _halves(runs, _splits(emitters, runs)).reshape(-1)
+        order = np.take_along_axis(runs, along.argsort(1, kind="stable"), 1).reshape(-1)
     return order
-
-
-def _splits(emitters: Emitters, runs: NDArray[np.int64]) -> NDArray[np.int64]:
-    """How many of each run's lights go into its first half: so many that both fit, and the cost is least.
-
-    The cost is the surface area heuristic's (Conty Estevez & Kulla, 4.4), with the squared diagonal for the area.
-    """
-    half = runs.shape[1] // 2
-    count = (runs >= 0).sum(axis=1)
-    fewest: NDArray[np.int64] = np.maximum(count - half, np.minimum(count, 1))
-    most = np.minimum(half, np.maximum(count - 1, 1))
-    if half == 1:
-        return fewest
-    there = runs >= 0
-    low = np.where(there[:, :, None], emitters.low[runs], np.inf)
-    high = np.where(there[:, :, None], emitters.high[runs], -np.inf)
-    power = np.where(there, emitters.power[runs], 0.0)
-    # Of the first and the last lights, for every place of a run; the last ones from each place on
-    first = _costs(low, high, power)[:, : half + 1]
-    last = _costs(low[:, ::-1], high[:, ::-1], power[:, ::-1])[:, ::-1][:, : half + 1]
-    number = np.arange(1, half + 1)
-    cost = first[:, :half] + last[:, 1 : half + 1]
-    cost[(number < fewest[:, None]) | (number > most[:, None])] = np.inf
-    # Of equal ones that which halves the run best
-    equal = cost <= cost.min(axis=1, keepdims=True) * (1.0 + 1e-9)
-    off_center = np.where(equal, np.abs(2 * number - count[:, None]), 2 * runs.shape[1])
-    split: NDArray[np.int64] = np.minimum(off_center.argmin(axis=1) + 1, count)
-    return split
-
-
-def _costs(low: _Floats, high: _Floats, power: _Floats) -> _Floats:
-    """Power times squared extent of all lights of a run up to each."""
-    extent = np.maximum.accumulate(high, axis=1) - np.minimum.accumulate(low, axis=1)
-    extent = np.where(np.isfinite(extent), extent, 0.0)
-    squared = extent[:, :, 0] * extent[:, :, 0] + extent[:, :, 1] * extent[:, :, 1] + extent[:, :, 2] * extent[:, :, 2]
-    costs: _Floats = np.cumsum(power, axis=1) * squared
-    return costs
-
-
-def _halves(runs: NDArray[np.int64], split: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Runs with their first so many lights at the beginning of the first half, the others of the second."""
-    half = runs.shape[1] // 2
-    place = np.arange(runs.shape[1])
-    of_second = place >= half
-    source = np.where(of_second, split[:, None] + place - half, place)
-    source = np.minimum(source, runs.shape[1] - 1)
-    taken = np.take_along_axis(runs, source, 1)
-    return np.where(of_second | (place < split[:, None]), taken, -1)
 
 
 def _words(low: _Floats, high: _Floats, normals: _Floats, power: _Floats, infinite: bool) -> _Floats:

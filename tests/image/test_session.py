@@ -115,15 +115,18 @@ def test_another_camera_looks_at_no_shape(device: Device, monkeypatch: pytest.Mo
     job = clrender.RenderJob.of(clrender.load("room"), size=(16, 16), spp=1)
     camera = job.scene.camera
     x, y, z = camera.position
-    cameras = [camera.model_copy(update={"position": (x + 0.1 * step, y, z)}) for step in range(3)]
-    moved = [dataclasses.replace(job, scene=job.scene.model_copy(update={"camera": each})) for each in cameras]
-    other = job.scene.model_copy(update={"shapes": job.scene.shapes[:-1]})
+    cameras = [camera.changed(position=(x + 0.1 * step, y, z)) for step in range(3)]
+    moved = [dataclasses.replace(job, scene=job.scene.changed(camera=each)) for each in cameras]
+    other = job.scene.changed(shapes=job.scene.shapes[:-1])
     with clrender.Session(device=device) as session:
-        session.refine(job)
+        session.render(job)
         for name in ("all_shapes", "instances", "placed_textures", "place_of"):
             monkeypatch.setattr(clrender.Scene, name, lambda *_: pytest.fail("looked at the shapes"))
         images = [session.refine(each).mean() for each in moved]
         assert not np.array_equal(images[0], images[1])
+        # Nor does a new job, or the hash of the scene that a film records
+        hashes = {session.render(each.scene, size=(16, 16), spp=1).stats["scene_sha256"] for each in moved}
+        assert len(hashes) == len(moved)
         with pytest.raises(pytest.fail.Exception, match="looked at the shapes"):
             session.refine(dataclasses.replace(job, scene=other))
 
