@@ -165,8 +165,6 @@ static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* 
     b->specular = s->kind != MATERIAL_LAMBERT;
 #ifdef SUBSURFACE
     b->specular = b->specular & !b->passes;
-    // A material without an index of its own has MATCHED_IOR
-    b->eta = b->passes & (absolute(b->eta - 1.0f) < 4.0f * EPSILON) ? splat(1.0f) : b->eta;
 #endif
 #ifdef MEDIA
     b->medium = s->kind == MATERIAL_MEDIUM;
@@ -178,6 +176,10 @@ static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* 
         bsdf_read_rows(scene, s, direction, &p, b);
     else
         bsdf_no_rows(b);
+#endif
+#ifdef SUBSURFACE
+    // A material without an index of its own has MATCHED_IOR
+    b->eta = b->passes & (absolute(b->eta - 1.0f) < 4.0f * EPSILON) ? splat(1.0f) : b->eta;
 #endif
 }
 
