@@ -289,8 +289,15 @@ def material(draw: Draw, kind: str | None = None) -> Json:
     return made
 
 
-def emission_for_white(draw: Draw) -> tuple[Any, Any]:
-    """Reflectance and emission of a Lambertian surface that sends out radiance 1 wherever radiance 1 arrives."""
+def emission_for_white(draw: Draw, second_set: bool = True) -> tuple[Any, Any]:
+    """Reflectance and emission of a Lambertian surface that sends out radiance 1 wherever radiance 1 arrives.
+
+    Parameters
+    ----------
+    draw : Draw
+    second_set : bool
+        Whether the shape has a second set of texture coordinates.
+    """
     kind = draw.one(("color", "checker", "ramp", "picture"))
     first = draw.color(0.97, 0.995) if draw.chance(0.3) else draw.color(0.2, 0.8)
     second = draw.color(0.2, 0.8)
@@ -300,8 +307,10 @@ def emission_for_white(draw: Draw) -> tuple[Any, Any]:
 
     if kind == "color":
         return first, rest(first)
-    if kind == "picture":
-        more = {"color_space": "linear", **_mapping(draw)}
-        return {"texture": "colors.png", **more}, {"texture": "inverse.png", **more}
     more = _mapping(draw)
+    if not second_set:
+        more.pop("uv_set", None)
+    if kind == "picture":
+        more["color_space"] = "linear"
+        return {"texture": "colors.png", **more}, {"texture": "inverse.png", **more}
     return {kind: [first, second], **more}, {kind: [rest(first), rest(second)], **more}

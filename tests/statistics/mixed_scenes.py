@@ -127,7 +127,7 @@ def _white(draw: Draw, name: str) -> Mixed:
         room: Json = draw.one(({"type": "box", "size": [2.0 * _REACH] * 3}, {"type": "sphere", "radius": 1.6 * _REACH}))
         room = {**room, "flip_normals": True, "emission": [1.0, 1.0, 1.0]}
         if around == "grey room":
-            reflectance, room["emission"] = emission_for_white(draw)
+            reflectance, room["emission"] = emission_for_white(draw, second_set=False)
             things.materials["walls"] = {"type": "lambert", "reflectance": reflectance}
             room["material"] = "walls"
         things.shapes.append(room)

@@ -33,6 +33,8 @@ ALARM = 1e-3
 """Chance that a correct renderer fails either of the two tests of scenes, each time its bits change."""
 FEW = {"white": (2, 3, 20, 13), "light": (0, 2, 5, 18), "black": (35, 44, 1, 2)}
 """Of two programs: with an environment and without volumes, with volumes and without an environment."""
+SIDE_BY_SIDE = {"white": (37, 44), "light": (18, 37), "black": (0,)}
+"""Where an index of refraction once depended on the materials that other paths had met."""
 MANY = 500
 NATURAL = 10
 """Of so many scenes one is rendered without the features that it lacks."""
@@ -87,6 +89,29 @@ def test_many_mixed_scenes(session: clrender.Session, folder: Path) -> None:
         mixed = mixed_scene(KINDS[number % len(KINDS)], number // len(KINDS))
         made += oracle.judged(mixed, all_features=number % NATURAL > 0)
     assert not (found := surprising(made, ALARM)), told(found)
+
+
+def cut(session: clrender.Session, folder: Path, mixed: Mixed, *cuts: dict[str, Any]) -> set[str]:
+    """Hashes of a small image by a program with all features, whole and with the work cut in other ways."""
+    what = Mixed(mixed.name, with_all_features(mixed.content)).scene(folder)
+    made = [session.render(what, size=(24, 20), spp=4, **each).stats["image_sha256"] for each in ({}, *cuts)]
+    return set(made)
+
+
+IN_PIECES: dict[str, Any] = {"tile": 16, "samples_per_pass": 1}
+
+
+def test_mixed_scenes_have_the_same_bits_however_they_are_cut(session: clrender.Session, folder: Path) -> None:
+    """Other paths lie side by side then, and what one of them has met must not matter to another."""
+    scenes = [mixed_scene(kind, number) for kind, numbers in SIDE_BY_SIDE.items() for number in numbers]
+    assert [mixed.name for mixed in scenes if len(cut(session, folder, mixed, IN_PIECES)) != 1] == []
+
+
+@pytest.mark.slow
+def test_mixed_scenes_have_the_same_bits_in_all_lanes(session: clrender.Session, folder: Path) -> None:
+    scenes = [mixed_scene(kind, number) for kind in KINDS for number in range(50)]
+    ways = (IN_PIECES, *({"lanes": lanes} for lanes in (1, 4, 8)))
+    assert [mixed.name for mixed in scenes if len(cut(session, folder, mixed, *ways)) != 1] == []
 
 
 def test_a_wrong_image_is_found(oracle: Oracle, monkeypatch: pytest.MonkeyPatch) -> None:
