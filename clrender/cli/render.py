@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -40,6 +40,9 @@ if TYPE_CHECKING:
     from clrender.rendered_image import Progress, RenderedImage
 
 __all__ = ["render"]
+
+_FILM_PIXELS: Final = 1 << 24
+"""Largest image, in pixels, whose exact sums stay in memory until its outputs are written: they take up to 0.9 GiB."""
 
 
 @click.command()
@@ -151,7 +154,7 @@ def render(
         called = time.perf_counter()
         failure = None
         try:
-            image = _run(job, devices, interrupt, view, how, waiting)
+            image = _run(job, devices, interrupt, view, {**how, "keep_film": _keeps_film(job, outputs)}, waiting)
         except IncompleteRender as error:
             failure, image = error, error.image
         if interrupt.wanted() and not image.film.samples:
@@ -256,6 +259,12 @@ def _view(job: RenderJob, progress: str, preview: bool, tone_map: str, exposure:
         if view is not None:
             return view
     return STYLES[progress]()
+
+
+def _keeps_film(job: RenderJob, outputs: Sequence[Path]) -> bool:
+    """Whether the exact sums stay in memory until all outputs are written, in case that one of them cannot be."""
+    wanted = any(path.suffix.lower() == ".film" for path in outputs)
+    return wanted or job.settings.width * job.settings.height <= _FILM_PIXELS
 
 
 def _run(

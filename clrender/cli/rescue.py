@@ -1,4 +1,4 @@
-"""Keeps a render whose outputs cannot be written, in a film at another place."""
+"""Keeps a render whose outputs cannot be written, in a film or an image at another place."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ __all__ = ["rescue"]
 
 
 def rescue(image: RenderedImage, output: Path) -> Path | None:
-    """Save a render as a film beside an output, in the working folder or in the temporary folder.
+    """Save a render beside an output, in the working folder or in the temporary folder.
 
     Parameters
     ----------
     image : RenderedImage
-        With its film.
+        It is saved as a film, or as a linear image if the sums of its film have been released.
     output : Path
         The output that could not be written. No existing file is replaced.
 
     Returns
     -------
     Path or None
-        The film; None if none could be written.
+        The film or image; None if none could be written.
     """
     for folder in _folders(output):
         with suppress(ClrenderError, OSError):
-            film = _free(folder, output.stem)
-            image.save(film)
-            return film
+            kept = _free(folder, output.stem, ".npy" if image.film.developed else ".film")
+            image.save(kept)
+            return kept
     return None
 
 
@@ -46,6 +46,6 @@ def _folders(output: Path) -> Iterator[Path]:
             yield folder()
 
 
-def _free(folder: Path, stem: str) -> Path:
-    names = itertools.chain([f"{stem}.film"], (f"{stem}-{number}.film" for number in itertools.count(2)))
+def _free(folder: Path, stem: str, suffix: str) -> Path:
+    names = itertools.chain([f"{stem}{suffix}"], (f"{stem}-{number}{suffix}" for number in itertools.count(2)))
     return next(path for path in (folder / name for name in names) if not path.exists())

@@ -13,17 +13,21 @@ import types
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pytest
 
 from clrender.cli import main
+from clrender.cli.rescue import rescue
 from clrender.errors import RenderError
 from clrender.film import Film
 from clrender.film.unit import Unit, UnitSums, tile_side
 from clrender.image.files import image_sha256, read_image, read_provenance, write_image
 from clrender.settings import SETTINGS
+
+if TYPE_CHECKING:
+    from clrender.rendered_image import RenderedImage
 
 SCENE = """
 title = "nothing"
@@ -257,6 +261,15 @@ def test_a_folder_that_goes_away_while_the_render_runs(
     assert run("render", "scene.toml", "-o", "out/a.png", "--quiet") == 1
     assert f"the render is kept in {tmp_path / 'a.film'}" in capsys.readouterr().err
     np.testing.assert_array_equal(Film.load("a.film").mean(), np.ones((4, 6, 3)))
+
+
+def test_of_a_large_image_the_image_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The sums of its film were released, which would take gigabytes."""
+    monkeypatch.chdir(tmp_path)
+    image = FakeImage(np.ones((4, 6, 3), np.float32), {}, Film(6, 4, {}))
+    image.film.develop()
+    assert rescue(cast("RenderedImage", image), tmp_path / "a.png") == tmp_path / "a.npy"
+    np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), image.linear)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
