@@ -54,6 +54,7 @@ _FAST_MATH: Final = re.compile(
 _COMMENT: Final = re.compile(r"/\*.*?\*/|//[^\n]*", re.DOTALL)
 _FUNCTION: Final = re.compile(r"(?:__attribute__\S+ )?static [\w*]+ \w+\((.*)\) \{")
 _BY_VALUE: Final = re.compile(r"(?:const )?(?:vec3|[A-Z]\w+) (\w+)")
+_RETURNED: Final = re.compile(r"__attribute__\(\(always_inline\)\) static (vec3|[A-Z]\w+) ")
 _MEMBER: Final = re.compile(r"\s*(\w+)(\s*\*)?\s*\w+(?:\[\w+\])?\s*;")
 _SHARED_TYPES: Final = frozenset({"float4", "float", "uint", "int"})
 
@@ -118,6 +119,8 @@ def _lines(name: str, text: str) -> Iterator[tuple[int, str]]:
                 yield number, f"{found['bad'].strip()} is not rounded right on every device; use core/quotient.h"
         if found := _FAST_MATH.search(line):
             yield number, f"{found.group()} lets the compiler round differently"
+        if found := _RETURNED.search(line):
+            yield number, f"{found.group(1)} is a struct, and Oclgrind runs no inlined function that returns one"
         signature = "" if line.startswith("}") else line if line[:1].strip() else signature + line
         given = [] if line.startswith("}") else given
         if function := _FUNCTION.match(signature):

@@ -66,7 +66,8 @@ typedef struct {
     vfloat given, power;
 } TreeShares;
 
-__attribute__((always_inline)) static TreeShares tree_first(const Scene* scene, vuint node, vec3 origin, vec3 normal) {
+// Written in place: where a function that is always inlined returns a struct, Oclgrind cannot run it.
+__attribute__((always_inline)) static void tree_first(const Scene* scene, vuint node, vec3 origin, vec3 normal, TreeShares* shares) {
     vfloat row[16];
     lane_rows(scene->light_nodes, node, row);
     const vmask two_sided = (normal.x == 0.0f) & (normal.y == 0.0f) & (normal.z == 0.0f);
@@ -85,10 +86,8 @@ __attribute__((always_inline)) static TreeShares tree_first(const Scene* scene, 
     const vfloat first = a.weight * near_one * (distance_b * distance_b), second = b.weight * near_one * (distance_a * distance_a);
     const vfloat both = first + second;
     const vmask some_a = a.weight > 0.0f, some_b = b.weight > 0.0f;
-    TreeShares shares;
-    shares.power = some_b ? (some_a ? row[NODE_ROW_POWER] : splat(0.0f)) : some_a ? splat(1.0f) : splat(-1.0f);
-    shares.given = both > 0.0f ? quotient(first, both) : shares.power;
-    return shares;
+    shares->power = some_b ? (some_a ? row[NODE_ROW_POWER] : splat(0.0f)) : some_a ? splat(1.0f) : splat(-1.0f);
+    shares->given = both > 0.0f ? quotient(first, both) : shares->power;
 }
 
 #define TREE_BY_POWER 0.0625f       // of the walks so many go by power alone: 1/16
@@ -135,7 +134,8 @@ static void tree_enter(TreeShares first, vmask to_first, vfloat* given, vfloat* 
 }
 
 static void tree_step(const Scene* scene, TreeWalk* walk) {
-    const TreeShares shares = tree_first(scene, walk->node, walk->origin, walk->normal);
+    TreeShares shares;
+    tree_first(scene, walk->node, walk->origin, walk->normal, &shares);
     const vfloat first = walk->by_power ? shares.power : shares.given;
     const vmask to_first = walk->u < first;
     const vfloat share = to_first ? first : splat(1.0f) - first;
@@ -165,7 +165,9 @@ static vfloat tree_probability(const Scene* scene, vec3 origin, vec3 normal, vui
     const uint levels = scene->settings->light_levels;
     for (uint level = 0; level < levels; ++level) {
         const vuint node = place >> (levels - level), next = place >> (levels - level - 1);
-        tree_enter(tree_first(scene, node, at, normal), (next & 1u) == 0u, &given, &power);
+        TreeShares shares;
+        tree_first(scene, node, at, normal, &shares);
+        tree_enter(shares, (next & 1u) == 0u, &given, &power);
     }
     return tree_chance(given, power);
 }

@@ -60,6 +60,7 @@ def test_the_kernels_keep_their_rules() -> None:
         ("vfloat a = l.row[6];", "is a bare column"),
         ("static Ray f(Ray r, uint n) {\n    r.limit *= n;", "given by value"),
         ("static vec3 f(const Ray* r,\n     vec3 v) {\n    v = r->origin;", "given by value"),
+        ("__attribute__((always_inline)) static Hit f(int a) {", "Oclgrind runs no inlined function"),
         ("#include <b.h>", "includes read"),
         ('#include "../b.h"', "includes read"),
     ],
