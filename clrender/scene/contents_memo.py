@@ -46,6 +46,11 @@ class ContentsMemo:
         name : str
         compute : callable
             Returns the value. If it raises an error, nothing is kept.
+
+        Returns
+        -------
+        object
+            As `compute` returns it.
         """
         if name not in self._values:
             self._values[name] = compute()

@@ -614,6 +614,11 @@ class Scene(_Head):
             Of the value.
         compute : callable
             Returns the value; called if it is not known yet. If it raises an error, nothing is kept.
+
+        Returns
+        -------
+        object
+            As `compute` returns it.
         """
         contents = self._contents()
         if not self._memo:
