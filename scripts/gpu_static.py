@@ -19,13 +19,14 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Final
 
 from elftools.elf.elffile import ELFFile
 
 from clrender.device.source import load_source
+from clrender.features import Features
 
 __all__ = [
     "BUDGETS",
@@ -64,11 +65,11 @@ class Program:
     ----------
     entry : str
         Name below the kernels folder.
-    macros : mapping of str to int
+    macros : mapping of str to int or str
     """
 
     entry: str
-    macros: Mapping[str, int]
+    macros: Mapping[str, int | str]
 
 
 @dataclass(frozen=True)
@@ -98,43 +99,15 @@ class Usage:
     code_bytes: int
 
 
-_MATERIALS: Final = {"MATERIALS": 1}
-_TEXTURES: Final = {**_MATERIALS, "TEXTURES": 1, "ENVIRONMENT_MAP": 1}
-_EVERYTHING: Final = {
-    **_TEXTURES,
-    **dict.fromkeys(
-        [
-            "BECKMANN",
-            "TURNED_GLASS",
-            "LAMPS",
-            "SUN",
-            "INTERIORS",
-            "MEDIA",
-            "EQUIANGULAR",
-            "SUBSURFACE",
-            "STRAIGHT_SHADOWS",
-            "CAMERA_CUTS_MEDIA",
-            "INSTANCES",
-            "OPACITY",
-            "HOLES",
-            "TANGENTS",
-            "EMISSION_TEXTURES",
-            "TERMINATOR_OFFSET",
-            "PIXEL_FILTER",
-            "PIXEL_FILTER_NEGATIVE",
-            "PATH_SPLITS",
-        ],
-        1,
-    ),
+_OF_SETTINGS: Final = {"PIXEL_FILTER": 1, "PIXEL_FILTER_NEGATIVE": 1, "PATH_SPLITS": 1}
+"""What settings define, not scenes."""
+_EVERYTHING: Final = Features(**{each.name: True for each in fields(Features)})
+_TIERS: Final[Mapping[str, Mapping[str, int | str]]] = {
+    "simple": Features().macros,
+    "materials": Features(materials=True).macros,
+    "textures": Features(materials=True, textures=True, environment_map=True).macros,
+    "everything": {**_EVERYTHING.macros, **_OF_SETTINGS},
 }
-_TIERS: Final[dict[str, dict[str, int]]] = {
-    "simple": {},
-    "materials": _MATERIALS,
-    "textures": _TEXTURES,
-    "everything": _EVERYTHING,
-}
-
-
 _SCENELESS: Final = [
     "film/accumulate",
     "geometry/build_collapse",
