@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.errors import SceneError, UsageError
 from clrender.exact.angles import tan_degrees
+from clrender.features import Features
 from clrender.scene.assembly import assemble
 from clrender.scene.description import (
     Camera,
@@ -75,16 +76,8 @@ class FlatScene:
         Number of lights that light sampling chooses from.
     light_levels : int
         Levels of the light BVH; 0: there is none.
-    scatters : bool
-        Whether any medium, including fog, scatters light.
-    fog : bool
-        Whether the medium outside of all others scatters light.
-    straight_surfaces : bool
-        Whether some surfaces transmit light undeflected without bounding a medium: `clrender.scene.media.Media`.
-    masked : bool
-        Whether rays may pass through some surfaces: those of shapes with the flag `layout.SHAPE_MASKED`.
-    subsurface : bool
-        Whether there are subsurface materials.
+    features : Features
+        What kernels are compiled for.
     instances : FlatInstances
         Instances of groups of shapes; their primitives are numbered from ``triangle_count + analytic_count`` on.
     arrays_sha256 : str
@@ -105,11 +98,7 @@ class FlatScene:
     analytic_count: int
     light_count: int
     light_levels: int
-    scatters: bool
-    fog: bool
-    straight_surfaces: bool
-    masked: bool
-    subsurface: bool
+    features: Features
     instances: FlatInstances
     arrays_sha256: str
     notes: tuple[str, ...] = ()
@@ -247,19 +236,16 @@ def flatten(
             digest.update(textures.sha256.encode())  # they may be large, and are already hashed
         else:
             digest.update(array.reshape(-1).view(np.uint8).data)
+    camera = _surrounded(camera, arrays, triangle_count, instances, scene.camera, origin)
     return FlatScene(
         arrays=arrays,
-        camera=_surrounded(camera, arrays, triangle_count, instances, scene.camera, origin),
+        camera=camera,
         environment=lights.environment,
         triangle_count=triangle_count,
         analytic_count=analytic_count,
         light_count=lights.count,
         light_levels=tree.levels if tree else 0,
-        scatters=media.scatters,
-        fog=media.fog,
-        straight_surfaces=media.straight,
-        masked=bool((surfaces.shapes["flags"] & layout.SHAPE_MASKED).any()),
-        subsurface=media.subsurface,
+        features=Features.of(arrays, camera, media, instances.count),
         instances=instances,
         arrays_sha256=digest.hexdigest(),
         notes=scene.notes,
@@ -286,7 +272,7 @@ def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene
     """
     camera = _camera_row(scene.camera, width, height, scene.source, flat.origin)
     around = _surrounded(camera, flat.arrays, flat.triangle_count, flat.instances, scene.camera, flat.origin)
-    return dataclasses.replace(flat, camera=around)
+    return dataclasses.replace(flat, camera=around, features=flat.features.seen_by(around))
 
 
 def _darken(

@@ -61,6 +61,24 @@ install_packages() {
     return 1
 }
 
+# What scripts/gpu_static compiles with. libclc and Intel's compiler are only unpacked, into the environment: installed, the
+# one would replace the version that rusticl needs, and the other would be a driver.
+install_gpu_compilers() {
+    local unpacked=$venv/gpu-compilers folder
+    install_packages clang-19 || say "without Clang 19 nothing is compiled for NVIDIA's and AMD's GPUs"
+    pip_install --quiet 'nvidia-cuda-nvcc-cu12>=12.9,<13' >&2 || say "without ptxas nothing is compiled for NVIDIA's GPUs"
+    [[ ! -e $unpacked ]] && find_root || return 0
+    folder=$(mktemp -d)
+    chmod 755 "$folder"
+    if (cd "$folder" && apt-get download -qq libclc-19 intel-opencl-icd libigc1 libigdfcl1 libopencl-clang14 libllvmspirvlib14 \
+        libigdgmm12 >/dev/null 2>&1 && for each in *.deb; do dpkg -x "$each" "$folder/unpacked" || exit 1; done); then
+        mv "$folder/unpacked" "$unpacked"
+    else
+        say "libclc and Intel's compiler could not be downloaded; nothing is compiled for AMD's, NVIDIA's and Intel's GPUs"
+    fi
+    rm -rf "$folder"
+}
+
 find_python() {
     local candidate
     for candidate in ${PYTHON:-} python3 python3.13 python3.12 python3.11 python3.10; do

@@ -140,30 +140,6 @@ class SceneArrays:
         BVH over all opaque primitives.
     masked_tree : bvh.Bvh or None
         BVH over all masked primitives.
-    instances : bool
-        Whether there are instances.
-    holes : bool
-        Whether there are rows with the transparent cells of masked triangles.
-    materials : bool
-        Whether some material has rows of its own, so that the kernels need all lobes.
-    environment_map : bool
-        Whether the environment has an image.
-    lamps : bool
-        Whether there are anisotropic point lights (spot or IES).
-    sun : bool
-        Whether there is a sun.
-    interiors : bool
-        Whether paths track the dielectrics and media that they are inside.
-    cuts_media : bool
-        Whether rays of the camera may begin in different media.
-    textured : bool
-        Whether any shape is textured.
-    tangents : bool
-        Whether any triangle has vertex tangents.
-    terminator_offsets : bool
-        Whether any shape's shadow terminator is moved.
-    emission_textures : bool
-        Whether any shape has textured emission.
     page_bits : int or None
         See `texel_pages`.
 
@@ -182,29 +158,9 @@ class SceneArrays:
         vertices, corners, analytic_shapes = arrays["vertices"], arrays["triangles"], arrays["analytic_shapes"]
         shape_of, shapes = arrays["primitive_shape"], arrays["shapes"]
         source = bvh.SourceArrays(vertices, corners, analytic_shapes, shape_of, shapes, triangles, scene.analytic_count)
-        self.instances = scene.instances.count > 0
         self.tree, self.masked_tree = (tree, None) if tree else _trees(device, source, scene, arrays["instance_rows"])
-        self.holes = len(scene.arrays["hole_rows"]) > 1
-        self.materials = len(scene.arrays["albedo_tables"]) > 1
-        self.beckmann = len(scene.arrays["albedo_tables"]) > layout.ALBEDO_END
-        self.turned_glass = len(scene.arrays["albedo_tables"]) > layout.ALBEDO_TURNED_GLASS
-        self.environment_map = len(scene.arrays["environment_map"]) > 1
-        self.lamps = bool(np.isin(scene.arrays["lights"]["kind"], (layout.LIGHT_SPOT, layout.LIGHT_IES)).any())
-        self.sun = bool((scene.arrays["lights"]["kind"] == layout.LIGHT_SUN).any())
-        self.interiors = bool(scene.arrays["media_rows"].any())
-        self.media = scene.scatters
-        self.fog = scene.fog
-        self.straight_surfaces = scene.straight_surfaces
-        self.cuts_media = bool(scene.camera["cuts_media"][0])
-        self.subsurface = scene.subsurface
-        self.emission_textures = bool(scene.arrays["lights"]["texture"].any())
-        attributes = scene.arrays["attribute_rows"]
-        tangents = {name: first for name, first, _, _ in layout.ROWS["ATTRIBUTE"]}["TANGENTS"]
-        self.tangents = bool(attributes[:, tangents].view(np.uint32).any())
-        self.textured = len(attributes) > 1 or bool(attributes.any()) or self.emission_textures
         pages, self.page_bits = texel_pages(device, scene.arrays["texels"])
         smooth = len(scene.arrays["normals"]) > 1
-        self.terminator_offsets = bool((scene.arrays["shapes"]["flags"] & layout.SHAPE_TERMINATOR_OFFSET).any())
         self.buffers: dict[str, Buffer] = {
             # Lanes without a hit read row 0, so it must exist.
             "primitive_rows": device.empty(64 * primitives) if primitives else device.upload(np.zeros(16, np.float32)),
@@ -259,7 +215,6 @@ class SceneArrays:
     def look(self, camera: NDArray[np.void]) -> None:
         """Replace the camera by another, a (1,) `Camera`."""
         self._device.write(self.buffers["camera"], camera)
-        self.cuts_media = bool(camera["cuts_media"][0])
 
     def release(self) -> None:
         """Release the device memory."""
@@ -319,7 +274,7 @@ def _trees(
 
 def _masked(scene: FlatScene) -> NDArray[np.bool_] | None:
     """Mask of the primitives that rays may pass through; None if there are none."""
-    if not scene.masked:
+    if not scene.features.opacity:
         return None
     count = scene.triangle_count + scene.analytic_count
     flags: NDArray[np.uint32] = scene.arrays["shapes"]["flags"][scene.arrays["primitive_shape"][:count]]

@@ -7,7 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -199,6 +199,9 @@ class DeviceWorker:
             self._arrays = arrays or SceneArrays(device, scene, tree)
             if arrays is None:
                 self._owned.callback(self._arrays.release)
+            self._features = scene.features
+            if self._arrays.masked_tree is None:  # a given BVH holds all primitives
+                self._features = replace(scene.features, opacity=False, holes=False)
             self._scratch = scratch or Scratch(device)
             if scratch is None:
                 self._owned.callback(self._scratch.release)
@@ -215,7 +218,7 @@ class DeviceWorker:
             self.lanes = launch.lanes or _lanes(device)
             self._parts = self.lanes >= 4 and self._arrays.node_count > _SMALL_TREE
             # A single packet has no others to alternate with where rays diverge, or to sort paths by material with.
-            several = self._parts or (self.lanes >= 4 and self._arrays.materials)
+            several = self._parts or (self.lanes >= 4 and self._features.materials)
             self._packets = pipeline.packets if several else 1
             group = launch.work_group or _work_group(device, self.lanes, self._packets)
             self._group = group if launch.work_group else min(group, device.max_work_group)
@@ -263,46 +266,9 @@ class DeviceWorker:
             defines["TRAVERSAL_SINGLE"] = 1
         if self.lanes >= 4 and not self._parts:
             defines["PACKET_PARTS"] = 0  # not for single lanes: their program is the same, and compiled only once
-        if self._arrays.materials:
-            defines["MATERIALS"] = 1
-            if self._arrays.beckmann:
-                defines["BECKMANN"] = 1
-            if self._arrays.turned_glass:
-                defines["TURNED_GLASS"] = 1
-        if self._arrays.environment_map:
-            defines["ENVIRONMENT_MAP"] = 1
-        if self._arrays.lamps:
-            defines["LAMPS"] = 1
-        if self._arrays.sun:
-            defines["SUN"] = 1
-        if self._arrays.interiors:
-            defines["INTERIORS"] = 1
-            if self._arrays.media:
-                defines["MEDIA"] = 1
-            if self._arrays.fog:
-                defines["EQUIANGULAR"] = 1
-            if self._arrays.subsurface:
-                defines["SUBSURFACE"] = 1
-            if self._arrays.straight_surfaces:
-                defines["STRAIGHT_SHADOWS"] = 1
-            if self._arrays.cuts_media:
-                defines["CAMERA_CUTS_MEDIA"] = 1
-        if self._arrays.instances:
-            defines["INSTANCES"] = 1
-        if self._arrays.terminator_offsets:
-            defines["TERMINATOR_OFFSET"] = 1
-        if self._arrays.masked_tree:
-            defines["OPACITY"] = 1
-            if self._arrays.holes:
-                defines["HOLES"] = 1
-        if self._arrays.textured or self._arrays.masked_tree:
-            defines["TEXTURES"] = 1
-            if self._arrays.tangents:
-                defines["TANGENTS"] = 1
-            if self._arrays.emission_textures:
-                defines["EMISSION_TEXTURES"] = 1
-            if self._arrays.page_bits is not None:
-                defines["TEXEL_PAGE_BITS"] = self._arrays.page_bits
+        defines |= self._features.macros
+        if self._features.textures and self._arrays.page_bits is not None:
+            defines["TEXEL_PAGE_BITS"] = self._arrays.page_bits
         if self._settings["filter_weight"][0] > 0.0:
             defines["PIXEL_FILTER"] = 1
             if self._settings["filter_negative"][0] < layout.FILTER_LINES:

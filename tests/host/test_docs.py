@@ -93,7 +93,7 @@ def test_every_command_of_the_readme_exists_and_every_command_is_in_it() -> None
 @pytest.mark.parametrize("page", [README, REFERENCE, *(path.read_text() for path in (ROOT / "docs").glob("[!n]*.md"))])
 def test_every_option_exists(page: str) -> None:
     # Of scripts there are a few more, of pipx and podman, and of Dask
-    scripts = "".join(path.read_text() for path in (ROOT / "scripts").glob("gpu_check*") if path.is_file())
+    scripts = "".join(path.read_text() for path in (ROOT / "scripts").glob("gpu_*") if path.is_file())
     dask = {"--nthreads", "--memory-limit", "--protocol", "--dashboard-address"}
     installers = {"--spec", "--from", "--rm", "--build-arg", "--python"}
     others = {"--install-peers", "--yes", "--by", *dask, *installers, *re.findall(r"--[a-z][a-z-]+", scripts)}

@@ -33,6 +33,7 @@ LAYERS = (
     ("scheduling",),
     ("device",),
     ("flatten",),
+    ("features",),
     ("film",),
     ("importers", "exporters"),
     ("scene",),

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from clrender import layout
 from clrender.device.bvh import STACK, Bvh, SourceArrays, build
+from clrender.features import Features
 from clrender.flatten import FlatScene
 from clrender.scene.instances import FlatInstances
 
@@ -148,11 +149,7 @@ def flat_scene(
         analytic_count=count[1],
         light_count=0,
         light_levels=0,
-        scatters=False,
-        fog=False,
-        straight_surfaces=False,
-        masked=False,
-        subsurface=False,
+        features=Features(),
         instances=FlatInstances.none(*count, len(points), np.arange(2)),
         arrays_sha256="",
     )
