@@ -93,4 +93,4 @@ class LightTable:
         named = {**self.arrays.buffers, "settings": self.settings}
         vectors = [np.array([*vector, 0.0], np.float32) for vector in (origin, normal)]
         arguments = [*(named[name] for name in scene_array_names()), None, *vectors]
-        return launch(self.device, kernel, random_bits(seed), arguments, outputs, self.arrays.lamps)
+        return launch(self.device, kernel, random_bits(seed), arguments, outputs, self.flat.features.lamps)
