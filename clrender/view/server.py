@@ -201,7 +201,10 @@ def serve(
     logging.getLogger("uvicorn.error").addFilter(_is_ours)
     shown = "localhost" if host == "localhost" else f"[{host}]" if ":" in host else host
     ready(f"http://{shown}:{port}/?token={token}")
-    _Server(config, engine).run(sockets=[listening])
+    server = _Server(config, engine)
+    # Around the event loop too: an exception that a signal raises in one of its tasks is logged when the task is collected.
+    with server.capture_signals():
+        server.run(sockets=[listening])
 
 
 def _is_ours(record: logging.LogRecord) -> bool:
