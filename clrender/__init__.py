@@ -12,40 +12,40 @@ from typing import TYPE_CHECKING, Any
 from clrender.version import __version__
 
 if TYPE_CHECKING:
-    from clrender.convergence_plot import ConvergencePlot as ConvergencePlot
-    from clrender.device import devices as devices
+    from clrender.api import render as render
+    from clrender.drivers import devices as devices
     from clrender.errors import ClrenderError as ClrenderError
     from clrender.errors import DeviceError as DeviceError
     from clrender.errors import RenderError as RenderError
     from clrender.errors import SceneError as SceneError
     from clrender.errors import UsageError as UsageError
     from clrender.importers.load import load as load
-    from clrender.job import RenderJob as RenderJob
-    from clrender.rendered_image import Progress as Progress
-    from clrender.rendered_image import RenderedImage as RenderedImage
-    from clrender.rendering import render as render
+    from clrender.rendering.convergence_plot import ConvergencePlot as ConvergencePlot
+    from clrender.rendering.job import RenderJob as RenderJob
+    from clrender.rendering.rendered_image import Progress as Progress
+    from clrender.rendering.rendered_image import RenderedImage as RenderedImage
+    from clrender.rendering.session import Session as Session
     from clrender.scene import Scene as Scene
-    from clrender.session import Session as Session
     from clrender.verification import verify as verify
     from clrender.view.notebook import View as View
 
 # Module of each name. Names are imported when first used: `clrender --version` must not load NumPy.
 _HOMES = {
     "ClrenderError": "clrender.errors",
-    "ConvergencePlot": "clrender.convergence_plot",
+    "ConvergencePlot": "clrender.rendering.convergence_plot",
     "DeviceError": "clrender.errors",
-    "Progress": "clrender.rendered_image",
+    "Progress": "clrender.rendering.rendered_image",
     "RenderError": "clrender.errors",
-    "RenderedImage": "clrender.rendered_image",
-    "RenderJob": "clrender.job",
+    "RenderedImage": "clrender.rendering.rendered_image",
+    "RenderJob": "clrender.rendering.job",
     "Scene": "clrender.scene",
     "SceneError": "clrender.errors",
-    "Session": "clrender.session",
+    "Session": "clrender.rendering.session",
     "UsageError": "clrender.errors",
     "View": "clrender.view.notebook",
     "devices": "clrender.device",
     "load": "clrender.importers",
-    "render": "clrender.rendering",
+    "render": "clrender.api",
     "verify": "clrender.verification",
 }
 

@@ -18,7 +18,7 @@ def main() -> None:
     try:
         from clrender.cli import main as command
         from clrender.cli.streams import guard_streams
-        from clrender.heap import return_large_blocks
+        from clrender.process.heap import return_large_blocks
 
         return_large_blocks()
         guard_streams()

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 from clrender.errors import UsageError
 from clrender.integrators import INTEGRATORS
 from clrender.limits import Bytes, Choice, Domain, NotAllowed, Range, nearest, shown
-from clrender.memory import check_image, film_bytes
+from clrender.process.memory import check_image, film_bytes
 
 if TYPE_CHECKING:
     import numpy as np
@@ -366,7 +366,7 @@ class RenderSettings:
             **(fixed or {}),
         }
         if self.filter != "box":
-            from clrender.pixel_filter import filter_table
+            from clrender.image.pixel_filter import filter_table
 
             table = filter_table(self.filter)
             settings["filter_lines"] = table.lines.ravel()

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Make `clrender/scene/albedo_tables.npz`: how much light the lobes of rough materials reflect, from each direction.
+"""Make `clrender/flatten/albedo_tables.npz`: how much light the lobes of rough materials reflect, from each direction.
 
 Rows go over √alpha from 0 to 1, columns over √(μ (1 + alpha) / (μ + alpha)) from 0 to 1, of the cosine μ. Integrals
 over visible normals are means over a grid in the sampler's square (Dupuy and Benyoub, CGF 42(8), 2023), in double
@@ -50,7 +50,7 @@ from numpy.typing import NDArray
 
 from clrender import layout
 
-FILE = Path(__file__).resolve().parent.parent / "clrender" / "scene" / "albedo_tables.npz"
+FILE = Path(__file__).resolve().parent.parent / "clrender" / "flatten" / "albedo_tables.npz"
 LEAST_ALPHA = 1e-5
 LEAST_TURNED = 1e-3  # the smallest alpha that is not a delta: CLOSURE_SMOOTH of kernels/material/closure.h
 

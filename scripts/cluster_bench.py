@@ -30,7 +30,7 @@ from clrender.cluster import DaskCluster, open_cluster
 from clrender.cluster.connection import Connection
 from clrender.film import Film
 from clrender.film.unit import Unit, UnitSums, slot_count
-from clrender.job import RenderJob
+from clrender.rendering.job import RenderJob
 
 SIZE: Final = (800, 800)
 _TILE: Final = 64
@@ -89,7 +89,9 @@ def costs(scene: clrender.Scene, device: str) -> dict[str, Any]:
         connection.connect(next(iter(cluster.peers.values())))
         text, _ = job.to_json()
         begun = time.perf_counter()
-        connection.call("prepare", text, [], session.flat(job).sha256)
+        team, sha256 = session.team(job)
+        with team:
+            connection.call("prepare", text, [], sha256)
         prepared = time.perf_counter() - begun
         rate = _rate(connection, unit)
         shallow = [Unit(unit.first_slot, unit.slot_count, sample, 1, _TILE) for sample in range(20)]

@@ -451,7 +451,7 @@ def _ours(session: Any, folder: Path, number: int) -> npt.NDArray[np.float32]:
     scene = clrender.load(str(folder / "scene.json"))
     size = (_SIDE, _SIDE)
     own = np.array([session.render(scene, spp=_SPP, size=size, seed=seed).linear for seed in _seeds(number)])
-    np.save(folder / "clrender.npy", own)
+    np.save(folder / "clrender.files.npy", own)
     return own
 
 

@@ -19,10 +19,11 @@ from typing import Any, Final
 
 import clrender
 from clrender.bench.scenes import SCENES, write_scene
-from clrender.device import Device, select
+from clrender.device import Device
 from clrender.device.device import Argument, Program
 from clrender.device.faults import FaultyDevice
-from clrender.rendered_image import RenderedImage
+from clrender.drivers import select
+from clrender.rendering.rendered_image import RenderedImage
 
 _SPEED_SPP: Final = 16
 """Samples per pixel for measuring speeds; fewer of a slowed device."""

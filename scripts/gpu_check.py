@@ -24,10 +24,10 @@ from image_support import SCENES, Cutting, render
 import clrender
 from clrender.bench import measure, summary, write_scene
 from clrender.bench.peers import SEGMENTS, Peer, Task
-from clrender.device import inventory, select
-from clrender.device.diagnose import diagnose
 from clrender.device.faults import CALLS, Fault, FaultyDevice
-from clrender.device.probe import examine
+from clrender.drivers import inventory, select
+from clrender.drivers.diagnose import diagnose
+from clrender.drivers.probe import examine
 from clrender.errors import ClrenderError
 
 if TYPE_CHECKING:

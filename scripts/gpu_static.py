@@ -26,7 +26,7 @@ from typing import Final
 from elftools.elf.elffile import ELFFile
 
 from clrender.device.source import load_source
-from clrender.features import Features
+from clrender.flatten.features import Features
 
 __all__ = [
     "BUDGETS",

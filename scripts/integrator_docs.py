@@ -14,7 +14,7 @@ import clrender
 from clrender.image.compare import relative_squared_error
 
 if TYPE_CHECKING:
-    from clrender.rendered_image import RenderedImage
+    from clrender.rendering.rendered_image import RenderedImage
 
 __all__: list[str] = []
 

@@ -18,12 +18,16 @@ _ROOMS: Final = (
     "exact/matrices.py",
     "exact/elementary.py",
     "exporters/",
-    "flatten.py",
+    "flatten/",
     "importers/",
-    "photon_maps.py",
+    "meshes/",
+    "photon/",
     "radiosity/",
     "scene/",
-    *(f"image/{name}.py" for name in ("colorimetry", "display", "exr", "files", "pictures", "radiance_hdr")),
+    *(
+        f"image/{name}.py"
+        for name in (*("colorimetry", "display", "exr", "files", "pictures", "radiance_hdr", "texel_tiles"),)
+    ),
 )
 """What of the package ends in the bits of scenes and images; `exact` is where other functions are corrected."""
 _ORDER: Final = (

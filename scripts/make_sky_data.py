@@ -1,8 +1,8 @@
-"""Writes clrender/scene/hosek_wilkie.npz, the data of the sky model, from a file with the published data sets.
+"""Writes clrender/flatten/hosek_wilkie.npz, the data of the sky model, from a file with the published data sets.
 
 Run ``python scripts/make_sky_data.py sunsky_datasets.bin`` to write it: the file is part of Mitsuba 3 (`mitsuba/data/
-sunsky`) and holds the data of Hošek's and Wilkie's own program, whose licence is clrender/scene/hosek_wilkie.txt. With
-``--check`` it is compared with what is committed.
+sunsky`) and holds the data of Hošek's and Wilkie's own program, whose licence is clrender/flatten/hosek_wilkie.txt.
+With ``--check`` it is compared with what is committed.
 
 sky_parameters   (10, 2, 6, 3, 9) float32   turbidity, albedo of the ground, control point, channel, parameter
 sky_radiance     (10, 2, 6, 3) float32      W/(sr m2), the mean, a factor of the radiance
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 ROOT = Path(__file__).resolve().parent.parent
-PATH = ROOT / "clrender" / "scene" / "hosek_wilkie.npz"
+PATH = ROOT / "clrender" / "flatten" / "hosek_wilkie.npz"
 NAMES = {
     "sky_parameters": "sky_params_rgb",
     "sky_radiance": "sky_rad_rgb",

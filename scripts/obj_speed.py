@@ -56,7 +56,7 @@ def reader(name: str) -> Callable[[Path], Any]:
         import clrender
 
         return clrender.load
-    from clrender.scene.mesh_io import read_mesh
+    from clrender.meshes.read import read_mesh
 
     return lambda path: read_mesh(path.name, path.parent, (), "speed")
 

@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "image"))
 
 from image_support import LANES, SCENES, SPP, TRAVERSALS, WIDTH_HEIGHT, Cutting, product, render
 
-from clrender.device import select
+from clrender.drivers import select
 from clrender.errors import ClrenderError
 from clrender.integrators import INTEGRATORS
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Make the table of `clrender/scene/subsurface.py`, which maps reflectance to single-scattering albedo.
+"""Make the table of `clrender/flatten/subsurface.py`, which maps reflectance to single-scattering albedo.
 
 The reflectance of a half-space, for cosine-distributed incident light, by discrete ordinates (Chandrasekhar, Radiative
 Transfer, 1960): Gauss points in each hemisphere, the phase function as a Legendre series, and the solutions that decay
@@ -18,7 +18,8 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from clrender.scene.subsurface import MOST_G, SERIES, single_scattering
+from clrender.flatten.subsurface import SERIES, single_scattering
+from clrender.scene.materials import MOST_G
 
 _Floats: TypeAlias = npt.NDArray[np.float64]
 POINTS = 64

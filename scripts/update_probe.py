@@ -8,8 +8,8 @@ from __future__ import annotations
 import sys
 from dataclasses import asdict
 
-from clrender.device.discover import drivers
-from clrender.device.probe import EXPECTED_FILE, ask_child, inventory
+from clrender.drivers.discover import drivers
+from clrender.drivers.probe import EXPECTED_FILE, ask_child, inventory
 
 __all__: list[str] = []
 

@@ -63,7 +63,7 @@ def _kept_kernels(folder: Path) -> dict[str, str | None]:
 
 def _kept_drivers(folder: Path) -> dict[str, str | None]:
     """The machine's list of drivers as it is now: one that is installed or removed meanwhile changes no test."""
-    from clrender.device import discover
+    from clrender.drivers import discover
 
     found = discover.drivers()
     if os.environ.get("OCL_ICD_VENDORS") or not all(driver.library for driver in found):
@@ -89,7 +89,7 @@ def _set(variables: dict[str, str | None]) -> None:
 @pytest.fixture(scope="session")
 def all_devices(cache_folder: Path) -> list[Device]:
     """Every device that passes the probe, PoCL first where it is installed."""
-    from clrender.device import select
+    from clrender.drivers import select
 
     return sorted(select("all"), key=lambda device: "pocl" not in device.info.version.lower())
 
@@ -97,6 +97,6 @@ def all_devices(cache_folder: Path) -> list[Device]:
 @pytest.fixture(scope="session")
 def device(cache_folder: Path) -> Device:
     """The device to test on: PoCL, or the one that CLRENDER_TEST_DEVICE names."""
-    from clrender.device import select
+    from clrender.drivers import select
 
     return select(os.environ.get("CLRENDER_TEST_DEVICE", "pocl"))[0]

@@ -13,12 +13,12 @@ import numpy.typing as npt
 
 from clrender.agreement.batches import LEVEL, Batches, Pair, compare_batches, tile_means
 from clrender.errors import RenderError, UsageError
+from clrender.flatten.taken import check_materials
 from clrender.integrators import INTEGRATORS
-from clrender.rendered_image import Progress, RenderedImage
-from clrender.scene.taken import check_materials
-from clrender.scene.wording import quoted, suggestion
-from clrender.session import Session
+from clrender.rendering.rendered_image import Progress, RenderedImage
+from clrender.rendering.session import Session
 from clrender.settings import settings_for, settings_of
+from clrender.wording import quoted, suggestion
 
 if TYPE_CHECKING:
     from clrender.scene import Scene

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.aov.names import MATTES, RANKS
-from clrender.scene.assembly import assemble
+from clrender.flatten.assembly import assemble
 
 if TYPE_CHECKING:
     from clrender.scene import Scene

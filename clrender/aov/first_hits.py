@@ -15,15 +15,15 @@ from clrender.aov.cryptomatte import matte_names, name_id, ranked
 from clrender.aov.names import MATTES, OF_FILM, RANKS
 from clrender.aov.samples import PrimitiveSamples
 from clrender.device.scene_arrays import scene_array_names
+from clrender.device.team import DeviceTeam, most_slots
 from clrender.film import Film
 from clrender.film.unit import tile_side
+from clrender.flatten.assembly import assemble
+from clrender.flatten.surfaces import flat_surfaces
 from clrender.integrators.descriptor import Pipeline
-from clrender.memory import largest_tile
-from clrender.scene.assembly import assemble
-from clrender.scene.surfaces import flat_surfaces
+from clrender.process.memory import largest_tile
 from clrender.scheduling.contributions import MOST_BYTES
 from clrender.scheduling.policy import Plan
-from clrender.scheduling.pool import WorkerPool, most_slots
 from clrender.scheduling.run import Receiver, run
 from clrender.scheduling.tally import failures_told
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from clrender.device import Device
     from clrender.device.device import Argument, Buffer
     from clrender.device.worker import DeviceWorker
-    from clrender.flatten import FlatScene
+    from clrender.flatten.flat_scene import FlatScene
     from clrender.scene import Scene
     from clrender.settings import RenderSettings
 
@@ -119,7 +119,7 @@ class LayerArguments:
 class _Passes:
     """The passes of one render, each over a layer or a sample."""
 
-    pool: WorkerPool
+    team: DeviceTeam
     asked: LayerKind
     settings: RenderSettings
     should_stop: Callable[[], bool] | None
@@ -136,7 +136,7 @@ class _Passes:
         self.asked.kind = LAYER_KINDS[what]
         width, height = self.settings.width, self.settings.height
         plan = Plan(width, height, 0, samples, self.tile, rows is not None, rows, most_slots=self.most_slots)
-        tally = run(plan, self.pool.candidates, receiver, None, self.should_stop, self.notify, apart_bytes=self.apart)
+        tally = run(plan, self.team.candidates, receiver, None, self.should_stop, self.notify, apart_bytes=self.apart)
         tally.raise_failure()
         for line in failures_told(tally):
             self.notify(line)
@@ -217,10 +217,10 @@ def first_hits(
     on_device = partial(LayerArguments, asked=asked, coordinates=coordinates)
     found: dict[str, _Array] = {}
     samples = min(settings.spp, most_samples)
-    with WorkerPool(devices, partial(make, pipeline=FIRST_HITS, on_device=on_device)) as pool:
+    with DeviceTeam(devices, partial(make, pipeline=FIRST_HITS, on_device=on_device)) as team:
         apart = MOST_BYTES if settings.max_memory is None else 0
         most = most_slots(devices, settings.max_memory)
-        passes = _Passes(pool, asked, settings, should_stop, notify or (lambda line: None), apart, most)
+        passes = _Passes(team, asked, settings, should_stop, notify or (lambda line: None), apart, most)
         for name in wanted:
             if name not in (*_NUMBERS, *MATTES):
                 found[name] = _layer(name, *passes.mean(name, samples))

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.errors import UsageError
-from clrender.scene.wording import suggestion
+from clrender.wording import suggestion
 
 __all__ = [
     "AOVS",

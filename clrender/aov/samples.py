@@ -11,7 +11,7 @@ from clrender.errors import RenderError
 from clrender.film.unit import BLOCK_SLOTS, Unit, UnitSums, tile_slots
 
 if TYPE_CHECKING:
-    from clrender.flatten import FlatScene
+    from clrender.flatten.flat_scene import FlatScene
 
 __all__ = ["PrimitiveSamples"]
 

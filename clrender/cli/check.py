@@ -9,7 +9,7 @@ import click
 from clrender import layout
 from clrender.cli.completing import complete_scenes
 from clrender.cli.options import allow_path_option, choice_options
-from clrender.flatten import FlatScene, flatten
+from clrender.flatten.flat_scene import FlatScene, flatten
 from clrender.importers import load
 
 __all__ = ["check"]

@@ -170,7 +170,7 @@ def _table(numbers: dict[str, Any]) -> str:
 
 def _write(folder: Path, made: Sequence[Batches], pairs: Sequence[Pair], numbers: dict[str, Any]) -> None:
     """Write mean images, maps of z whose file names give the meaning of their colours, and the numbers."""
-    from clrender.files import atomic_write
+    from clrender.files.access import atomic_write
     from clrender.image.files import write_image
 
     height, width = made[0].image.shape[:2]

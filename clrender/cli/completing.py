@@ -30,7 +30,7 @@ def complete_devices(_ctx: click.Context, _param: click.Parameter, incomplete: s
     """Complete the keywords of `--device`, and the indices of existing devices."""
 
     def names() -> dict[str, str]:
-        from clrender.device import inventory
+        from clrender.drivers import inventory
 
         return {str(index): info.title for index, info in enumerate(inventory())}
 

@@ -13,7 +13,7 @@ from clrender.cli.completing import complete_scenes
 from clrender.cli.options import allow_path_option, choice_options
 from clrender.cli.outputs import check_distinct, scene_files
 from clrender.errors import UsageError
-from clrender.files import atomic_write, check_writable
+from clrender.files.access import atomic_write, check_writable
 
 if TYPE_CHECKING:
     from clrender.exporters import Export

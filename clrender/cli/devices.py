@@ -13,7 +13,7 @@ __all__ = ["devices"]
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON list of objects instead of a table.")
 def devices(as_json: bool) -> None:
     """List OpenCL devices and whether each computes correct results."""
-    from clrender.device import devices as list_devices
+    from clrender.drivers import devices as list_devices
 
     found = list_devices(notify=lambda line: click.echo(line, err=True))
     if as_json:

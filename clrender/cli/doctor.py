@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from clrender.device.diagnose import Finding
-    from clrender.device.probe import DriverReport
+    from clrender.drivers.diagnose import Finding
+    from clrender.drivers.probe import DriverReport
 
 __all__ = ["doctor"]
 
@@ -23,8 +23,8 @@ def doctor(as_json: bool) -> None:
 
     The exit code is 0 if at least one device is ok, else 3.
     """
-    from clrender.device.diagnose import diagnose
-    from clrender.device.probe import examine
+    from clrender.drivers.diagnose import diagnose
+    from clrender.drivers.probe import examine
 
     reports = examine(notify=lambda line: click.echo(line, err=True))
     findings = diagnose(reports)

@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from clrender.errors import UsageError
-from clrender.files import check_writable
+from clrender.files.access import check_writable
 
 __all__ = ["output_folder"]
 

@@ -65,7 +65,7 @@ def furnace(
     probability density. Each fault is reported with its size. Delta distributions, such as smooth glass, have no
     density to test. The exit code is 0 whatever the result, unless --check is given.
     """
-    from clrender.device import select
+    from clrender.drivers import select
     from clrender.furnace import as_json as numbers_of
     from clrender.furnace import findings, measure, subjects_of
 
@@ -129,7 +129,7 @@ def _write(
     folder: Path, title: str, device: str, measured: Sequence[Measured], found: Sequence[Sequence[Finding]],
     numbers: Sequence[dict[str, Any]],
 ) -> None:  # fmt: skip
-    from clrender.files import atomic_write
+    from clrender.files.access import atomic_write
     from clrender.furnace import furnace_page
     from clrender.version import __version__
 

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 from clrender.cli.last_words import LastWords
-from clrender.files import remove_temporaries
+from clrender.files.access import remove_temporaries
 
 __all__ = ["INTERRUPTED", "TERMINATED", "Interrupt", "Terminated", "interruptible", "terminable"]
 

@@ -38,10 +38,10 @@ def merge(
     their samples overlap, or if their requests or kernels differ. Of one FILM, such as a checkpoint, it writes the
     image of the samples so far.
     """
-    from clrender.exposure import camera_exposure, photographic_stops
     from clrender.film.merge import merge_films
+    from clrender.image.exposure import camera_exposure, photographic_stops
     from clrender.image.files import check_output
-    from clrender.rendered_image import RenderedImage
+    from clrender.rendering.rendered_image import RenderedImage
 
     for path in outputs:
         check_output(path)

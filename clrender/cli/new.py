@@ -21,7 +21,7 @@ def new(folder: Path) -> None:
     """Write a commented example scene to DIR, which may already exist."""
     from clrender.cli.folder import output_folder
     from clrender.errors import UsageError
-    from clrender.files import atomic_write
+    from clrender.files.access import atomic_write
 
     scene = folder / _NAME
     if os.path.lexists(scene):

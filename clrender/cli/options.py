@@ -12,7 +12,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from clrender.cli.completing import complete_devices, complete_files, complete_scenes
-from clrender.exposure import PHOTOGRAPHIC
+from clrender.image.exposure import PHOTOGRAPHIC
 from clrender.limits import Choice, Domain, NotAllowed, Range, shown
 from clrender.settings import PIXEL_LIMIT, SETTINGS
 

@@ -17,7 +17,7 @@ def check_page(path: Path) -> None:
     UsageError
     """
     from clrender.drawing.svg import require_matplotlib
-    from clrender.files import check_writable
+    from clrender.files.access import check_writable
 
     if path.suffix.lower() not in (".html", ".htm"):
         raise UsageError(f"{path}: the page is written as HTML; give it a name that ends in .html")
@@ -27,7 +27,7 @@ def check_page(path: Path) -> None:
 
 def write_page(path: Path, page: str) -> None:
     """Write a page atomically."""
-    from clrender.files import atomic_write
+    from clrender.files.access import atomic_write
 
     with atomic_write(path) as file:
         file.write(page.encode("utf-8", "backslashreplace"))

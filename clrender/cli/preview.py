@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-    from clrender.rendered_image import Progress, RenderedImage
+    from clrender.rendering.rendered_image import Progress, RenderedImage
 
 __all__ = ["Preview", "preview_here"]
 

@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 if TYPE_CHECKING:
-    from clrender.rendered_image import Progress, RenderedImage
+    from clrender.rendering.rendered_image import Progress, RenderedImage
 
 __all__ = ["STYLES", "ProgressDisplay", "ProgressView", "duration", "quantity", "state"]
 

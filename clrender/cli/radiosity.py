@@ -12,7 +12,7 @@ from clrender.cli.folder import output_folder
 from clrender.cli.options import allow_path_option, number, numbers, setting_option, tone_options
 from clrender.cli.options import size as parse_size
 from clrender.errors import UsageError
-from clrender.exposure import photographic_stops
+from clrender.image.exposure import photographic_stops
 from clrender.settings import SETTINGS, settings_for
 
 if TYPE_CHECKING:
@@ -75,14 +75,14 @@ def radiosity(
 
     Each frame is written as a .png file, and its statistics are printed on one line.
     """
-    from clrender.device import select
+    from clrender.drivers import select
     from clrender.film.unit import tile_side
     from clrender.image.files import write_image
     from clrender.importers import load
+    from clrender.meshes.data import COORDINATE_LIMIT
     from clrender.radiosity.animate import Motion, frames
     from clrender.radiosity.dynamic import DynamicRadiosity
     from clrender.radiosity.solution import RadiositySettings
-    from clrender.scene.values import COORDINATE_LIMIT
 
     description = load(scene, allow_paths=allow_paths)
     if shape >= len(description.shapes):

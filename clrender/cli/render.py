@@ -36,8 +36,8 @@ from clrender.cli.waiting import Waiting
 from clrender.errors import ClrenderError, RenderError, UsageError
 
 if TYPE_CHECKING:
-    from clrender.job import RenderJob
-    from clrender.rendered_image import Progress, RenderedImage
+    from clrender.rendering.job import RenderJob
+    from clrender.rendering.rendered_image import Progress, RenderedImage
 
 __all__ = ["render"]
 
@@ -136,8 +136,8 @@ def render(
     _check_exr(layers, exr)
     with interruptible() as interrupt, ExitStack() as stack:
         from clrender.importers import load
-        from clrender.job import RenderJob
-        from clrender.rendered_image import IncompleteRender
+        from clrender.rendering.job import RenderJob
+        from clrender.rendering.rendered_image import IncompleteRender
 
         begun = time.perf_counter()
         waiting = stack.enter_context(Waiting(None if quiet else STYLES[progress]().say))
@@ -174,7 +174,7 @@ def render(
 
 def _check_outputs(ctx: click.Context, outputs: Sequence[Path], stats: Path | None) -> None:
     """Check that every output can be written, and that every requested result has an output."""
-    from clrender.files import check_writable
+    from clrender.files.access import check_writable
     from clrender.image.files import FILM_ENDINGS, check_output
 
     for path in outputs:
@@ -208,7 +208,7 @@ def _check_exr(layers: Sequence[str], exr: Mapping[str, Any]) -> None:
     """Check that the format of the `.exr` preserves the layers."""
     if layers:
         from clrender.image.exr_write import ExrFormat
-        from clrender.rendered_image import check_mattes
+        from clrender.rendering.rendered_image import check_mattes
 
         check_mattes(layers, ExrFormat(*exr.values()))
 
@@ -253,7 +253,7 @@ def _view(job: RenderJob, progress: str, preview: bool, tone_map: str, exposure:
     """The display of progress."""
     if preview:
         from clrender.cli.preview import preview_here
-        from clrender.exposure import photographic_stops
+        from clrender.image.exposure import photographic_stops
 
         view = preview_here(tone_map, exposure + photographic_stops(**(job.scene.camera.exposure or {})))
         if view is not None:
@@ -275,7 +275,7 @@ def _run(
     how: Mapping[str, Any],
     waiting: Waiting,
 ) -> RenderedImage:
-    from clrender.rendering import render as render_scene
+    from clrender.api import render as render_scene
 
     with ProgressDisplay(quiet=view is None, view=view) as display:
         waiting.say = display.say
@@ -306,7 +306,7 @@ def _write(
     checkpoint: Path | None,
 ) -> None:
     """Write all outputs; errors are raised only after all others have been tried, and the render is kept somewhere."""
-    from clrender.files import atomic_write
+    from clrender.files.access import atomic_write
 
     numbers = image.stats
     rendered = time.perf_counter()

@@ -52,7 +52,7 @@ def report(folder: Path, quick: bool, wanted: tuple[int, int] | None, device: st
 
 def _check_folder(folder: Path) -> None:
     """Check that the folder is empty and can be written to, or can be created."""
-    from clrender.files import check_writable
+    from clrender.files.access import check_writable
 
     if not folder.exists():
         check_writable(folder)

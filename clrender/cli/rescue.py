@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from clrender.errors import ClrenderError
 
 if TYPE_CHECKING:
-    from clrender.rendered_image import RenderedImage
+    from clrender.rendering.rendered_image import RenderedImage
 
 __all__ = ["rescue"]
 

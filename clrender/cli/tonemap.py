@@ -10,7 +10,7 @@ from clrender.cli.inputs import read_linear
 from clrender.cli.options import tone_options
 from clrender.cli.outputs import check_distinct, check_image_size
 from clrender.errors import UsageError
-from clrender.exposure import camera_exposure, photographic_stops
+from clrender.image.exposure import camera_exposure, photographic_stops
 
 __all__ = ["tonemap"]
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Final
 
-from clrender.stages import STAGES
+from clrender.process.stages import STAGES
 
 __all__ = ["Waiting"]
 

@@ -19,7 +19,7 @@ from clrender.version import __version__
 if TYPE_CHECKING:
     from distributed import Client
 
-    from clrender.cluster.dask_cluster import Peer
+    from clrender.cluster.peer import Peer
 
 __all__ = ["Connection"]
 

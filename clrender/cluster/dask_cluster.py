@@ -8,24 +8,24 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from clrender.cluster.address import check_address, local_workers
+from clrender.cluster.peer import Peer
 from clrender.cluster.proxy import JobPayload, WorkerProxy
 from clrender.cluster.quiet import quiet_logs
 from clrender.errors import RenderError, UsageError
 from clrender.extras import install_command
-from clrender.scheduling.cluster import Member
+from clrender.scheduling.member import Member
 from clrender.scheduling.watchdog import TimeLimits
 from clrender.scheduling.worker import Candidate
 
 if TYPE_CHECKING:
     from distributed import Client
 
-    from clrender.job import RenderJob
+    from clrender.rendering.job import RenderJob
 
-__all__ = ["DaskCluster", "Peer", "open_cluster"]
+__all__ = ["DaskCluster", "open_cluster"]
 
 CONNECT_SECONDS: Final = 10.0
 """Default time limit of the connection to a scheduler (see ``CLRENDER_CLUSTER_SECONDS``)."""
@@ -38,30 +38,6 @@ _SPARE: Final = 16
 """Number of additional workers that may join a running render."""
 _LIMITS: Final = TimeLimits(steady=1)
 """After one finished unit, earlier losses of a worker are forgotten."""
-
-
-@dataclass(frozen=True)
-class Peer:
-    """A worker as listed by the scheduler.
-
-    Attributes
-    ----------
-    key : str
-        Identifier that stays the same when its nanny restarts it.
-    address : str
-        Address of its process.
-    name, host : str
-    """
-
-    key: str
-    address: str
-    name: str
-    host: str
-
-    @property
-    def title(self) -> str:
-        """Name in messages."""
-        return f"worker {self.name}" if self.host in self.name else f"worker {self.name} on {self.host}"
 
 
 @contextmanager
@@ -174,7 +150,7 @@ def _close_quietly(client: Any) -> None:
 
 
 class DaskCluster:
-    """The cluster that `open_cluster` yields; a `clrender.scheduling.cluster.Cluster`.
+    """The cluster that `open_cluster` yields; a `clrender.rendering.team.Cluster`.
 
     Parameters
     ----------
@@ -224,7 +200,7 @@ class DaskCluster:
 
     @contextmanager
     def team(self, job: RenderJob, arrays_sha256: str, on_ready: Callable[[], None]) -> Iterator[DaskTeam]:
-        """See `clrender.scheduling.cluster.Cluster.team`."""
+        """See `clrender.rendering.team.Cluster.team`."""
         text, assets = job.to_json()
         payload = JobPayload(text, assets, arrays_sha256, job.settings.width, job.settings.height)
         team = DaskTeam(self, payload, on_ready, len(self._peers) + self._spare)
@@ -250,7 +226,7 @@ class DaskCluster:
 
 
 class DaskTeam:
-    """Workers of a cluster for one job; a `clrender.scheduling.cluster.Team`.
+    """Workers of a cluster for one job; a `clrender.rendering.team.Team`.
 
     Each has a proxy; unassigned proxies are for workers that join later.
     """
@@ -313,7 +289,7 @@ class DaskTeam:
         raise RenderError(f"{address}: {there}, since {waited:.0f} s; start some with `dask worker`")
 
     def members(self) -> list[Member | None]:
-        """See `clrender.scheduling.cluster.Team.members`."""
+        """See `clrender.rendering.team.Team.members`."""
         return [proxy.member() for proxy in self._proxies]
 
     def stats(self) -> Mapping[str, Any]:

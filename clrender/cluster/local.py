@@ -12,8 +12,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
-from clrender.elapsed import Elapsed, processor_seconds_of
 from clrender.errors import RenderError
+from clrender.process.elapsed import Elapsed, processor_seconds_of
 
 __all__ = ["local_cluster"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -12,11 +12,13 @@ from clrender.cluster.connection import Connection
 from clrender.cluster.remote import Described
 from clrender.errors import ClrenderError, DeviceFailure
 from clrender.film.unit import Unit, UnitSums
-from clrender.scheduling.cluster import Member
+from clrender.scheduling.member import Member
 from clrender.scheduling.worker import Candidate
 
 if TYPE_CHECKING:
-    from clrender.cluster.dask_cluster import DaskTeam, Peer
+    from distributed import Client
+
+    from clrender.cluster.peer import Peer
 
 __all__ = ["JobPayload", "WorkerProxy"]
 
@@ -41,12 +43,43 @@ class JobPayload:
     height: int
 
 
+class ProxyCluster(Protocol):
+    """What a proxy has to know of its cluster; see `clrender.cluster.dask_cluster.DaskCluster`."""
+
+    @property
+    def client(self) -> Client: ...
+
+    @property
+    def spec(self) -> Any: ...
+
+    @property
+    def address(self) -> str: ...
+
+    @property
+    def peers(self) -> Mapping[str, Peer]: ...
+
+
+class ProxyTeam(Protocol):
+    """What a proxy asks of its team; see `clrender.cluster.dask_cluster.DaskTeam`."""
+
+    @property
+    def cluster(self) -> ProxyCluster: ...
+
+    def active(self) -> None: ...
+
+    def assign_newcomer(self, proxy: WorkerProxy) -> None: ...
+
+    def check(self) -> None: ...
+
+    def refuse(self, peer: Peer, why: str) -> None: ...
+
+
 class WorkerProxy:
     """Local proxy of one worker of the cluster, or of one that may join.
 
     Parameters
     ----------
-    team : DaskTeam
+    team : ProxyTeam
     payload : JobPayload
     on_ready : callable
 
@@ -63,7 +96,7 @@ class WorkerProxy:
         Number of times that the connection broke or the worker did not answer.
     """
 
-    def __init__(self, team: DaskTeam, payload: JobPayload, on_ready: Callable[[], None]) -> None:
+    def __init__(self, team: ProxyTeam, payload: JobPayload, on_ready: Callable[[], None]) -> None:
         self._team = team
         self._payload = payload
         self._on_ready = on_ready

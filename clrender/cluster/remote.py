@@ -15,14 +15,14 @@ from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
 from clrender.device import Device
+from clrender.device.team import DeviceTeam
 from clrender.device.worker import DeviceWorker
-from clrender.device_team import DeviceTeam
 from clrender.errors import ClrenderError, DeviceError, DeviceFailure, RenderError
 from clrender.film.unit import Unit, UnitSums
-from clrender.heap import return_large_blocks
-from clrender.job import RenderJob
+from clrender.process.heap import return_large_blocks
+from clrender.rendering.job import RenderJob
+from clrender.rendering.session import Session
 from clrender.scheduling.worker import Candidate
-from clrender.session import Session
 
 __all__ = ["Answer", "Described", "RemoteRenderer", "State"]
 
@@ -35,7 +35,7 @@ _Method = TypeVar("_Method", bound=Callable[..., Any])
 
 @dataclass(frozen=True)
 class Described:
-    """A worker's device after its set-up; for the attributes see `clrender.scheduling.cluster.Member`."""
+    """A worker's device after its set-up; for the attributes see `clrender.scheduling.member.Member`."""
 
     device: str
     driver: str
@@ -184,7 +184,7 @@ class RemoteRenderer:
         hashes : sequence of str
             Hashes of its assets, all of which are present.
         arrays_sha256 : str
-            See `clrender.scheduling.cluster.Cluster.team`.
+            See `clrender.rendering.team.Cluster.team`.
         """
         if self._prepared is not None and self._prepared[0] == text:
             # Only the connection was lost, or the device is set up again

@@ -8,7 +8,7 @@ import warnings
 from typing import TYPE_CHECKING, Any
 
 from clrender.device.compiled import load_binary, store_binary
-from clrender.device.discover import settings
+from clrender.device.driver_settings import driver_settings
 from clrender.errors import DeviceError
 
 if TYPE_CHECKING:
@@ -112,7 +112,16 @@ def store(info: DeviceInfo, options: str, source: Source, program: cl.Program) -
 
 def program_key(info: DeviceInfo, options: str, source: Source) -> str:
     """Cache key of a built program: a hash of everything that determines the compiler's output."""
-    facts = [info.platform, info.version, info.name, info.driver, info.library, options, source.sha256, *settings()]
+    facts = [
+        info.platform,
+        info.version,
+        info.name,
+        info.driver,
+        info.library,
+        options,
+        source.sha256,
+        *driver_settings(),
+    ]
     return hashlib.sha256("\0".join(facts).encode()).hexdigest()
 
 

@@ -21,8 +21,8 @@ from clrender.device.forked import refuse_forked
 from clrender.device.info import DeviceInfo
 from clrender.device.source import Source, load_source
 from clrender.errors import DeviceError, DeviceFailure, MemoryRefused, RenderError
-from clrender.huge_pages import LARGE_BYTES, prefer_large_pages, withdraw_preference
-from clrender.turn import Turn
+from clrender.process.huge_pages import LARGE_BYTES, prefer_large_pages, withdraw_preference
+from clrender.process.turn import Turn
 
 if TYPE_CHECKING:
     import pyopencl as cl

@@ -1,21 +1,14 @@
-"""Precomputation before the first sample: by an integrator for a render, and for its kernels on each device."""
+"""What a pipeline's kernels need on each device beside the scene."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from clrender.integrators.descriptor import Pipeline
-
 if TYPE_CHECKING:
-    from clrender.device.device import Argument, Device
-    from clrender.device.worker import DeviceWorker, LaunchConfig
-    from clrender.flatten import FlatScene
-    from clrender.scene import Scene
-    from clrender.settings import RenderSettings
+    from clrender.device.device import Argument
 
-__all__ = ["DevicePreparation", "Prepared", "Request"]
+__all__ = ["DevicePreparation"]
 
 
 class DevicePreparation(Protocol):
@@ -30,50 +23,3 @@ class DevicePreparation(Protocol):
 
     def release(self) -> None:
         """Release the device memory."""
-
-
-@dataclass(frozen=True)
-class Request:
-    """Input of an integrator's preparation.
-
-    Attributes
-    ----------
-    scene : Scene
-    flat : FlatScene
-        The flattened scene.
-    settings : RenderSettings
-    pipeline : Pipeline
-        The integrator's pipeline.
-    devices : sequence of Device
-    launch : LaunchConfig
-    notify : callable
-        Called with one line of text for the user.
-    should_stop : callable
-    """
-
-    scene: Scene
-    flat: FlatScene
-    settings: RenderSettings
-    pipeline: Pipeline
-    devices: Sequence[Device]
-    launch: LaunchConfig
-    notify: Callable[[str], None]
-    should_stop: Callable[[], bool]
-
-
-@dataclass(frozen=True)
-class Prepared:
-    """Result of an integrator's preparation.
-
-    Attributes
-    ----------
-    flat : FlatScene
-        The request's flattened scene, or a replacement.
-    pipeline : Pipeline
-    on_device : callable, optional
-        Called with the worker of a device; creates the pipeline's data there.
-    """
-
-    flat: FlatScene
-    pipeline: Pipeline
-    on_device: Callable[[DeviceWorker], DevicePreparation] | None = None

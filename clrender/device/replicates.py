@@ -12,7 +12,7 @@ from clrender.film.unit import BLOCK_SLOTS
 
 if TYPE_CHECKING:
     from clrender.device.device import Buffer, Device
-    from clrender.device.worker import Scratch
+    from clrender.device.launch import Scratch
 
 __all__ = ["ReplicateSums"]
 

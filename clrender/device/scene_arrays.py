@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.device import bvh
 from clrender.errors import MemoryRefused, RenderError
-from clrender.memory import shown
-from clrender.resources import kernels_folder
+from clrender.files.package_data import kernels_folder
+from clrender.process.memory import shown
 
 if TYPE_CHECKING:
     from clrender.device.device import Buffer, Device
-    from clrender.flatten import FlatScene
+    from clrender.flatten.flat_scene import FlatScene
 
 __all__ = ["LARGEST_PAGE", "SceneArrays", "check_room", "scene_array_names", "texel_pages"]
 

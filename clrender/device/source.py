@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from clrender.errors import RenderError
-from clrender.resources import kernels_folder
+from clrender.files.package_data import kernels_folder
 
 __all__ = ["Source", "expand", "kernels_sha256", "load_source"]
 

@@ -1,4 +1,4 @@
-"""Meshes as binary PLY files that `clrender.scene.mesh_ply` reads with the same bits."""
+"""Meshes as binary PLY files that `clrender.meshes.ply` reads with the same bits."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import IO, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.scene.mesh_data import MeshData
+from clrender.meshes.data import MeshData
 
 __all__ = ["write_ply"]
 

@@ -21,7 +21,7 @@ from clrender.scene import Mesh, Scene
 from clrender.scene.content_hash import put_at
 from clrender.scene.environment import ENDINGS
 from clrender.scene.load import SCENE_FILE_LIMIT
-from clrender.scene.wording import place, quoted
+from clrender.wording import place, quoted
 
 __all__ = ["Export", "exported", "scene_text"]
 

@@ -18,7 +18,7 @@ from types import TracebackType
 from typing import Any
 
 from clrender.errors import ClrenderError, UsageError
-from clrender.files import check_writable
+from clrender.files.access import check_writable
 from clrender.film.cadence import Cadence, processors
 from clrender.film.consistency import check_consistency
 from clrender.film.lock import FileLock

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.errors import UsageError
-from clrender.files import atomic_write, open_input
+from clrender.files.access import atomic_write, open_input
 from clrender.film.ledger import Ledger
 from clrender.film.unit import blocks_across
 
@@ -75,7 +75,7 @@ def write_film(
     squares : sequence of (rows, W, 3, 4) uint64
         Sums of squared replicates, top first; empty without replicates.
     beside : str, optional
-        See `clrender.files.atomic_write`.
+        See `clrender.files.access.atomic_write`.
 
     Raises
     ------

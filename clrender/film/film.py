@@ -23,8 +23,8 @@ from clrender.film.file import FilmReader, write_film
 from clrender.film.fixed_point import add_words, subtract_words, to_float64
 from clrender.film.ledger import Ledger
 from clrender.film.unit import Unit, UnitSums
-from clrender.huge_pages import LARGE_BYTES, prefer_large_pages, withdraw_preference
-from clrender.memory import film_bytes
+from clrender.process.huge_pages import LARGE_BYTES, prefer_large_pages, withdraw_preference
+from clrender.process.memory import film_bytes
 
 __all__ = ["Film"]
 
@@ -387,7 +387,7 @@ class Film:
         provenance : mapping, optional
             JSON values; default: the provenance that the film was loaded with.
         beside : str, optional
-            See `clrender.files.atomic_write`.
+            See `clrender.files.access.atomic_write`.
 
         Raises
         ------

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import numpy.typing as npt
 
-from clrender.chi_squared import Fit, goodness_of_fit
 from clrender.furnace.directions import NARROWEST, Floats, around, incident, mirrored, polar, refracted
+from clrender.statistics.chi_squared import Fit, goodness_of_fit
 
 if TYPE_CHECKING:
     from clrender.furnace.energy import Tally

@@ -18,7 +18,7 @@ from clrender.scene import builtin_names
 from clrender.scene.description import MATERIAL_TYPES, Scene
 from clrender.scene.materials import material_textures
 from clrender.scene.validation_errors import scene_error
-from clrender.scene.wording import quoted, suggestion
+from clrender.wording import quoted, suggestion
 
 if sys.version_info >= (3, 11):
     import tomllib

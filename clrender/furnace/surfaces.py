@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender import layout
-from clrender.device.worker import DeviceWorker, LaunchConfig
-from clrender.flatten import flatten
+from clrender.device.launch import LaunchConfig
+from clrender.device.worker import DeviceWorker
+from clrender.flatten.flat_scene import flatten
 from clrender.furnace.directions import Floats
 from clrender.integrators.descriptor import Pipeline
 from clrender.scene import Camera

@@ -14,11 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.errors import ClrenderError, UsageError
-from clrender.files import atomic_write, check_writable, open_input
+from clrender.files.access import atomic_write, check_writable, open_input
+from clrender.files.npy import read_npy_header, read_npy_items
 from clrender.image.display import PIXEL_LIMIT, check_size, jpeg_bytes, png_note, read_display
 from clrender.image.display import png_bytes as display_png
 from clrender.image.tone_map import to_display
-from clrender.npy import read_npy_header, read_npy_items
 
 if TYPE_CHECKING:
     from clrender.image.exr_write import ExrFormat

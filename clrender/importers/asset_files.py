@@ -10,8 +10,8 @@ from typing import BinaryIO, Final
 from urllib.parse import unquote, unquote_to_bytes
 
 from clrender.errors import SceneError
-from clrender.scene.named_files import open_named_file, open_scene_file
-from clrender.scene.wording import quoted
+from clrender.files.named import open_named_file, open_scene_file
+from clrender.wording import quoted
 
 __all__ = ["AssetFiles"]
 
@@ -61,7 +61,7 @@ class AssetFiles:
         Raises
         ------
         SceneError
-            See `clrender.scene.named_files.open_named_file`.
+            See `clrender.files.named.open_named_file`.
         """
         label = f"{self.source}: {place}: {quoted(name)}"
         return open_named_file(name, self.folder, self.allow_paths, label, limit)
@@ -81,7 +81,7 @@ class AssetFiles:
         Raises
         ------
         SceneError
-            Like `clrender.scene.named_files.open_named_file`, or the data are not base64, or it is on the network.
+            Like `clrender.files.named.open_named_file`, or the data are not base64, or it is on the network.
         """
         label = f"{self.source}: {place}"
         if uri[:5].lower() == "data:":

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from clrender.meshes.data import MeshData
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.groups import TransformArray
-from clrender.scene.mesh_data import MeshData
 
 __all__ = ["Draft"]
 

@@ -12,12 +12,12 @@ from pydantic import ValidationError
 from clrender.errors import SceneError
 from clrender.exact.angles import angle_of, sin_cos, tangent
 from clrender.exact.matrices import length
+from clrender.flatten.bounds import scene_bounds
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
 from clrender.importers.sharing import share_meshes
 from clrender.importers.studio import studio_light
 from clrender.scene import EnvironmentLight, Mesh, Scene
-from clrender.scene.bounds import scene_bounds
 from clrender.scene.frozen import frozen
 from clrender.scene.validation_errors import scene_error
 

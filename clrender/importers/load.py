@@ -17,7 +17,7 @@ from clrender.importers.framing import completed
 from clrender.limits import checked_path, shown
 from clrender.scene import Scene
 from clrender.scene.load import load as load_own
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["SCENE_ENDINGS", "load"]
 

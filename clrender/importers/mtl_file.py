@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from clrender.errors import SceneError
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["MtlMaterial", "MtlPicture", "read_mtl"]
 

@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 from clrender.importers.mtl_file import MtlMaterial
 from clrender.importers.mtl_pictures import MtlPictures
 from clrender.scene.values import POWER_LIMIT
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["GREY", "Converted", "converted"]
 

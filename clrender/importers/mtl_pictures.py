@@ -14,7 +14,7 @@ from clrender.image.pictures import PICTURE_ENDINGS, open_picture
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.mtl_file import MtlPicture
 from clrender.scene.values import POWER_LIMIT
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["BUMP_SHARE", "MtlPictures"]
 

@@ -17,13 +17,13 @@ from clrender.importers.draft import Draft
 from clrender.importers.mtl_file import MtlMaterial, read_mtl
 from clrender.importers.mtl_materials import GREY, Converted, converted
 from clrender.importers.mtl_pictures import MtlPictures
+from clrender.meshes.data import MeshData
+from clrender.meshes.obj import ObjFaces
+from clrender.meshes.obj_records import ObjRecords, Statement, read_records
+from clrender.meshes.read import FILE_LIMIT, checked_mesh
 from clrender.scene.materials import BASE_COLORS
-from clrender.scene.mesh_data import MeshData
-from clrender.scene.mesh_io import FILE_LIMIT, checked_mesh
-from clrender.scene.mesh_obj import ObjFaces
-from clrender.scene.obj_records import ObjRecords, Statement, read_records
 from clrender.scene.values import NAME_LIMIT
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["read"]
 

@@ -8,10 +8,10 @@ from typing import Any, Final
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
 from clrender.importers.mtl_materials import GREY
-from clrender.scene.mesh_io import FILE_LIMIT
-from clrender.scene.mesh_ply import READ_OF_FACES, READ_OF_VERTICES, has_colors
-from clrender.scene.ply_header import PlyHeader, read_header
-from clrender.scene.wording import quoted
+from clrender.meshes.ply import READ_OF_FACES, READ_OF_VERTICES, has_colors
+from clrender.meshes.ply_header import PlyHeader, read_header
+from clrender.meshes.read import FILE_LIMIT
+from clrender.wording import quoted
 
 __all__ = ["read"]
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 from clrender.importers.draft import Draft
-from clrender.scene.geometry import affine
 from clrender.scene.groups import TransformArray
 from clrender.scene.shapes import Transform
+from clrender.scene.transforms import affine
 
 __all__ = ["place_group", "share_meshes"]
 

@@ -9,6 +9,7 @@ import importlib
 from collections.abc import Iterator, Mapping
 from typing import Final
 
+from clrender.files.package_data import integrator_names
 from clrender.integrators.descriptor import (
     BETWEEN_DIFFUSE,
     CAUSTICS,
@@ -17,7 +18,6 @@ from clrender.integrators.descriptor import (
     Integrator,
     Pipeline,
 )
-from clrender.resources import integrator_names
 
 __all__ = [
     "BETWEEN_DIFFUSE",

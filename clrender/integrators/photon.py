@@ -15,5 +15,5 @@ INTEGRATOR: Final = Integrator(
     takes={"indirect_rays": (1,), "light_sampler": ("auto", "power", "uniform")},
     fixed={"indirect_rays": 0},
     auto_light_sampler="power",
-    preparation="clrender.photon_maps",
+    preparation="clrender.photon.maps",
 )

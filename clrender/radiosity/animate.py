@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.device.team import DeviceTeam
 from clrender.device.worker import DeviceWorker
 from clrender.film import Film
 from clrender.integrators import INTEGRATORS
@@ -18,7 +19,6 @@ from clrender.radiosity.corners import Corners
 from clrender.radiosity.display import GATHER, Display, Gather, looks_of
 from clrender.radiosity.dynamic import DynamicRadiosity, Update
 from clrender.scheduling.policy import Plan
-from clrender.scheduling.pool import WorkerPool
 from clrender.scheduling.run import run
 
 if TYPE_CHECKING:
@@ -118,6 +118,6 @@ def picture(
         table = looks_of(patches, rows.shown(patches), dynamic.used, corners)
         flat, pipeline, show = dynamic.flat, INTEGRATORS["radiosity"].pipeline, partial(Display, table=table)
     film = Film(width, height)
-    with WorkerPool([device], lambda each: DeviceWorker(each, flat, settings, pipeline, None, show)) as pool:
-        run(Plan(width, height, 0, spp, tile), pool.candidates, film).raise_failure()
+    with DeviceTeam([device], lambda each: DeviceWorker(each, flat, settings, pipeline, None, show)) as team:
+        run(Plan(width, height, 0, spp, tile), team.candidates, film).raise_failure()
     return film.mean()

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.flatten.surface_arrays import FlatSurfaces
+from clrender.flatten.surfaces import flat_surfaces
 from clrender.radiosity.sides import own_radiance, side_areas
 from clrender.radiosity.vectors import cross, dot
-from clrender.scene.surfaces import FlatSurfaces, flat_surfaces
 
 if TYPE_CHECKING:
     from clrender.radiosity.patches import Patches

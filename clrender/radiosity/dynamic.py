@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import UsageError
+from clrender.flatten.lamps import AT_POINT
 from clrender.radiosity.moving import Moving
 from clrender.radiosity.patches import Patches, cut_into_patches
 from clrender.radiosity.rows import Rows, Traced
@@ -28,11 +29,10 @@ from clrender.radiosity.sides import (
 )
 from clrender.radiosity.solution import RadiositySettings, check_settings, solve_scene
 from clrender.radiosity.tracer import Changes, PreviousDirectLight, Tracer
-from clrender.scene.lamps import AT_POINT
 
 if TYPE_CHECKING:
     from clrender.device.device import Device
-    from clrender.device.worker import LaunchConfig
+    from clrender.device.launch import LaunchConfig
     from clrender.scene import Scene
 
 __all__ = ["DynamicRadiosity", "Update"]

@@ -12,7 +12,7 @@ from clrender.device import bvh
 
 if TYPE_CHECKING:
     from clrender.device.device import Argument, Device
-    from clrender.flatten import FlatScene
+    from clrender.flatten.flat_scene import FlatScene
 
 __all__ = ["Moving"]
 

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 from clrender.exact.matrices import inner
-from clrender.flatten import FlatScene, flatten, scene_origin
+from clrender.flatten.assembly import written_out
+from clrender.flatten.flat_scene import FlatScene, flatten, scene_origin
+from clrender.flatten.lamps import AT_POINT
+from clrender.flatten.surfaces import flat_surfaces
+from clrender.flatten.taken import check_materials
+from clrender.meshes.data import MeshData
 from clrender.radiosity.tessellate import disk_triangles, sphere_triangles
 from clrender.radiosity.textured import patch_coordinates, patch_reflectance, textured_shapes
-from clrender.scene.assembly import written_out
 from clrender.scene.description import EnvironmentLight, Lambert, Light, Scene
-from clrender.scene.lamps import AT_POINT
-from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Disk, Sphere
-from clrender.scene.surfaces import flat_surfaces
-from clrender.scene.taken import check_materials
 from clrender.scene.values import Vector
 
 __all__ = ["Patches", "cut_into_patches"]
@@ -53,7 +53,7 @@ class Patches:
     shape : (n,) int64
         Shape index, ascending.
     primitive : (n,) int64
-        Triangle, sphere or disk, as numbered by `clrender.scene.surfaces`.
+        Triangle, sphere or disk, as numbered by `clrender.flatten.surfaces`.
     """
 
     scene: Scene
@@ -102,7 +102,11 @@ class Patches:
         """(n, 3) float64, of both sides; for a texture the mean over the patch."""
         rows = [(0.0, 0.0, 0.0) if s.material is None else self._lambert(s.material) for s in self.scene.shapes]
         colors: _Floats = np.array(rows, np.float64).reshape(-1, 3)[self.shape]
-        return patch_reflectance(self, colors, self.textured) if self.textured.any() else colors
+        return (
+            patch_reflectance(self.scene, self.shape, self.coordinates, colors, self.textured)
+            if self.textured.any()
+            else colors
+        )
 
     def _lambert(self, name: str) -> tuple[float, float, float]:
         material = self.scene.materials[name]
@@ -122,7 +126,7 @@ class Patches:
     @cached_property
     def coordinates(self) -> _Floats:
         """(2, n, 3, 2) float64: texture coordinates of the corners, both sets; zero without a texture."""
-        return patch_coordinates(self)
+        return patch_coordinates(self.scene, self.corners, self.shape, self.primitive)
 
     @cached_property
     def emission(self) -> _Floats:
@@ -217,7 +221,9 @@ class Patches:
         finer = Patches(self.scene, corners, self.shape[places], self.primitive[places])
         if "reflectance" in self.__dict__ and self.textured.any():
             new = which[places] & finer.textured
-            finer.__dict__["reflectance"] = patch_reflectance(finer, self.reflectance[places], new)
+            finer.__dict__["reflectance"] = patch_reflectance(
+                finer.scene, finer.shape, finer.coordinates, self.reflectance[places], new
+            )
         return finer
 
     def moved(self, shape: int, by: tuple[float, float, float]) -> Patches:

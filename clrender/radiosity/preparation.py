@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from clrender.device.preparation import Prepared, Request
+from clrender.device.prepared import Prepared, Request
 from clrender.errors import RenderError
 from clrender.radiosity.atlas import atlas_of
 from clrender.radiosity.display import GATHER, Display, Gather, looks

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.exact.matrices import length
+from clrender.flatten.lamps import AT_POINT
 from clrender.radiosity.patches import Patches
 from clrender.scene.description import DirectionalLight
-from clrender.scene.lamps import AT_POINT
 from clrender.scene.shapes import Box, Shape, Sphere, Tetrahedron
 
 if TYPE_CHECKING:
-    from clrender.flatten import FlatScene
+    from clrender.flatten.flat_scene import FlatScene
     from clrender.radiosity.tracer import Tracer
 
 __all__ = [

@@ -30,8 +30,8 @@ from clrender.radiosity.tracer import MOST_DIRECT_SAMPLES, Stopped, Tracer
 
 if TYPE_CHECKING:
     from clrender.device.device import Device
-    from clrender.device.worker import LaunchConfig
-    from clrender.flatten import FlatScene
+    from clrender.device.launch import LaunchConfig
+    from clrender.flatten.flat_scene import FlatScene
     from clrender.scene import Scene
 
 __all__ = ["RadiositySettings", "Solution", "check_settings", "solve_scene", "summary"]

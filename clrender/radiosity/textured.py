@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clrender import layout
+from clrender.flatten.surface_arrays import FlatSurfaces
+from clrender.flatten.surfaces import flat_surfaces
+from clrender.flatten.texture_integrals import reflectance_means
+from clrender.flatten.texture_means import TextureMeans
+from clrender.flatten.texture_rows import flat_textures
 from clrender.radiosity.vectors import cross, dot
+from clrender.scene.description import Scene
 from clrender.scene.materials import material_textures
-from clrender.scene.surfaces import FlatSurfaces, flat_surfaces
-from clrender.scene.texture_integrals import reflectance_means
-from clrender.scene.texture_means import TextureMeans
-from clrender.scene.texture_rows import flat_textures
-
-if TYPE_CHECKING:
-    from clrender.radiosity.patches import Patches
-    from clrender.scene.description import Scene
 
 __all__ = ["patch_coordinates", "patch_reflectance", "textured_shapes"]
 
@@ -40,20 +38,23 @@ def textured_shapes(scene: Scene) -> NDArray[np.bool_]:
     )
 
 
-def patch_coordinates(patches: Patches) -> _Floats:
+def patch_coordinates(
+    scene: Scene, corners: _Floats, shape: NDArray[np.int64], primitive: NDArray[np.int64]
+) -> _Floats:
     """Texture coordinates of the corners of patches: (2, n, 3, 2) float64, both sets; zero for untextured shapes.
 
     They are linear over a patch, which is exact on triangles and disks, and an approximation on spheres. A patch that
-    the seam crosses has longitudes beyond 1; a corner at a pole takes the mean longitude of the others.
+    the seam crosses has longitudes beyond 1; a corner at a pole takes the mean longitude of the others. For the
+    parameters see `clrender.radiosity.patches.Patches`.
     """
-    surfaces = flat_surfaces(patches.scene)
-    uvs = np.zeros((2, len(patches), 3, 2))
-    flat = patches.primitive < len(surfaces.triangles)
-    textured = textured_shapes(patches.scene)[patches.shape]
+    surfaces = flat_surfaces(scene)
+    uvs = np.zeros((2, len(corners), 3, 2))
+    flat = primitive < len(surfaces.triangles)
+    textured = textured_shapes(scene)[shape]
     for which, fill in ((textured & flat, _on_triangles), (textured & ~flat, _on_rounds)):
         some = np.flatnonzero(which)
         if len(some):
-            fill(surfaces, patches.corners[some], patches.primitive[some], some, uvs)
+            fill(surfaces, corners[some], primitive[some], some, uvs)
     return uvs
 
 
@@ -110,12 +111,18 @@ def _turn(y: _Floats, x: _Floats) -> _Floats:
     return np.where(y < 0.0, -half, half)
 
 
-def patch_reflectance(patches: Patches, known: _Floats, which: NDArray[np.bool_]) -> _Floats:
+def patch_reflectance(
+    scene: Scene, shape: NDArray[np.int64], coordinates: _Floats, known: _Floats, which: NDArray[np.bool_]
+) -> _Floats:
     """Mean reflectance of each patch.
 
     Parameters
     ----------
-    patches : Patches
+    scene : Scene
+    shape : (n,) int64
+        Shape of each patch.
+    coordinates : (2, n, 3, 2) float64
+        As of `patch_coordinates`.
     known : (n, 3) float64
         Reflectance of the untextured patches.
     which : (n,) bool
@@ -125,7 +132,6 @@ def patch_reflectance(patches: Patches, known: _Floats, which: NDArray[np.bool_]
     -------
     (n, 3) float64
     """
-    scene = patches.scene
     textures = flat_textures(scene)
     slots = textures.slots.view(np.uint32)[:, layout.TEXTURE_SLOTS["BASE_COLOR"]]
     numbers = {name: int(slots[number]) for number, name in enumerate(scene.materials)}
@@ -133,7 +139,7 @@ def patch_reflectance(patches: Patches, known: _Floats, which: NDArray[np.bool_]
     of[~textured_shapes(scene)] = -1
     means = known.copy()
     for number in np.unique(of[of >= 0]).tolist():
-        some = np.flatnonzero((of == number)[patches.shape] & which)
+        some = np.flatnonzero((of == number)[shape] & which)
         texture = TextureMeans(textures, number)
-        means[some] = reflectance_means(texture, patches.coordinates[texture.uv_set, some])
+        means[some] = reflectance_means(texture, coordinates[texture.uv_set, some])
     return means

@@ -11,14 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender import layout
+from clrender.device.launch import LaunchConfig
 from clrender.device.radix_sort import launch_each, scan
-from clrender.device.worker import DeviceWorker, LaunchConfig
+from clrender.device.worker import DeviceWorker
 from clrender.errors import UsageError
 from clrender.integrators.descriptor import Pipeline
 
 if TYPE_CHECKING:
     from clrender.device.device import Argument, Buffer, Device
-    from clrender.flatten import FlatScene
+    from clrender.flatten.flat_scene import FlatScene
     from clrender.radiosity.moving import Moving
 
 __all__ = ["MOST_DIRECT_SAMPLES", "Changes", "PreviousDirectLight", "Stopped", "Tracer"]

@@ -51,13 +51,13 @@ def make_report(
     """
     from clrender.drawing.svg import require_matplotlib
     from clrender.importers import load
+    from clrender.rendering.session import Session
     from clrender.report.drawing import hemisphere, room_dimensions
     from clrender.report.page import Page
     from clrender.report.pictures import Figure, figures
     from clrender.report.plan import SCENE
     from clrender.report.plots import plots
     from clrender.report.runs import Renderer, measure
-    from clrender.session import Session
 
     require_matplotlib()
     with Session(device) as session:
@@ -108,7 +108,7 @@ def write_files(folder: Path, files: dict[str, bytes]) -> None:
         If one cannot be written.
     """
     from clrender.errors import RenderError
-    from clrender.files import atomic_write
+    from clrender.files.access import atomic_write
 
     try:
         folder.mkdir(exist_ok=True)

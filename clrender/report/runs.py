@@ -31,9 +31,9 @@ from clrender.report.plan import (
 from clrender.report.results import Results, Row, Run
 
 if TYPE_CHECKING:
-    from clrender.rendered_image import Progress, RenderedImage
+    from clrender.rendering.rendered_image import Progress, RenderedImage
+    from clrender.rendering.session import Session
     from clrender.scene import Scene
-    from clrender.session import Session
 
 __all__ = ["Measured", "Renderer", "Stopped", "measure"]
 

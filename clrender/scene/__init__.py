@@ -1,8 +1,9 @@
-"""Scene descriptions: the validated model, scene files, and the meshes they name."""
+"""Scene descriptions: the validated model, scene files, and what the files hold that they name."""
 
 from __future__ import annotations
 
 from clrender.errors import SceneError
+from clrender.meshes.data import MeshData
 from clrender.scene.description import (
     Camera,
     DirectionalLight,
@@ -28,7 +29,6 @@ from clrender.scene.materials import (
     Principled,
     Subsurface,
 )
-from clrender.scene.mesh_data import MeshData
 from clrender.scene.shapes import Box, Disk, Mesh, Quad, Shape, Sphere, Tetrahedron, Transform, Triangle
 
 __all__ = [

@@ -8,8 +8,9 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field, Strict, model_validator
 
-from clrender.exposure import PHOTOGRAPHIC
-from clrender.scene.values import COORDINATE_LIMIT, Finite, Flag, Length, Part, Vector, cross, fault, length
+from clrender.image.exposure import PHOTOGRAPHIC
+from clrender.meshes.data import COORDINATE_LIMIT
+from clrender.scene.values import Finite, Flag, Length, Part, Vector, cross, fault, length
 
 __all__ = ["Camera"]
 

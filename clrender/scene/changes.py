@@ -6,17 +6,14 @@ import ast
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from clrender.errors import SceneError
 from clrender.scene.validation_errors import scene_error
-from clrender.scene.wording import place, quoted, shown, suggestion
-
-if TYPE_CHECKING:
-    from clrender.scene.values import Part
+from clrender.wording import place, quoted, shown, suggestion
 
 __all__ = ["changes_by_place", "plain", "with_changes"]
 
@@ -87,7 +84,7 @@ def with_changes(node: Any, changes: Changes, at: Place, source: str) -> Any:
 
     Parameters
     ----------
-    node : Part, mapping, sequence or None
+    node : BaseModel, mapping, sequence or None
         None is a table that is not there yet.
     changes : Changes
     at : tuple of str or int
@@ -124,7 +121,7 @@ def with_changes(node: Any, changes: Changes, at: Place, source: str) -> Any:
     return entries
 
 
-def table_values(node: Part, changes: Changes, at: Place, source: str) -> dict[str, Any]:
+def table_values(node: BaseModel, changes: Changes, at: Place, source: str) -> dict[str, Any]:
     """The keys that a table was given, with changes."""
     known = type(node).model_fields
     values = {name: getattr(node, name) for name in known if name in node.model_fields_set}
@@ -141,7 +138,7 @@ def table_values(node: Part, changes: Changes, at: Place, source: str) -> dict[s
     return values
 
 
-def validated(kind: type[Part], values: dict[str, Any], at: Place, source: str) -> Any:
+def validated(kind: type[BaseModel], values: dict[str, Any], at: Place, source: str) -> Any:
     """A table of these keys."""
     try:
         return kind.model_validate(values)

@@ -5,26 +5,21 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Set
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any
 
-from clrender.exposure import PHOTOGRAPHIC
+from clrender.image.exposure import PHOTOGRAPHIC
+from clrender.scene.contents import HEAD, SceneContents
 from clrender.scene.shapes import Mesh
 
-if TYPE_CHECKING:
-    from clrender.scene.description import Scene
-
-__all__ = ["HEAD", "content_sha256", "put_at"]
-
-HEAD: Final = frozenset({"title", "camera", "image", "render"})
-"""Attributes of a scene that are not part of its contents."""
+__all__ = ["content_sha256", "put_at"]
 
 
-def content_sha256(scene: Scene, left_out: Set[str]) -> str:
+def content_sha256(scene: SceneContents, left_out: Set[str]) -> str:
     """Hash of a scene's content; files count by their content, not by their names.
 
     Parameters
     ----------
-    scene : Scene
+    scene : SceneContents
     left_out : set of str
         Tables to leave out.
 
@@ -47,7 +42,7 @@ def content_sha256(scene: Scene, left_out: Set[str]) -> str:
     return digest.hexdigest()
 
 
-def _head(scene: Scene) -> dict[str, bytes]:
+def _head(scene: SceneContents) -> dict[str, bytes]:
     """Canonical JSON of each table that is not part of the contents."""
     content = scene.model_dump(mode="json", include=set(HEAD))
     for key in PHOTOGRAPHIC:
@@ -57,7 +52,7 @@ def _head(scene: Scene) -> dict[str, bytes]:
     return {name: _json(table) for name, table in content.items()}
 
 
-def _contents(scene: Scene) -> dict[str, bytes]:
+def _contents(scene: SceneContents) -> dict[str, bytes]:
     """Canonical JSON of each table of the contents. In large scenes this takes longer than the hash."""
     content = scene.model_dump(mode="json", exclude=set(HEAD))
     if not scene.groups:  # hashes in existing films predate this key

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from pydantic import Discriminator, FailFast, Field, Tag, model_validator
 
 from clrender.errors import SceneError
-from clrender.npy import read_npy_header, read_npy_items
-from clrender.scene.geometry import affine
-from clrender.scene.named_files import open_named_file
+from clrender.files.named import open_named_file
+from clrender.files.npy import read_npy_header, read_npy_items
+from clrender.meshes.data import COORDINATE_LIMIT
 from clrender.scene.shapes import AnyShape, Shape, Transform
-from clrender.scene.values import COORDINATE_LIMIT, INLINE_LIMIT, SHAPE_LIMIT, FileName, Matrix, Name, Part, fault
+from clrender.scene.transforms import affine
+from clrender.scene.values import INLINE_LIMIT, SHAPE_LIMIT, FileName, Matrix, Name, Part, fault
 
 __all__ = ["INSTANCE_LIMIT", "Group", "Instance", "ShapeOrInstance", "TransformArray"]
 

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
-from clrender.scene.named_files import open_named_file
+from clrender.files.named import open_named_file
 from clrender.scene.values import POWER_LIMIT
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["IesProfile", "read_ies"]
 
@@ -105,7 +105,7 @@ def read_ies(name: str, base_folder: Path, allow_paths: Sequence[Path], place: s
     Parameters
     ----------
     name, base_folder, allow_paths
-        See `clrender.scene.named_files.allowed_file`; the same rules hold for its tilt file (``TILT=``).
+        See `clrender.files.named.allowed_file`; the same rules hold for its tilt file (``TILT=``).
     place : str
         Location of the name in the scene, for error messages.
 

@@ -12,12 +12,12 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 from clrender.errors import SceneError
-from clrender.resources import scenes_folder
+from clrender.files.named import open_scene_file
+from clrender.files.package_data import scenes_folder
 from clrender.scene.description import Scene
-from clrender.scene.named_files import open_scene_file
 from clrender.scene.shapes import Mesh
 from clrender.scene.validation_errors import scene_error
-from clrender.scene.wording import quoted, suggestion
+from clrender.wording import quoted, suggestion
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Field, Strict, WithJsonSchema, model_validator
 
-from clrender.scene.microfacets import METALS, SMOOTH_BELOW
-from clrender.scene.subsurface import MOST_G
+from clrender.meshes.data import COORDINATE_LIMIT
+from clrender.scene.metals import METALS
 from clrender.scene.textures import (
     AnyTexture,
     BumpMap,
@@ -19,7 +19,6 @@ from clrender.scene.textures import (
     textures_of,
 )
 from clrender.scene.values import (
-    COORDINATE_LIMIT,
     NUMBER_OR_TRIPLE,
     POWER_LIMIT,
     Absorption,
@@ -59,6 +58,10 @@ __all__ = [
 MIX_DEPTH: Final = 16
 """Deepest nesting of mixtures."""
 
+SMOOTH_BELOW: Final = 1e-3
+"""Below this alpha a lobe is a delta distribution: single precision cannot represent narrower lobes."""
+MOST_G: Final = 0.95
+"""Largest magnitude of the mean cosine for which `clrender.flatten.subsurface` inverts albedos."""
 BASE_COLORS: Final = ("reflectance", "base_color", "f0")
 """Keys of a material's main colour."""
 _Degrees = Annotated[Finite, Field(ge=-360.0, le=360.0)]

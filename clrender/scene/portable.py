@@ -12,18 +12,18 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from clrender.errors import SceneError
+from clrender.image.texel_tiles import TILE_BYTES, StoredPicture, picture_sha256, tile_shape
+from clrender.meshes.data import CORNER_ARRAYS, MeshData
+from clrender.meshes.vertex_colors import VertexColors
 from clrender.scene.content_hash import put_at
 from clrender.scene.description import Scene
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.frozen import frozen
 from clrender.scene.groups import TransformArray
 from clrender.scene.ies import IesProfile
-from clrender.scene.mesh_data import CORNER_ARRAYS, MeshData
 from clrender.scene.shapes import Mesh
-from clrender.scene.texels import TILE_BYTES, StoredPicture, picture_sha256, tile_shape
 from clrender.scene.validation_errors import scene_error
-from clrender.scene.vertex_colors import VertexColors
-from clrender.scene.wording import place as place_in_file
+from clrender.wording import place as place_in_file
 
 __all__ = ["scene_from_portable", "scene_to_portable"]
 

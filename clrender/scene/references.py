@@ -18,20 +18,20 @@ from clrender.scene.materials import (
 )
 from clrender.scene.shapes import Mesh
 from clrender.scene.values import fault
-from clrender.scene.wording import place, quoted, suggestion
+from clrender.wording import place, quoted, suggestion
 
 if TYPE_CHECKING:
-    from clrender.scene.description import Scene
+    from clrender.scene.contents import SceneContents
 
 __all__ = ["check_references"]
 
 
-def check_references(scene: Scene) -> None:
+def check_references(scene: SceneContents) -> None:
     """Raise an error for the first name that is undefined or incompatible.
 
     Parameters
     ----------
-    scene : Scene
+    scene : SceneContents
 
     Raises
     ------
@@ -59,7 +59,7 @@ def check_references(scene: Scene) -> None:
         raise fault("light", sentence, "lights", i)
 
 
-def _check_media(scene: Scene) -> None:
+def _check_media(scene: SceneContents) -> None:
     """Check that the media of shapes and fog exist, and that light can enter them."""
     named: list[tuple[str | None, tuple[str | int, ...]]] = [(scene.fog, ("fog",))]
     named += [(shape.interior, (*at, "interior")) for at, shape in scene.all_shapes()]
@@ -83,7 +83,7 @@ def _check_media(scene: Scene) -> None:
             raise fault("reference", f"is given beside {other}; keep one of them", *at, "interior")
 
 
-def _check_mixtures(scene: Scene) -> None:
+def _check_mixtures(scene: SceneContents) -> None:
     """Check that each material of a mixture exists, and that none contains itself."""
     for name, material in scene.materials.items():
         if not isinstance(material, Mix):
@@ -112,7 +112,7 @@ def _check_mixtures(scene: Scene) -> None:
                 raise fault("reference", f"{reason}; give two other materials", "materials", name, "materials")
 
 
-def _check_colors(scene: Scene) -> None:
+def _check_colors(scene: SceneContents) -> None:
     """Check that there is a base colour for vertex colours to multiply."""
     for at, shape in scene.all_shapes():
         if not isinstance(shape, Mesh) or shape.color_key is None:
@@ -127,7 +127,7 @@ def _check_colors(scene: Scene) -> None:
             raise fault("mesh", f"{sentence}; {cure}", *at, shape.color_key)
 
 
-def _check_terminators(scene: Scene) -> None:
+def _check_terminators(scene: SceneContents) -> None:
     """Check that only opaque shapes without emission have their shadow terminator moved."""
     for at, shape in scene.all_shapes():
         if not isinstance(shape, Mesh) or not shape.shadow_terminator_offset:

@@ -13,17 +13,17 @@ from numpy import uint8
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
+from clrender.files.named import open_named_file
+from clrender.image.texel_tiles import StoredPicture
+from clrender.meshes.data import MeshData
+from clrender.meshes.read import read_mesh
+from clrender.meshes.vertex_colors import VertexColors
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.frozen import FrozenDict, frozen
 from clrender.scene.groups import TransformArray
 from clrender.scene.ies import IesProfile, read_ies
-from clrender.scene.mesh_data import MeshData
-from clrender.scene.mesh_io import read_mesh
-from clrender.scene.named_files import open_named_file
 from clrender.scene.shapes import Mesh
-from clrender.scene.texels import StoredPicture
-from clrender.scene.vertex_colors import VertexColors
-from clrender.scene.wording import place, quoted, shown, suggestion
+from clrender.wording import place, quoted, shown, suggestion
 
 __all__ = ["SceneFiles"]
 
@@ -171,7 +171,7 @@ class SceneFiles:
         Raises
         ------
         SceneError
-            See `clrender.scene.named_files.open_named_file`.
+            See `clrender.files.named.open_named_file`.
         """
         if name in self.encoded:
             data, ending = self.encoded[name]

@@ -7,9 +7,10 @@ from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
 from pydantic import BeforeValidator, FailFast, Field, Strict, WithJsonSchema, model_validator
 
+from clrender.meshes.data import COORDINATE_LIMIT
+from clrender.meshes.vertex_colors import VertexColors
 from clrender.scene.textures import ColorOrTexture
 from clrender.scene.values import (
-    COORDINATE_LIMIT,
     INLINE_LIMIT,
     NUMBER_OR_TRIPLE,
     FileName,
@@ -27,7 +28,6 @@ from clrender.scene.values import (
     length,
     number_as_triple,
 )
-from clrender.scene.vertex_colors import VertexColors
 
 __all__ = [
     "SHAPE_TYPES",

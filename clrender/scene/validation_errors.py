@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from clrender.errors import SceneError
-from clrender.scene.wording import place, quoted, shown, suggestion
+from clrender.wording import place, quoted, shown, suggestion
 
 __all__ = ["scene_error"]
 

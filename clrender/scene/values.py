@@ -11,17 +11,17 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from clrender.errors import SceneError
 from clrender.limits import NotAllowed
+from clrender.meshes.data import COORDINATE_LIMIT
 from clrender.scene.changes import changes_by_place, plain, table_values, validated
 from clrender.scene.frozen import FrozenDict, refuse_change
 from clrender.scene.validation_errors import scene_error
-from clrender.scene.wording import shown
 from clrender.settings import Setting
+from clrender.wording import shown
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
 __all__ = [
-    "COORDINATE_LIMIT",
     "INLINE_LIMIT",
     "NAME_LIMIT",
     "NUMBER_OR_TRIPLE",
@@ -50,8 +50,6 @@ __all__ = [
     "number_as_triple",
 ]
 
-COORDINATE_LIMIT: Final = 1e12
-"""Largest magnitude of a coordinate, metres: its cube, used in ray-triangle intersection, fits single precision."""
 POWER_LIMIT: Final = 1e12
 """Largest magnitude of a radiometric quantity: if directly visible, the film can store it (below 2^43)."""
 SHAPE_LIMIT: Final = 2**20

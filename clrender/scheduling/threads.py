@@ -10,9 +10,9 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from clrender.elapsed import processor_seconds
 from clrender.errors import DeviceError, DeviceFailure
 from clrender.film.unit import UnitSums
+from clrender.process.elapsed import processor_seconds
 from clrender.scheduling.watchdog import TimeLimits
 from clrender.scheduling.work import Kind, Task, Work
 from clrender.scheduling.worker import Candidate, Worker

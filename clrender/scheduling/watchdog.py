@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from clrender.elapsed import Elapsed
+from clrender.process.elapsed import Elapsed
 
 __all__ = ["TimeLimits", "Watchdog"]
 
@@ -19,7 +19,7 @@ _BETWEEN: Final = 0.02
 class TimeLimits:
     """How long to wait for a device, and how often to try again.
 
-    Seconds are those of `clrender.elapsed.Elapsed`: a starved process is slow, but does not hang.
+    Seconds are those of `clrender.process.elapsed.Elapsed`: a starved process is slow, but does not hang.
 
     Attributes
     ----------

@@ -17,17 +17,17 @@ from clrender.errors import UsageError
 from clrender.film.request import differences
 from clrender.film.unit import BLOCK, blocks_across
 from clrender.importers import load
-from clrender.job import RenderJob
 from clrender.limits import checked_path
+from clrender.rendering.job import RenderJob
+from clrender.rendering.session import Session
 from clrender.scene import Scene, builtin_names
-from clrender.session import Session
 from clrender.verification.claim import Claim, claim_of
 from clrender.verification.confidence import detection_probability, least_detected
 from clrender.verification.findings import Comparison, explanation
 
 if TYPE_CHECKING:
     from clrender.device import Device
-    from clrender.rendered_image import Progress
+    from clrender.rendering.rendered_image import Progress
 
 __all__ = ["Verification", "verify"]
 

@@ -32,7 +32,7 @@ class Claim(ABC):
     Attributes
     ----------
     request : dict
-        How the image was made, as far as recorded; see `clrender.job.RenderJob.request`.
+        How the image was made, as far as recorded; see `clrender.rendering.job.RenderJob.request`.
     ledger : Ledger
         The samples that it contains.
     provenance : mapping

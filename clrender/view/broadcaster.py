@@ -5,15 +5,12 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from clrender.errors import UsageError
-from clrender.stages import STAGES
+from clrender.process.stages import STAGES
 from clrender.view.frames import first_hit_layers_of
-from clrender.view.viewer import Viewer
-
-if TYPE_CHECKING:
-    from clrender.view.engine import Engine
+from clrender.view.viewer import ViewedEngine, Viewer
 
 __all__ = ["MOST_VIEWERS", "Broadcaster"]
 
@@ -46,7 +43,7 @@ class Broadcaster:
         """By viewer, the `id` of its newest camera message that was followed."""
         return {each.number: each.camera_id for each in self._all() if each.camera_id is not None}
 
-    def connect(self, engine: Engine, wake: Callable[[], None]) -> Viewer:
+    def connect(self, engine: ViewedEngine, wake: Callable[[], None]) -> Viewer:
         """A new viewer; `Engine.connect` has the details."""
         with self._lock:
             if len(self._viewers) >= MOST_VIEWERS:

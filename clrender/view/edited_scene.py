@@ -12,8 +12,8 @@ import tomli_w
 from pydantic import ValidationError
 
 from clrender.errors import UsageError
-from clrender.job import RenderJob
 from clrender.limits import nearest, shown
+from clrender.rendering.job import RenderJob
 from clrender.scene import Scene
 from clrender.scene.camera import Camera
 from clrender.scene.validation_errors import scene_error

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from clrender.errors import DeviceError, UsageError
-from clrender.rendered_image import Progress, RenderedImage
+from clrender.rendering.rendered_image import Progress, RenderedImage
+from clrender.rendering.session import Session
 from clrender.scene import Scene
-from clrender.session import Session
 from clrender.view import messages, tables
 from clrender.view.broadcaster import Broadcaster
 from clrender.view.edited_scene import EditedScene

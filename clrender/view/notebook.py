@@ -23,7 +23,7 @@ from clrender.view.displays import Displays
 from clrender.view.engine import Engine
 
 if TYPE_CHECKING:
-    from clrender.rendered_image import RenderedImage
+    from clrender.rendering.rendered_image import RenderedImage
     from clrender.scene import Scene
 
 __all__ = ["View"]

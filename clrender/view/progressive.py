@@ -13,12 +13,12 @@ import numpy.typing as npt
 from clrender.film.replicates import relative_error
 from clrender.film.running import RunningFilm
 from clrender.image.files import image_sha256
-from clrender.session import Session
+from clrender.rendering.session import Session
 from clrender.view.image_state import ImageState
 
 if TYPE_CHECKING:
-    from clrender.job import RenderJob
-    from clrender.rendered_image import Progress, RenderedImage
+    from clrender.rendering.job import RenderJob
+    from clrender.rendering.rendered_image import Progress, RenderedImage
 
 __all__ = ["PROBED", "Progressive"]
 

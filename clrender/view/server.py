@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from clrender.errors import ClrenderError, UsageError
 from clrender.extras import missing_extra
-from clrender.rendered_image import RenderedImage
+from clrender.rendering.rendered_image import RenderedImage
 from clrender.view.edited_scene import camera_toml
 from clrender.view.engine import Engine
 from clrender.view.guard import CONTENT_POLICY, Guard
@@ -202,7 +202,7 @@ def serve(
     shown = "localhost" if host == "localhost" else f"[{host}]" if ":" in host else host
     ready(f"http://{shown}:{port}/?token={token}")
     server = _Server(config, engine)
-    # Around the event loop too: an exception that a signal raises in one of its tasks is logged when the task is collected.
+    # Around the event loop too: an exception that a signal raises in one of its tasks is logged when that is collected.
     with server.capture_signals():
         server.run(sockets=[listening])
 

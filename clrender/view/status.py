@@ -11,7 +11,7 @@ from clrender.errors import ClrenderError
 from clrender.view import tables
 
 if TYPE_CHECKING:
-    from clrender.rendered_image import Progress
+    from clrender.rendering.rendered_image import Progress
     from clrender.view.broadcaster import Broadcaster
     from clrender.view.edited_scene import EditedScene
     from clrender.view.progressive import Progressive

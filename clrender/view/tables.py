@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from clrender.errors import ClrenderError
-from clrender.exposure import photographic_stops
 from clrender.extras import install_command
+from clrender.image.exposure import photographic_stops
 from clrender.image.tone_map import TONE_MAPS
 from clrender.integrators import INTEGRATORS
 from clrender.settings import IMAGE, SETTINGS
@@ -78,7 +78,7 @@ def hello(known: Sequence[dict[str, Any]], saves: Sequence[str]) -> dict[str, An
 
 def devices() -> list[dict[str, Any]]:
     """The devices that work, probed if they were not yet; that may take a minute."""
-    from clrender.device.probe import devices as all_devices
+    from clrender.drivers.probe import devices as all_devices
 
     try:
         found = all_devices()

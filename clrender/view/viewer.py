@@ -7,17 +7,16 @@ import threading
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from clrender.errors import ClrenderError, UsageError
-from clrender.view.frames import LAYERS, encode
+from clrender.view.frames import LAYERS, Frames, encode
 from clrender.view.messages import Ack, Message, Show, parse
 
 if TYPE_CHECKING:
-    from clrender.view.engine import Engine
     from clrender.view.image_state import ImageState
 
-__all__ = ["Viewer"]
+__all__ = ["ViewedEngine", "Viewer"]
 
 _MOST_REPLIES: Final = 256
 """Replies that may wait; a viewer that does not take them is closed."""
@@ -42,6 +41,24 @@ class _LayerStream:
     unacknowledged: int | None = None
 
 
+class ViewedEngine(Protocol):
+    """What viewers use of the engine; see `clrender.view.engine.Engine`."""
+
+    frames: Frames
+
+    @property
+    def displayed(self) -> ImageState | None: ...
+
+    @property
+    def superseded(self) -> bool: ...
+
+    def post(self, viewer: Viewer, message: Message) -> None: ...
+
+    def wake_renderer(self) -> None: ...
+
+    def disconnect(self, viewer: Viewer) -> None: ...
+
+
 class Viewer:
     """A client of the engine; made by `Engine.connect`, and driven by a transport.
 
@@ -50,7 +67,7 @@ class Viewer:
 
     Parameters
     ----------
-    engine : Engine
+    engine : ViewedEngine
     number : int
         Of the viewer.
     wake : callable
@@ -64,7 +81,7 @@ class Viewer:
         The `id` of its newest camera message that was followed; set by the render thread.
     """
 
-    def __init__(self, engine: Engine, number: int, wake: Callable[[], None]) -> None:
+    def __init__(self, engine: ViewedEngine, number: int, wake: Callable[[], None]) -> None:
         self.number = number
         self.closed: str | None = None
         self.camera_id: int | str | None = None

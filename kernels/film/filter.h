@@ -2,7 +2,7 @@
 // samples of a pixel count alike but for the sign (PBR 4ed, 8.8). No sample is anybody else's, so that pixels stay independent.
 //
 // A filter is the product of the same even function along x and along y. From the centre outwards that function is a chain of straight
-// lines, whose integral is inverted exactly; clrender/pixel_filter.py makes the table of them.
+// lines, whose integral is inverted exactly; clrender/image/pixel_filter.py makes the table of them.
 //
 // Built only where it is asked for (-D PIXEL_FILTER): a box is what the random numbers are anyway. -D PIXEL_FILTER_NEGATIVE beside it
 // where the function is negative somewhere.

@@ -1,6 +1,6 @@
 // The order in which pixels are worked on. Slots run through the image tile by tile, inside a tile block by block of 4 × 4 pixels,
 // so that a work-item's lanes look in almost the same direction. A tile's side is a multiple of 4; slots outside the image exist
-// and are passed over. clrender/work.py computes the same.
+// and are passed over. clrender/film/unit.py computes the same.
 #ifndef FILM_SLOT_H
 #define FILM_SLOT_H
 

@@ -1,7 +1,7 @@
 // What is known of holes without a look at the texture: two bits for each cell of a grid on a triangle say that it is a hole all over, or whole
 // (Gruen, Benthin and Woop, "Sub-triangle opacity masks for faster ray tracing of transparent objects", HPG 2020).
 //
-// The host leaves out cells that rounding might shift a hit out of (clrender/scene/holes.py). So the bits change no image: what they
+// The host leaves out cells that rounding might shift a hit out of (clrender/flatten/holes.py). So the bits change no image: what they
 // do not say, the texture does (geometry/find.h).
 //
 // Built only where a scene has such triangles (-D HOLES).

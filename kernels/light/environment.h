@@ -25,7 +25,7 @@ typedef struct {
 
 #ifdef ENVIRONMENT_MAP
 
-// scene->environment_map (clrender/scene/environment.py writes it): a row of numbers, ENVIRONMENT_ROW_*. Then a row for each band
+// scene->environment_map (clrender/flatten/environment.py writes it): a row of numbers, ENVIRONMENT_ROW_*. Then a row for each band
 // between two neighbouring lines of latitude, which are both poles and the centres of the rows of pixels: BAND_ROW_*. Then the rows of
 // pixels, three words each: the sum of the luminance from the first pixel's centre to this one's, and the radiance; the first pixel once
 // more stands at the end.

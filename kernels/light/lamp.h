@@ -31,7 +31,7 @@ static vec3 lamp_spot_sample(const LightRow* l, vfloat u, vfloat v, vfloat* pdf)
     return frame_to_world(frame_around(vec3_row(l->row, LIGHT_ROW_AXIS)), warp_cone(u, v, spread));
 }
 
-// The table of an IES file, LAMP_ROW_* of types.h; `clrender/scene/lamp_tables.py` writes it. Lanes of other lights take the first words for one of
+// The table of an IES file, LAMP_ROW_* of types.h; `clrender/flatten/lamp_tables.py` writes it. Lanes of other lights take the first words for one of
 // two lines and columns: these may be the table of the sun, whose numbers would lead anywhere.
 typedef struct {
     Frame frame;                     // the middle of its light, horizontal angle 0, and 90

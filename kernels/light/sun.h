@@ -12,7 +12,7 @@
 
 #ifdef SUN
 
-// The sun's table, SUN_ROW_*, is the first of scene->lamp_tables; clrender/scene/sky.py writes it.
+// The sun's table, SUN_ROW_*, is the first of scene->lamp_tables; clrender/flatten/sky.py writes it.
 static vmask sun_is(const LightRow* l) { return l->kind == LIGHT_SUN; }
 static vec3 sun_axis(const Scene* scene) { return vec3_from(vload4(0, scene->lamp_tables + SUN_ROW_AXIS)); }
 static float sun_spread(const Scene* scene) { return scene->lamp_tables[SUN_ROW_SPREAD]; }

@@ -1,5 +1,5 @@
 // Which of many lights is looked at from a point: a walk down a tree of lights, at every node to the child that is likely to give
-// more (Conty Estevez & Kulla, HPG 2018). clrender/scene/light_tree.py builds it.
+// more (Conty Estevez & Kulla, HPG 2018). clrender/flatten/light_tree.py builds it.
 //
 // What is likely may be wrong: of a child whose lights are far apart the walk knows little, and one of them may be beside the point. So
 // of sixteen walks one goes by the powers alone, and no light is found more than sixteen times as seldom as by its power.

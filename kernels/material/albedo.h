@@ -1,4 +1,4 @@
-// How much light the lobes of rough materials reflect, from tables (scripts/albedo_tables.py; clrender.scene.microfacets.albedo_tables).
+// How much light the lobes of rough materials reflect, from tables (scripts/albedo_tables.py; clrender.flatten.microfacets.albedo_tables).
 // Rows: √alpha; columns: √(μ (1 + α) / (μ + α)) of the cosine μ, because it is a function of the slope over alpha where both are small.
 #ifndef MATERIAL_ALBEDO_H
 #define MATERIAL_ALBEDO_H

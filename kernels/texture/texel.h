@@ -1,5 +1,5 @@
 // Texels. All pictures of a scene lie one after the other in tiles of 64 bytes, a line of memory: 8 by 8 texels of one byte, 4 by 4 of
-// four, 2 by 2 of sixteen (clrender/scene/texels.py). Row 0 of a picture is its top. Tile numbers are 32 bits wide, addresses are not.
+// four, 2 by 2 of sixteen (clrender/image/texel_tiles.py). Row 0 of a picture is its top. Tile numbers are 32 bits wide, addresses are not.
 //
 // What does not fit into a device's largest buffer is cut into as many as four pages (-D TEXEL_PAGE_BITS, of tile numbers).
 #ifndef TEXTURE_TEXEL_H

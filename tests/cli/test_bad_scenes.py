@@ -13,7 +13,7 @@ from cli_support import run
 
 from clrender import scene as scenes
 from clrender.errors import SceneError
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
 from clrender.importers import SCENE_ENDINGS
 from clrender.scene import validation_errors
 

@@ -100,7 +100,7 @@ def test_only_the_drivers_that_are_wanted_are_loaded(all_devices: list[Device]) 
     if len(libraries) < 2:
         pytest.skip("one driver only")
     wanted, other = libraries[0], libraries[-1]
-    code = f"from clrender.device import select; select('{wanted.index}'); print(open('/proc/self/maps').read())"
+    code = f"from clrender.drivers import select; select('{wanted.index}'); print(open('/proc/self/maps').read())"
     done = in_python(code)
     assert done.returncode == 0, done.stderr
     assert Path(wanted.library).name in done.stdout
@@ -174,7 +174,7 @@ def test_without_a_driver(tmp_path: Path) -> None:
 def test_nothing_is_read_from_the_users_folder(only_device: str, tmp_path: Path) -> None:
     for name in ("numpy", "pyopencl", "clrender"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('imported the wrong one')")
-    code = "from clrender.device.probe import survey; print([report.fault for report in survey(refresh=True)])"
+    code = "from clrender.drivers.probe import survey; print([report.fault for report in survey(refresh=True)])"
     root = str(Path(__file__).resolve().parents[2])
     command = [sys.executable, "-c", f"import os, sys; sys.path[0] = {root!r}; os.chdir({str(tmp_path)!r}); {code}"]
     env = {**os.environ, "OCL_ICD_VENDORS": only_device}

@@ -147,7 +147,7 @@ def test_no_file_is_begun_once_the_end_has_come(tmp_path: Path) -> None:
     """The main thread goes on while another one cleans up and leaves."""
     code = """
 import os, threading
-from clrender.files import atomic_write, remove_temporaries
+from clrender.files.access import atomic_write, remove_temporaries
 def write():
     with atomic_write("a.exr") as file:
         file.write(b"picture")

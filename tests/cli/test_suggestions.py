@@ -13,8 +13,8 @@ import pytest
 from cli_support import run
 
 from clrender import SceneError, UsageError
-from clrender.device import discover
-from clrender.job import RenderJob
+from clrender.drivers import discover
+from clrender.rendering.job import RenderJob
 from clrender.scene import Scene, load
 
 

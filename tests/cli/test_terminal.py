@@ -27,7 +27,7 @@ from clrender.film.replicates import relative_error
 from clrender.image.files import read_image
 from clrender.image.terminal import PROTOCOLS, encode, fit, resized
 from clrender.image.tone_map import to_display
-from clrender.rendered_image import Progress
+from clrender.rendering.rendered_image import Progress
 
 SMALL = ("render", "room", "--size", "96x64", "--spp", "32", "-o", "a.png")
 KEYS = {"event", "samples", "samples_total", "seconds", "samples_per_second", "seconds_left", "relative_error"}

@@ -20,7 +20,7 @@ from view_clients import EngineClient, Received
 
 import clrender
 from clrender.device import Device
-from clrender.heap import return_large_blocks
+from clrender.process.heap import return_large_blocks
 from clrender.view import Engine
 
 SECONDS: Final = float(os.environ.get("CLRENDER_SOAK_SECONDS", "60"))

@@ -29,13 +29,13 @@ from serialized_files import serialized
 
 from clrender.errors import ClrenderError
 from clrender.film import Film
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
+from clrender.flatten.lamp_tables import lamp_table
 from clrender.image.files import read_image, read_provenance, write_image
 from clrender.importers import load
+from clrender.meshes.read import read_mesh, read_serialized_mesh
 from clrender.scene import Scene
 from clrender.scene.ies import read_ies
-from clrender.scene.lamp_tables import lamp_table
-from clrender.scene.mesh_io import read_mesh, read_serialized_mesh
 
 __all__ = ["main"]
 

@@ -16,9 +16,9 @@ from clrender.bench.foliage import LEAVES
 from clrender.bench.measure import relative_error
 from clrender.bench.peers import PEERS, Task
 from clrender.errors import RenderError, UsageError
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
 from clrender.image.files import read_image
-from clrender.scene.mesh_io import read_mesh
+from clrender.meshes.read import read_mesh
 
 TRIANGLES = {"S1": 28, "S1-tess": 28 + 10240, "S2": 28, "S2-tess": 28 + 10240, "S3-10k": 16 + 9680, "S4": 24 + 1000}
 

@@ -16,8 +16,9 @@ from typing import Any
 
 import pytest
 
-from clrender.device import cache, compiled, discover
-from clrender.device.discover import Driver
+from clrender.device import cache, compiled
+from clrender.drivers import discover
+from clrender.drivers.discover import Driver
 from clrender.errors import DeviceError
 
 ROOT = str(Path(cache.__file__).parents[2])

@@ -301,7 +301,9 @@ def fail(error: BaseException) -> Callable[..., Any]:
 
 
 @pytest.mark.parametrize("error", [FULL, READ_ONLY], ids=["full", "read-only"])
-@pytest.mark.parametrize("where", ["clrender.files.os.open", "clrender.film.file._write_member", "os.fsync", "rename"])
+@pytest.mark.parametrize(
+    "where", ["clrender.files.access.os.open", "clrender.film.file._write_member", "os.fsync", "rename"]
+)
 def test_a_disk_that_fails_for_a_while(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str, error: OSError
 ) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from clrender.chi_squared import goodness_of_fit, survival
+from clrender.statistics.chi_squared import goodness_of_fit, survival
 
 
 @pytest.mark.parametrize("freedom", [1, 2, 3, 10, 100, 719, 5000])

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import clrender
-from clrender.flatten import flatten
-from clrender.scene import shape_faces
-from clrender.scene.attributes import COLORS
-from clrender.scene.near_pairs import near_pairs
+from clrender.flatten import shape_faces
+from clrender.flatten.attributes import COLORS
+from clrender.flatten.flat_scene import flatten
+from clrender.flatten.near_pairs import near_pairs
 
 CAMERA = {"position": [0.0, 1.0, 5.0], "target": [0.0, 0.0, 0.0]}
 MATERIALS: dict[str, Any] = {

@@ -19,11 +19,11 @@ from clrender.cli import main
 from clrender.errors import SceneError, UsageError
 from clrender.exporters import exported, scene_text
 from clrender.exporters.mesh_ply import write_ply
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
 from clrender.image.files import write_image
+from clrender.meshes.data import MeshData
+from clrender.meshes.read import read_mesh
 from clrender.scene import Scene, builtin_names
-from clrender.scene.mesh_data import MeshData
-from clrender.scene.mesh_io import read_mesh
 
 ROOT = Path(__file__).resolve().parents[2]
 ENDINGS = (".obj", ".ply", ".stl", ".gltf", ".glb", ".xml", ".pbrt")

@@ -141,6 +141,27 @@ def test_the_settings_are_those_of_the_table() -> None:
     assert generator("setting_docs")(page) == page, "run `python scripts/setting_docs.py`"
 
 
+def test_the_rooms_are_those_of_the_package() -> None:
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    assert generator("rooms")(page) == page, "run `python scripts/rooms.py`"
+
+
+def test_the_architecture_names_files_that_are_there() -> None:
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    named = set(re.findall(r"`([\w/]+\.(?:py|h|cl|inc))`", page))
+    assert len(named) > 60
+    there = [
+        path.as_posix()
+        for folder in ("clrender", "kernels", "tests", "scripts")
+        for path in (ROOT / folder).rglob("*.*")
+    ]
+    assert not [
+        name
+        for name in named
+        if name != "kernels/material/lobe/NAME.h" and not any(path.endswith(f"/{name}") for path in there)
+    ]
+
+
 def test_every_picture_has_a_script_that_makes_it() -> None:
     pytest.importorskip("matplotlib")
     makers = runpy.run_path(str(ROOT / "scripts" / "figure_docs.py"))

@@ -11,12 +11,12 @@ import numpy.typing as npt
 import pytest
 
 import clrender
-from clrender.flatten import flatten
+from clrender.flatten import emission_means
+from clrender.flatten.emission_means import EmissionMeans
+from clrender.flatten.flat_scene import flatten
+from clrender.flatten.texture_means import TextureMeans
+from clrender.flatten.texture_rows import flat_textures
 from clrender.image.files import write_image
-from clrender.scene import emission_means
-from clrender.scene.emission_means import EmissionMeans
-from clrender.scene.texture_means import TextureMeans
-from clrender.scene.texture_rows import flat_textures
 
 Floats = npt.NDArray[np.float64]
 HEIGHT, WIDTH = 26, 21

@@ -11,11 +11,12 @@ import pytest
 
 from clrender import layout
 from clrender.errors import SceneError
-from clrender.flatten import flatten
+from clrender.flatten.environment import HEAD_WORDS, EnvironmentTable, environment_table
+from clrender.flatten.flat_scene import flatten
 from clrender.image.files import write_image
-from clrender.job import RenderJob
+from clrender.rendering.job import RenderJob
 from clrender.scene import EnvironmentLight, Scene, load
-from clrender.scene.environment import HEAD_WORDS, EnvironmentPicture, EnvironmentTable, environment_table
+from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.portable import scene_from_portable, scene_to_portable
 
 CAMERA = {"position": (0, 0, 5), "target": (0, 0, 0)}

@@ -12,12 +12,12 @@ from click.testing import CliRunner
 
 from clrender.cli.tonemap import tonemap
 from clrender.errors import SceneError, UsageError
-from clrender.exposure import camera_exposure, photographic_stops
 from clrender.film import Film
 from clrender.image.display import open_display
+from clrender.image.exposure import camera_exposure, photographic_stops
 from clrender.image.files import write_image
 from clrender.image.tone_map import display_values
-from clrender.rendered_image import RenderedImage
+from clrender.rendering.rendered_image import RenderedImage
 from clrender.scene import Scene
 from clrender.scene.portable import scene_from_portable, scene_to_portable
 

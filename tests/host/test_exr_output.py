@@ -17,7 +17,7 @@ from clrender.errors import UsageError
 from clrender.film import Film
 from clrender.image.exr_write import COMPRESSIONS, ExrFormat
 from clrender.image.files import read_image, read_provenance
-from clrender.rendered_image import RenderedImage
+from clrender.rendering.rendered_image import RenderedImage
 
 HEIGHT, WIDTH = 70, 90
 RNG = np.random.default_rng(5)
@@ -131,8 +131,8 @@ import sys
 import numpy as np
 from clrender.film import Film
 from clrender.image.exr_write import ExrFormat
-from clrender.render_stats import peak_rss
-from clrender.rendered_image import RenderedImage
+from clrender.rendering.statistics import peak_rss
+from clrender.rendering.rendered_image import RenderedImage
 height, width = 1500, 2000
 layers = {
     name: np.moveaxis(np.full((3, height, width), 0.5, np.float32), 0, 2)

@@ -21,7 +21,7 @@ from clrender.film import Film
 from clrender.film.fixed_point import fixed_point, to_float64
 from clrender.film.ledger import Ledger
 from clrender.film.unit import Unit, UnitSums, slot_count, tile_side, tile_slots
-from clrender.huge_pages import LARGE_BYTES
+from clrender.process.huge_pages import LARGE_BYTES
 
 Words = npt.NDArray[np.uint32]
 

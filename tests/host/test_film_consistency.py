@@ -17,7 +17,7 @@ from clrender.film.checkpoint import Checkpoint
 from clrender.film.consistency import contradictions
 from clrender.film.ledger import Ledger
 from clrender.film.merge import merge_films
-from clrender.job import RenderJob
+from clrender.rendering.job import RenderJob
 from clrender.verification import verify
 
 WIDTH, HEIGHT, SPP, SIZE = 20, 12, 8, 2

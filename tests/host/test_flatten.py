@@ -15,8 +15,8 @@ from clrender import layout
 from clrender import scene as scenes
 from clrender.errors import SceneError, UsageError
 from clrender.exact.angles import sin_cos_degrees
-from clrender.flatten import FlatScene, flatten
-from clrender.scene.alias import alias_table
+from clrender.flatten.alias import alias_table
+from clrender.flatten.flat_scene import FlatScene, flatten
 
 CAMERA = {"position": [0, 0, 5], "target": [0, 0, 0]}
 UNIT_CUBE = {"type": "box", "size": [1, 1, 1]}

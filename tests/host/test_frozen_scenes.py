@@ -15,9 +15,9 @@ import pytest
 import clrender
 from clrender import scene as scenes
 from clrender.errors import SceneError
+from clrender.meshes.data import MeshData
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.groups import TransformArray
-from clrender.scene.mesh_data import MeshData
 
 MESH: dict[str, Any] = {"type": "mesh", "file": "a.ply", "material": "white"}
 

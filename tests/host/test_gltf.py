@@ -16,10 +16,10 @@ from gltf_files import QUAD, Model, picture_uri
 
 import clrender
 from clrender.errors import SceneError
+from clrender.flatten.bounds import scene_bounds
+from clrender.flatten.surfaces import flat_surfaces
 from clrender.image.files import write_image
 from clrender.scene import Camera, DirectionalLight, PointLight, Principled, Scene, SpotLight
-from clrender.scene.bounds import scene_bounds
-from clrender.scene.surfaces import flat_surfaces
 from clrender.scene.textures import ImageTexture, NormalMap
 
 

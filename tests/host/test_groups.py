@@ -15,14 +15,14 @@ from clrender import layout
 from clrender.cli import main
 from clrender.errors import SceneError
 from clrender.exporters import exported
-from clrender.flatten import flatten
+from clrender.flatten.assembly import assemble, written_out
+from clrender.flatten.bounds import scene_bounds
+from clrender.flatten.flat_scene import flatten
+from clrender.flatten.instances import NUMBER_LIMIT
 from clrender.importers.draft import Draft
 from clrender.importers.sharing import share_meshes
 from clrender.scene import MeshData, Scene, load
-from clrender.scene.assembly import assemble, written_out
-from clrender.scene.bounds import scene_bounds
 from clrender.scene.groups import TransformArray
-from clrender.scene.instances import NUMBER_LIMIT
 from clrender.scene.portable import scene_from_portable, scene_to_portable
 
 CAMERA = {"position": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0]}

@@ -43,7 +43,7 @@ def mapped_blocks(begin: str, **environment: str) -> int:
 @pytest.mark.parametrize(
     "begin",
     [
-        "from clrender.heap import return_large_blocks\nreturn_large_blocks()",
+        "from clrender.process.heap import return_large_blocks\nreturn_large_blocks()",
         "import clrender.__main__ as program\nsys.argv = ['clrender', '--version']\n"
         "try:\n    program.main()\nexcept SystemExit:\n    pass",
         "from clrender.cluster.remote import RemoteRenderer\nkept = RemoteRenderer()",
@@ -56,5 +56,5 @@ def test_a_large_block_is_mapped_on_its_own(begin: str) -> None:
 
 
 def test_the_environment_goes_first() -> None:
-    setting = "from clrender.heap import return_large_blocks\nreturn_large_blocks()"
+    setting = "from clrender.process.heap import return_large_blocks\nreturn_large_blocks()"
     assert mapped_blocks(setting, MALLOC_MMAP_THRESHOLD_=str(1 << 24)) == 0

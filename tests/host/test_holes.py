@@ -9,7 +9,7 @@ import pytest
 from gltf_files import Model
 
 import clrender
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
 
 
 @pytest.mark.parametrize("count", [1, 150])

@@ -11,12 +11,12 @@ import pytest
 
 from clrender import RenderJob, layout
 from clrender.errors import SceneError
-from clrender.exposure import LUMENS_PER_WATT
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
+from clrender.flatten.lamp_tables import lamp_table
+from clrender.flatten.lamps import lamp_directions
+from clrender.image.exposure import LUMENS_PER_WATT
 from clrender.scene import IesLight, Scene, SpotLight, load
 from clrender.scene.ies import IesProfile, read_ies
-from clrender.scene.lamp_tables import lamp_table
-from clrender.scene.lamps import lamp_directions
 from clrender.scene.portable import scene_from_portable, scene_to_portable
 
 TEXT = (

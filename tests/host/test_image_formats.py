@@ -24,7 +24,7 @@ from special_files import special
 
 import clrender
 from clrender.errors import UsageError
-from clrender.files import open_input
+from clrender.files.access import open_input
 from clrender.image.colorimetry import REC_709, rec_709_matrix
 from clrender.image.files import read_image, read_provenance, write_image
 from clrender.image.tone_map import srgb_decode, to_display

@@ -14,8 +14,8 @@ from PIL import Image
 
 from clrender.film import Film
 from clrender.image.files import png_bytes
-from clrender.image_html import IMAGE_SIDE, LAYER_SIDE, shrunk
-from clrender.rendered_image import RenderedImage
+from clrender.rendering.image_html import IMAGE_SIDE, LAYER_SIDE, shrunk
+from clrender.rendering.rendered_image import RenderedImage
 
 _Array = npt.NDArray[np.float32]
 

@@ -26,7 +26,7 @@ from PIL import Image
 
 import clrender
 from clrender.errors import ClrenderError, RenderError, UsageError
-from clrender.files import atomic_write, check_writable, open_input
+from clrender.files.access import atomic_write, check_writable, open_input
 from clrender.film import Film
 from clrender.image.files import OUTPUT_ENDINGS, check_output, image_sha256, read_image, read_provenance, write_image
 from clrender.image.radiance_hdr import read_hdr, write_hdr
@@ -259,7 +259,7 @@ def test_rights_follow_the_umask_and_the_old_file(tmp_path: Path) -> None:
 
 WRITER = """
 import sys, time
-from clrender.files import atomic_write
+from clrender.files.access import atomic_write
 with atomic_write("a.png") as file:
     print("writing", flush=True)
     time.sleep(600)
@@ -296,7 +296,7 @@ def test_what_killed_processes_left_is_removed_and_what_others_write_is_not(tmp_
 def test_a_file_taken_for_a_left_one_before_it_was_locked_is_begun_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from clrender import files
+    from clrender.files import access as files
 
     lock, taken = files._lock, list[Path]()
 
@@ -405,7 +405,7 @@ def test_a_full_disk_is_one_sentence_and_leaves_the_old_file(
     path = tmp_path / f"a{ending}"
     path.write_bytes(b"old")
     real = os.fdopen
-    monkeypatch.setattr("clrender.files.os.fdopen", lambda *args: FullDisk(cast(IO[bytes], real(*args)), 2000))
+    monkeypatch.setattr("clrender.files.access.os.fdopen", lambda *args: FullDisk(cast(IO[bytes], real(*args)), 2000))
     with pytest.raises(RenderError, match=r"a\..*no room is left \(No space left on device\)"):
         WRITERS[ending](path)
     assert path.read_bytes() == b"old" and len(list(tmp_path.iterdir())) == 1

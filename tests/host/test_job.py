@@ -11,7 +11,7 @@ import pytest
 import clrender
 from clrender.errors import SceneError, UsageError
 from clrender.integrators import INTEGRATORS
-from clrender.job import RenderJob
+from clrender.rendering.job import RenderJob
 from clrender.scene import Scene
 
 SCENE: dict[str, Any] = {

@@ -8,7 +8,7 @@ import pytest
 
 import clrender
 from clrender.integrators import INTEGRATORS
-from clrender.job_effort import effort_told
+from clrender.rendering.effort import effort_told
 
 
 def told(scene: str, **settings: Any) -> str | None:

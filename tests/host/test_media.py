@@ -11,12 +11,12 @@ import pytest
 
 from clrender import layout
 from clrender.errors import SceneError
-from clrender.flatten import flatten, seen_by
-from clrender.job import RenderJob
+from clrender.flatten.flat_scene import flatten, seen_by
+from clrender.flatten.interiors import light_inside, packed
+from clrender.flatten.media import absorption_coefficients, scene_media
+from clrender.rendering.job import RenderJob
 from clrender.scene import Scene
 from clrender.scene.description import Camera, Dielectric
-from clrender.scene.interiors import light_inside, packed
-from clrender.scene.media import absorption_coefficients, scene_media
 
 SPHERE: Mapping[str, Any] = {"type": "sphere", "radius": 1.0}
 
@@ -280,8 +280,8 @@ def test_faces_that_coincide_are_told(center: Sequence[float], size: Sequence[fl
 
 
 def test_the_list_has_the_kernels_length() -> None:
-    from clrender.resources import kernels_folder
-    from clrender.scene.interiors import LIST_LENGTH
+    from clrender.files.package_data import kernels_folder
+    from clrender.flatten.interiors import LIST_LENGTH
 
     text = (kernels_folder() / "material" / "interior.h").read_text(encoding="utf-8")
     assert f"#define INTERIOR_ENTRIES {LIST_LENGTH}\n" in text

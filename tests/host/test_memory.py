@@ -8,10 +8,10 @@ import clrender
 from clrender.errors import MemoryRefused, UsageError
 from clrender.film import Film
 from clrender.film.unit import slot_count, tile_side
-from clrender.job import RenderJob
-from clrender.job_memory import needs, told
 from clrender.limits import Bytes, NotAllowed
-from clrender.memory import check_host, check_image, film_bytes, largest_tile, process_bytes, shown, unit_slots
+from clrender.process.memory import check_host, check_image, film_bytes, largest_tile, process_bytes, shown, unit_slots
+from clrender.rendering.job import RenderJob
+from clrender.rendering.memory import needs, told
 
 GIB = 1 << 30
 AMOUNT = Bytes(1 << 24)

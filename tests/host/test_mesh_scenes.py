@@ -10,10 +10,10 @@ import pytest
 
 import clrender
 from clrender.errors import SceneError
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
+from clrender.meshes.data import MeshData
+from clrender.meshes.read import read_mesh
 from clrender.scene import Mesh, Scene
-from clrender.scene.mesh_data import MeshData
-from clrender.scene.mesh_io import read_mesh
 
 CUBE = np.array([[x, y, z] for x in (0.0, 0.1) for y in (0.0, 1 / 3) for z in (-0.0, 1e-5)], np.float32)
 TRIANGLES = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]])

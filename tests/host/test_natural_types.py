@@ -18,7 +18,8 @@ from clrender.aov.names import check_aovs
 from clrender.cluster.address import local_workers
 from clrender.film import Film
 from clrender.film.checkpoint import Checkpoint
-from clrender.job import RenderJob
+from clrender.rendering.job import RenderJob
+from clrender.rendering.session import requested_devices
 from clrender.scene import Scene
 
 LONE = {"camera": {"position": (0.0, 0.0, 1.0), "target": (0.0, 0.0, 0.0)}}
@@ -63,9 +64,9 @@ def test_layers_may_be_one_text() -> None:
 
 def test_devices_may_be_numbers_of_numpy() -> None:
     for given in (np.int64(1), [np.int32(1)], np.array([1]), 1):
-        with Session(given) as session:  # type: ignore[arg-type]
-            assert session._given == [1]
-            assert type(session._given[0]) is int
+        requested = requested_devices(given)
+        assert requested == [1]
+        assert type(requested[0]) is int
     for wrong in (1.0, True, Path("cpu")):
         with pytest.raises(UsageError, match=r"give an index of clrender\.devices"):
             Session(wrong)  # type: ignore[arg-type]

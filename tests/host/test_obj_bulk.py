@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from clrender.errors import SceneError
-from clrender.scene import obj_bulk, obj_records
-from clrender.scene.decimals import digit_values
-from clrender.scene.mesh_text import Block, line_blocks
-from clrender.scene.obj_bulk import Run, alike_corners, alike_vectors, runs
-from clrender.scene.obj_records import ObjRecords, read_records
+from clrender.meshes import obj_bulk, obj_records
+from clrender.meshes.decimals import digit_values
+from clrender.meshes.obj_bulk import Run, alike_corners, alike_vectors, runs
+from clrender.meshes.obj_records import ObjRecords, read_records
+from clrender.meshes.text import Block, line_blocks
 
 VECTORS: Final[list[Callable[[random.Random], str]]] = [
     lambda r: f"{r.uniform(-9, 9):.6f}",

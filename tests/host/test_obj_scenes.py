@@ -13,10 +13,10 @@ from PIL import Image
 
 import clrender
 from clrender.errors import SceneError
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
+from clrender.meshes.data import MeshData
+from clrender.meshes.read import read_mesh
 from clrender.scene import Mesh, Scene
-from clrender.scene.mesh_data import MeshData
-from clrender.scene.mesh_io import read_mesh
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
 FACE = "f 1/1 2/2 3/3 4/4\n"

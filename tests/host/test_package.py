@@ -13,7 +13,7 @@ from types import ModuleType
 
 import pytest
 
-from clrender.resources import kernels_folder, scenes_folder
+from clrender.files.package_data import kernels_folder, scenes_folder
 
 ROOT = Path(__file__).resolve().parents[2]
 GOOD = "// For a test.\nkernel void f(global float* a) { a[0] = 1.0f; }\n"

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from clrender.errors import SceneError
-from clrender.scene.polygons import CORNER_LIMIT, triangulate
+from clrender.meshes.polygons import CORNER_LIMIT, triangulate
 
 Points = npt.NDArray[np.float64]
 

@@ -17,13 +17,14 @@ from typing import Any
 
 import pytest
 
-from clrender.device import cache, compiled, discover
-from clrender.device import probe as probe_module
-from clrender.device.diagnose import diagnose, diagnose_device, diagnose_driver
-from clrender.device.discover import Driver
+from clrender.device import cache, compiled
 from clrender.device.info import DeviceInfo
-from clrender.device.probe import MARK, Answer, DriverReport, ask, examine, inventory, judge, probe, survey
-from clrender.device.select import select
+from clrender.drivers import discover
+from clrender.drivers import probe as probe_module
+from clrender.drivers.diagnose import diagnose, diagnose_device, diagnose_driver
+from clrender.drivers.discover import Driver
+from clrender.drivers.probe import MARK, Answer, DriverReport, ask, examine, inventory, judge, probe, survey
+from clrender.drivers.select import select
 from clrender.errors import DeviceError
 
 GOOD = "0" * 64
@@ -284,7 +285,7 @@ def test_a_driver_that_fails_is_named_when_another_takes_its_place(
     broken = {"fault": "", "platforms": [{"name": "Portable Computing Language", "version": "3", "devices": []}]}
     fake_driver[:] = [script(LISTING), script(broken), script({"hash": GOOD, "differences": []})]
     monkeypatch.setenv("POCL_CACHE_DIR", "/nowhere")
-    monkeypatch.setattr(sys.modules["clrender.device.select"], "open_devices", lambda chosen, known: list(chosen))
+    monkeypatch.setattr(sys.modules["clrender.drivers.select"], "open_devices", lambda chosen, known: list(chosen))
     told: list[str] = []
     select("auto", told.append)
     assert f"{tmp_path / 'libfake.so.2'} offers no device with POCL_CACHE_DIR=/nowhere" in told[0]
@@ -299,7 +300,7 @@ def test_a_probe_ends_with_whoever_asked_for_it(tmp_path: Path) -> None:
     (tmp_path / "child.py").write_text(
         "import os, subprocess, sys, threading\n"
         f"sys.path.insert(0, {ROOT!r})\n"
-        "from clrender.device.child import end_with_the_parent\n"
+        "from clrender.drivers.child import end_with_the_parent\n"
         "threading.Thread(target=end_with_the_parent, daemon=True).start()\n"
         "tool = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)'])\n"
         f"open({str(tmp_path / 'new')!r}, 'w').write(f'{{os.getpid()}} {{tool.pid}}')\n"
@@ -308,7 +309,7 @@ def test_a_probe_ends_with_whoever_asked_for_it(tmp_path: Path) -> None:
     )
     asking = (
         f"import sys; sys.path.insert(0, {ROOT!r})\n"
-        "from clrender.device.probe import ask\n"
+        "from clrender.drivers.probe import ask\n"
         f"ask([sys.executable, {str(tmp_path / 'child.py')!r}], 60.0)\n"
     )
     with subprocess.Popen([sys.executable, "-c", asking]) as parent:
@@ -503,7 +504,7 @@ def test_a_driver_that_hangs_is_not_waited_for_where_another_device_has_passed(
     (tmp_path / "vendors" / "new.icd").write_text(f"{tmp_path / 'libnew.so'}\n")
     monkeypatch.setattr(probe_module, "LIST_SECONDS", 500.0)
     monkeypatch.setattr(probe_module, "OTHERS_SECONDS", 0.3)
-    monkeypatch.setattr(sys.modules["clrender.device.select"], "open_devices", lambda chosen, known: list(chosen))
+    monkeypatch.setattr(sys.modules["clrender.drivers.select"], "open_devices", lambda chosen, known: list(chosen))
     fake_driver[:] = [HANGS]
     for _ in range(2):
         told: list[str] = []
@@ -538,7 +539,7 @@ def test_an_icd_file_that_was_left_behind_is_no_reason_to_warn(
     name = "libgone-driver.so.1"
     (tmp_path / "vendors" / "gone.icd").write_text(f"{name}\n")
     fault = f"its library cannot be loaded: {name}: cannot open shared object file: No such file or directory"
-    monkeypatch.setattr(sys.modules["clrender.device.select"], "open_devices", lambda chosen, known: list(chosen))
+    monkeypatch.setattr(sys.modules["clrender.drivers.select"], "open_devices", lambda chosen, known: list(chosen))
     fake_driver[:] = [script(LISTING), script({"fault": fault, "platforms": []}), script({"hash": GOOD})]
     for _ in range(2):
         told: list[str] = []

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import clrender
+from clrender.flatten.surfaces import flat_surfaces
 from clrender.radiosity.corners import Corners
 from clrender.radiosity.factors import factors_of_hits
 from clrender.radiosity.patches import Patches, cut_into_patches
 from clrender.radiosity.sides import sealed_sides
-from clrender.scene.surfaces import flat_surfaces
 
 CAMERA = {"position": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0]}
 GREY = {"grey": {"type": "lambert", "reflectance": [0.5, 0.5, 0.5]}}

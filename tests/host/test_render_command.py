@@ -27,7 +27,7 @@ from clrender.image.files import image_sha256, read_image, read_provenance, writ
 from clrender.settings import SETTINGS
 
 if TYPE_CHECKING:
-    from clrender.rendered_image import RenderedImage
+    from clrender.rendering.rendered_image import RenderedImage
 
 SCENE = """
 title = "nothing"
@@ -77,7 +77,7 @@ class FakeProgress:
 
 @dataclass
 class FakeRenderer:
-    """A module `clrender.rendering` that counts to `spp` instead of rendering."""
+    """A module `clrender.api` that counts to `spp` instead of rendering."""
 
     calls: list[dict[str, Any]] = field(default_factory=list)
     during: Callable[[int], None] = lambda sample: None
@@ -120,9 +120,9 @@ class FakeRenderer:
 @pytest.fixture
 def renderer(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[FakeRenderer]:
     fake = FakeRenderer()
-    module = types.ModuleType("clrender.rendering")
+    module = types.ModuleType("clrender.api")
     module.render = fake.render  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "clrender.rendering", module)
+    monkeypatch.setitem(sys.modules, "clrender.api", module)
     monkeypatch.chdir(tmp_path)
     Path("scene.toml").write_text(SCENE)
     yield fake
@@ -298,7 +298,7 @@ def test_a_stop_by_time_is_a_success(renderer: FakeRenderer, capsys: pytest.Capt
         image.interrupted = True
         return image
 
-    sys.modules["clrender.rendering"].render = timed  # type: ignore[attr-defined]
+    sys.modules["clrender.api"].render = timed  # type: ignore[attr-defined]
     assert run("render", "scene.toml", "-o", "a.npy", "--time", "1", "--quiet") == 0
     assert "stopped early with 96 of 96" in capsys.readouterr().out
 
@@ -319,7 +319,7 @@ def test_a_signal_before_the_first_sample_writes_nothing(
 
 STUCK = """
 import sys, time, types
-module = types.ModuleType("clrender.rendering")
+module = types.ModuleType("clrender.api")
 def render(scene, *, on_progress, should_stop, **settings):
     class Progress:
         samples_done, samples_total, seconds, samples_per_second, seconds_left = {done}, 10, 1.0, 1.0, 9.0
@@ -329,7 +329,7 @@ def render(scene, *, on_progress, should_stop, **settings):
     ctypes.CDLL(None).sleep({sleep})  # a device that does not come back: no Python runs in this thread
     time.sleep(60)
 module.render = render
-sys.modules["clrender.rendering"] = module
+sys.modules["clrender.api"] = module
 from clrender.cli import main
 main(["render", "scene.toml", "-o", "a.npy"])
 """
@@ -367,6 +367,6 @@ def test_outputs_are_checked_before_rendering(renderer: FakeRenderer, capsys: py
 def test_more_memory_than_there_is_is_refused(
     renderer: FakeRenderer, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("clrender.memory.os.sysconf", lambda name: 4096 if name == "SC_PAGE_SIZE" else 1000)
+    monkeypatch.setattr("clrender.process.memory.os.sysconf", lambda name: 4096 if name == "SC_PAGE_SIZE" else 1000)
     assert run("render", "scene.toml", "-o", "a.png", "--size", "1000x1000") == 2
     assert "61.0 MiB of memory" in capsys.readouterr().err and not renderer.calls

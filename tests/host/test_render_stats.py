@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 
-CHILD = "from clrender.render_stats import peak_rss; print(peak_rss())"
+CHILD = "from clrender.rendering.statistics import peak_rss; print(peak_rss())"
 
 
 def test_memory_is_that_of_the_program_and_not_of_who_started_it() -> None:

@@ -25,7 +25,7 @@ from clrender.film.fixed_point import add_words, subtract_words
 from clrender.film.replicates import deviations, image_error, relative_error, replicate_counts, standard_error
 from clrender.film.running import RunningFilm
 from clrender.film.unit import Unit, UnitSums, slot_count, tile_side
-from clrender.memory import ERROR_BYTES
+from clrender.process.memory import ERROR_BYTES
 from clrender.scheduling.policy import Plan, Remaining
 from clrender.scheduling.run import run
 from clrender.scheduling.tally import Tally

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 import rival_scenes
 
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
 from clrender.importers import load
 from clrender.importers.shared.fresnel import external_reflectance, internal_reflectance
 from clrender.importers.shared.matrices import rotation
 from clrender.importers.shared.meshes import cube_mesh, cylinder_mesh, smoothed, sphere_mesh
 from clrender.importers.shared.sky_maps import square_place
 from clrender.importers.shared.spectra import blackbody_color, light_color, luminance, reflectance_color
+from clrender.meshes.data import MeshData
 from clrender.scene import Scene
-from clrender.scene.mesh_data import MeshData
 
 GREY = '<bsdf type="diffuse"/>'
 AREA = '<emitter type="area"><rgb name="radiance" value="2"/></emitter>'

@@ -23,7 +23,7 @@ from rival_scenes import MITSUBA, MITSUBA_06, PBRT, write_parts
 from clrender.exact import angles, elementary, matrices
 from clrender.image.tone_map import srgb_decode
 from clrender.importers.shared.meshes import smoothed, sphere_mesh
-from clrender.scene.mesh_data import MeshData
+from clrender.meshes.data import MeshData
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from clrender import scene as scenes
 from clrender.errors import SceneError
-from clrender.flatten import flatten
-from clrender.resources import scenes_folder
+from clrender.files.package_data import scenes_folder
+from clrender.flatten.flat_scene import flatten
 
 BUILTIN = ("room", "cornell", "directional-plane", "furnace-sphere", "slab", "point-plane")
 MESH = {

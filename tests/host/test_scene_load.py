@@ -12,8 +12,8 @@ from special_files import special
 
 from clrender import scene as scenes
 from clrender.errors import SceneError
-from clrender.flatten import flatten
-from clrender.resources import scenes_folder
+from clrender.files.package_data import scenes_folder
+from clrender.flatten.flat_scene import flatten
 
 TOML = """
 title = "Two ways"

@@ -12,10 +12,11 @@ import pytest
 from special_files import special
 
 from clrender.errors import SceneError
-from clrender.flatten import flatten
-from clrender.scene import Scene, named_files
-from clrender.scene.mesh_data import MeshData
-from clrender.scene.mesh_io import read_mesh
+from clrender.files import named as named_files
+from clrender.flatten.flat_scene import flatten
+from clrender.meshes.data import MeshData
+from clrender.meshes.read import read_mesh
+from clrender.scene import Scene
 
 POINTS = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0.5, 0.5, 1)]
 QUAD_AND_TRIANGLE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv .5 5e-1 1.\nf 1 2 3 4\nf 1 2 5\n"

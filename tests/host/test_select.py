@@ -10,11 +10,11 @@ from dataclasses import replace
 
 import pytest
 
-from clrender.device import select as select_function
-from clrender.device.discover import Driver
 from clrender.device.info import DeviceInfo
-from clrender.device.probe import DriverReport
-from clrender.device.select import choose
+from clrender.drivers import select as select_function
+from clrender.drivers.discover import Driver
+from clrender.drivers.probe import DriverReport
+from clrender.drivers.select import choose
 from clrender.errors import DeviceError, UsageError
 
 POCL = "OpenCL 3.0 PoCL 3.1"
@@ -149,7 +149,7 @@ def test_names_that_fit_nothing(spec: str, message: str) -> None:
 
 
 def test_the_environment_sets_the_default(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("clrender.device.probe.drivers", list)
+    monkeypatch.setattr("clrender.drivers.probe.drivers", list)
     monkeypatch.setenv("CLRENDER_DEVICE", "nonsense")
     with pytest.raises(DeviceError, match="no OpenCL device was found"):
         select_function()

@@ -14,9 +14,9 @@ from serialized_files import serialized
 
 import clrender
 from clrender.errors import SceneError
+from clrender.meshes.data import MeshData
+from clrender.meshes.read import read_serialized_mesh
 from clrender.scene import Mesh
-from clrender.scene.mesh_data import MeshData
-from clrender.scene.mesh_io import read_serialized_mesh
 
 _draw: Final = np.random.default_rng(5)
 SHEET: Final[dict[str, Any]] = {

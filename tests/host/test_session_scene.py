@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 import clrender
-from clrender.job import RenderJob
+from clrender.rendering.job import RenderJob
+from clrender.rendering.residency import _Geometry
 from clrender.scene import Scene
-from clrender.session import _Geometry
 
 
 def geometry(scene: Scene) -> _Geometry:

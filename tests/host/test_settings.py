@@ -302,7 +302,7 @@ def test_a_size_is_two_whole_numbers(size: Any) -> None:
 
 
 def test_memory_is_looked_at_before_it_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("clrender.memory.os.sysconf", lambda name: 4096 if name == "SC_PAGE_SIZE" else 1000)
+    monkeypatch.setattr("clrender.process.memory.os.sysconf", lambda name: 4096 if name == "SC_PAGE_SIZE" else 1000)
     with pytest.raises(UsageError, match=r"1000 x 1000 pixels takes 61.0 MiB of memory"):
         settings_for(ROOM, (1000, 1000), {})
 

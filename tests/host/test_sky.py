@@ -14,11 +14,11 @@ import pytest
 from clrender import layout
 from clrender.errors import SceneError
 from clrender.exact.elementary import arctangent, degrees_of, exponential
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
+from clrender.flatten.sky import scene_sun, sky_picture
+from clrender.flatten.sky_model import _CHANNELS, SUN_DEGREES, sky_radiance, spectrum_of_the_sun, sun_disc
 from clrender.scene import Scene, SunSkyLight, load
 from clrender.scene.portable import scene_from_portable, scene_to_portable
-from clrender.scene.sky import scene_sun, sky_picture
-from clrender.scene.sky_model import _CHANNELS, SUN_DEGREES, sky_radiance, spectrum_of_the_sun, sun_disc
 from clrender.scene.sun_position import sun_position
 
 CAMERA = {"position": (0, 0, 5), "target": (0, 0, 0)}

@@ -9,7 +9,7 @@ import pytest
 
 from clrender.device.source import expand, kernels_sha256, load_source
 from clrender.errors import RenderError
-from clrender.resources import kernels_folder
+from clrender.files.package_data import kernels_folder
 
 
 def write(root: Path, **files: str) -> None:
@@ -156,7 +156,7 @@ def test_every_kernel_file_is_in_the_hash(tmp_path: Path) -> None:
 
 
 def test_every_entry_point_of_the_tree_expands() -> None:
-    from clrender.resources import kernels_folder
+    from clrender.files.package_data import kernels_folder
 
     entries = sorted(kernels_folder().rglob("*.cl"))
     assert entries

@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 from test_scheduling import FakeWorker, assert_whole, cut_as, no_threads_left, plan_for, small_units
 
-from clrender.elapsed import processor_seconds
 from clrender.errors import DeviceFailure, RenderError, UsageError
 from clrender.film import Film
 from clrender.film.running import RunningFilm
 from clrender.film.unit import Unit, UnitSums
+from clrender.process.elapsed import processor_seconds
 from clrender.scheduling import run as scheduling
 from clrender.scheduling.contributions import MOST_BYTES, Contributions
 from clrender.scheduling.dispute import judge

@@ -8,7 +8,7 @@ import pytest
 
 import clrender
 from clrender.cli.waiting import Waiting
-from clrender.stages import STAGES, Stages
+from clrender.process.stages import STAGES, Stages
 
 
 def test_stages_of_several_devices_end_in_any_order() -> None:

@@ -14,10 +14,10 @@ from gltf_files import QUAD, Model
 import clrender
 from clrender.errors import SceneError
 from clrender.exporters.mesh_ply import write_ply
+from clrender.flatten.surfaces import flat_surfaces
 from clrender.importers.shared.tangents import mikktspace
-from clrender.scene.mesh_data import MeshData
-from clrender.scene.mesh_io import read_mesh
-from clrender.scene.surfaces import flat_surfaces
+from clrender.meshes.data import MeshData
+from clrender.meshes.read import read_mesh
 
 UP = (0.0, 0.0, 1.0)
 

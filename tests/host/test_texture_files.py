@@ -18,14 +18,15 @@ from special_files import special
 
 import clrender
 from clrender.errors import SceneError
-from clrender.flatten import flatten
+from clrender.flatten.emission_means import EmissionMeans
+from clrender.flatten.flat_scene import flatten
 from clrender.image.files import write_image
-from clrender.job import RenderJob
+from clrender.image.texel_tiles import TILE_BYTES, tile_shape
+from clrender.meshes.read import read_mesh
+from clrender.rendering.job import RenderJob
 from clrender.scene import Scene
-from clrender.scene.emission_means import EmissionMeans
-from clrender.scene.mesh_io import read_mesh
+from clrender.scene.pictures import TexelStore
 from clrender.scene.portable import scene_from_portable, scene_to_portable
-from clrender.scene.texels import TILE_BYTES, TexelStore, tile_shape
 from clrender.scene.textures import ImageTexture
 
 ROOT = Path(__file__).resolve().parents[2]

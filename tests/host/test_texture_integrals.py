@@ -10,11 +10,11 @@ import numpy.typing as npt
 import pytest
 
 import clrender
+from clrender.flatten.texture_integrals import reflectance_means
+from clrender.flatten.texture_means import TextureMeans
+from clrender.flatten.texture_rows import flat_textures
 from clrender.image.files import write_image
 from clrender.radiosity.patches import Patches, cut_into_patches
-from clrender.scene.texture_integrals import reflectance_means
-from clrender.scene.texture_means import TextureMeans
-from clrender.scene.texture_rows import flat_textures
 
 Floats = npt.NDArray[np.float64]
 GREY = {"type": "lambert", "reflectance": [0.5, 0.5, 0.5]}

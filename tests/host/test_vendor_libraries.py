@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from clrender.device import discover, vendor_libraries
-from clrender.device.diagnose import diagnose_driver
-from clrender.device.probe import DriverReport, ask_child
+from clrender.drivers import discover, vendor_libraries
+from clrender.drivers.diagnose import diagnose_driver
+from clrender.drivers.probe import DriverReport, ask_child
 
 if TYPE_CHECKING:
     from clrender.device import Device
@@ -126,7 +126,7 @@ def test_what_is_found_and_no_driver_has_a_cure(nothing_else: Path) -> None:
 
 
 WITHOUT_ICD_FILES = (
-    "import pathlib, sys; from clrender.device import discover; discover.SYSTEM_FOLDER = pathlib.Path('/nowhere'); "
+    "import pathlib, sys; from clrender.drivers import discover; discover.SYSTEM_FOLDER = pathlib.Path('/nowhere'); "
     "discover._wheel_folders = list; from clrender.__main__ import main; main()"
 )
 

@@ -24,7 +24,7 @@ from clrender.film.ledger import Ledger
 from clrender.film.unit import Unit, UnitSums, tile_side
 from clrender.image.exr_write import ExrFormat
 from clrender.image.files import image_sha256, write_image
-from clrender.job import RenderJob
+from clrender.rendering.job import RenderJob
 from clrender.verification import detection_probability, least_detected, verify
 
 SCENE = """
@@ -101,7 +101,7 @@ def job_of(**how: Any) -> RenderJob:
 
 def told(job: RenderJob, film: Film) -> dict[str, Any]:
     """Provenance of its files."""
-    from clrender.render_stats import job_stats
+    from clrender.rendering.statistics import job_stats
 
     samples = {"samples": film.ledger.samples, "nonfinite_samples": 0, "denoised": False}
     return {**job_stats(job, film.request), **samples, "image_sha256": image_sha256(film.mean())}

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from clrender.errors import SceneError
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
+from clrender.flatten.taken import check_materials
 from clrender.image.tone_map import srgb_decode
-from clrender.job import RenderJob
+from clrender.meshes.read import read_mesh
+from clrender.rendering.job import RenderJob
 from clrender.scene import Scene
-from clrender.scene.mesh_io import read_mesh
-from clrender.scene.taken import check_materials
 
 POINTS = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
 BYTES = np.array([[0, 10, 255], [1, 11, 128], [2, 128, 200], [99, 3, 77]])

@@ -22,7 +22,7 @@ from clrender.scheduling.policy import Plan
 
 if TYPE_CHECKING:
     from clrender.device import Device
-    from clrender.rendered_image import RenderedImage
+    from clrender.rendering.rendered_image import RenderedImage
     from clrender.scene import Scene
 
 __all__ = [

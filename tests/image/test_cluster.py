@@ -25,9 +25,9 @@ from clrender.cluster import DaskCluster, check_address, connection, dask_cluste
 from clrender.cluster import local as local_module
 from clrender.errors import ClrenderError, DeviceFailure, RenderError, UsageError
 from clrender.film import Film
-from clrender.rendered_image import IncompleteRender, Progress
+from clrender.rendering.rendered_image import IncompleteRender, Progress
+from clrender.rendering.session import Session
 from clrender.scheduling.watchdog import TimeLimits
-from clrender.session import Session
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Dask's
 
@@ -204,7 +204,7 @@ def test_an_address_that_is_silent_is_a_failure(monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.parametrize(
     ("preload", "words"),
     [
-        ("import clrender.job\nclrender.job.__version__ = 'another'\n", "version differ here"),
+        ("import clrender.rendering.job\nclrender.job.__version__ = 'another'\n", "version differ here"),
         ("import sys\nsys.modules['clrender.cluster.remote'] = None\n", "cannot load clrender ("),
         ("import os\nos.environ['CLRENDER_DEVICE'] = 'none such'\n", "none such"),
     ],

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import clrender
-from clrender.convergence_plot import ConvergencePlot
 from clrender.device import Device
 from clrender.errors import UsageError
 from clrender.image.tone_map import LUMINANCE
-from clrender.rendered_image import RenderedImage
+from clrender.rendering.convergence_plot import ConvergencePlot
+from clrender.rendering.rendered_image import RenderedImage
 
 SIZE = (40, 30)
 

@@ -15,7 +15,7 @@ from clrender.film import Film
 from clrender.image.compare import compare_images
 from clrender.image.denoise import Denoiser
 from clrender.image.files import image_sha256, read_image, read_provenance
-from clrender.rendered_image import Progress
+from clrender.rendering.rendered_image import Progress
 
 needs_library = pytest.mark.skipif(
     not (sys.platform == "linux" and platform.machine() == "x86_64"),
@@ -82,6 +82,6 @@ def test_an_image_stopped_early_is_denoised(device: object) -> None:
 
 def test_without_the_extra_it_is_said_before_anything_is_rendered(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyoidn", None)
-    monkeypatch.setattr("clrender.session.select", lambda *_, **__: pytest.fail("a device was looked for"))
+    monkeypatch.setattr("clrender.rendering.residency.select", lambda *_, **__: pytest.fail("a device was looked for"))
     with pytest.raises(UsageError, match=r"is not installed; install it with `.*pip install 'pyoidn[^']*'`"):
         clrender.render(clrender.load("room"), denoise=True)

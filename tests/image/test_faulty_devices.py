@@ -23,7 +23,7 @@ from clrender.device import Device
 from clrender.device.faults import CALLS, Fault, FaultyDevice, Lie
 from clrender.errors import DeviceError
 from clrender.film import Film
-from clrender.rendered_image import IncompleteRender, RenderedImage
+from clrender.rendering.rendered_image import IncompleteRender, RenderedImage
 from clrender.scheduling import run as scheduling
 from clrender.scheduling.watchdog import TimeLimits
 
@@ -179,13 +179,13 @@ from clrender.device import select
 from clrender.device.faults import Fault, FaultyDevice
 from clrender.scheduling import run
 from clrender.scheduling.watchdog import TimeLimits
-import clrender.session
+import clrender.rendering.session
 run.TIME_LIMITS = TimeLimits(call=1.0, compile=4.0)
-real = clrender.session.select
+real = clrender.rendering.residency.select
 def faulty(*given, **more):
     (device,) = real(*given, **more)
     return [FaultyDevice(device, Fault("read", 25, "hang"), name="bad"), FaultyDevice(device, name="good")]
-clrender.session.select = faulty
+clrender.rendering.residency.select = faulty
 sys.argv = ["clrender", "render", "cornell", "--size", "96x64", "--spp", "64", "--tile", "16", "-o", sys.argv[1]]
 from clrender.__main__ import main
 main()
@@ -258,14 +258,14 @@ def test_layers_that_a_liar_may_have_made_are_made_again(device: Device) -> None
 
 def test_two_that_differ_and_pass_the_probe_are_both_refused(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody guesses which image is right."""
-    monkeypatch.setattr("clrender.device_team.passes_probe", lambda device: True)
+    monkeypatch.setattr("clrender.rendering.job_render.passes_probe", lambda device: True)
     liar = FaultyDevice(device, Lie(constant=True), name="one")
     with pytest.raises(clrender.RenderError, match="give different results for the same samples, each the same every"):
         share(liar, FaultyDevice(device, name="two"))
 
 
 def test_two_of_one_driver_outvote_a_third(device: Device, expected: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("clrender.device_team.passes_probe", lambda device: pytest.fail("they need no probe"))
+    monkeypatch.setattr("clrender.rendering.job_render.passes_probe", lambda device: pytest.fail("they need no probe"))
     liar = FaultyDevice(device, Lie(constant=True), name="liar")
     outcome = share(FaultyDevice(device, name="a"), liar, FaultyDevice(device, name="b"), spp=256)
     assert outcome.states == ["ok", "wrong", "ok"]

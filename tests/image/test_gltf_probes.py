@@ -14,9 +14,9 @@ from gltf_files import Model
 
 import clrender
 from clrender.device import Device
+from clrender.flatten.surfaces import flat_surfaces
 from clrender.image.files import write_image
 from clrender.scene import Camera, EnvironmentLight, Principled, Scene
-from clrender.scene.surfaces import flat_surfaces
 
 Colors = npt.NDArray[np.float64]
 SIZE = 32

@@ -14,9 +14,9 @@ from PIL import Image
 import clrender
 from clrender.bench.shapes import geodesic
 from clrender.device import Device
-from clrender.flatten import flatten
+from clrender.flatten.assembly import written_out
+from clrender.flatten.flat_scene import flatten
 from clrender.scene import MeshData, Scene
-from clrender.scene.assembly import written_out
 
 _CAMERA: Final = {"position": [0.3, 1.5, 5.0], "target": [0.0, 0.6, 0.0], "vertical_fov": 40.0}
 _LIGHTS: Final = ({"type": "environment", "radiance": [0.6, 0.7, 0.9]},)
@@ -179,7 +179,7 @@ def test_many_small_groups(device: Device, pictures: Path, monkeypatch: pytest.M
     what = scene(pictures, ball(material="lambert"), **more)
     assert flatten(what, 8, 8).instances.count == 0
     written = render(what, device)
-    monkeypatch.setattr("clrender.scene.assembly._MANY", 66)
+    monkeypatch.setattr("clrender.flatten.assembly._MANY", 66)
     assert flatten(what, 8, 8).instances.count == 132
     one = render(scene(pictures, ball(material="lambert"), **more), device)
     assert abs(one.mean() / written.mean() - 1.0) < 2e-3

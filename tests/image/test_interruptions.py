@@ -20,8 +20,9 @@ import clrender
 from clrender.device import Device
 from clrender.errors import ClrenderError
 from clrender.film import Film
-from clrender.job import RenderJob
-from clrender.shield import Call
+from clrender.process.shield import Call
+from clrender.rendering.job import RenderJob
+from clrender.rendering.residency import Residency
 
 # Files that were open when they were interrupted are closed by the garbage collector, which warns
 pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -223,18 +224,18 @@ def test_a_second_interruption_while_the_first_is_handled(bench: Bench, monkeypa
 def test_a_render_that_was_left_is_waited_for(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     """What does not end within a moment goes on in the background; the next call waits, and may be interrupted too."""
     go = threading.Event()
-    flat = clrender.Session.flat
-    monkeypatch.setattr("clrender.shield.PATIENCE", 0.05)
+    flat = Residency.flat
+    monkeypatch.setattr("clrender.process.shield.PATIENCE", 0.05)
 
-    def slow(session: clrender.Session, job: RenderJob) -> Any:
+    def slow(residency: Residency, job: RenderJob) -> Any:
         assert go.wait(60.0)
-        return flat(session, job)
+        return flat(residency, job)
 
     session = clrender.Session(bench.session.devices)
     main = threading.get_ident()
     for _ in range(2):  # the second one waits for its turn, behind the first
         with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
-            patched.setattr(clrender.Session, "flat", slow)
+            patched.setattr(Residency, "flat", slow)
             timer = threading.Timer(0.1, signal.pthread_kill, (main, signal.SIGINT))
             timer.start()
             session.render(bench.scene, **HOW, seed=5)

@@ -82,7 +82,7 @@ def test_launches_fill_a_gpu(gpu: LikeGpu) -> None:
     """
     from clrender import layout
     from clrender.device.worker import DeviceWorker
-    from clrender.flatten import flatten
+    from clrender.flatten.flat_scene import flatten
     from clrender.scene import load
 
     settings = np.zeros(1, layout.dtype("Settings"))

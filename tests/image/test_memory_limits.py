@@ -14,7 +14,7 @@ import clrender
 from clrender.device import Device
 from clrender.device.faults import FaultyDevice
 from clrender.errors import MemoryRefused, RenderError, UsageError
-from clrender.rendered_image import RenderedImage
+from clrender.rendering.rendered_image import RenderedImage
 
 MIB = 1 << 20
 SIZE = (480, 320)
@@ -23,7 +23,7 @@ SIZE = (480, 320)
 @pytest.fixture(autouse=True)
 def small_program(monkeypatch: pytest.MonkeyPatch) -> None:
     """What earlier tests left in memory, some hundred megabytes, counts 8 MiB."""
-    monkeypatch.setattr("clrender.job_memory.process_bytes", lambda: 8 * MIB)
+    monkeypatch.setattr("clrender.rendering.memory.process_bytes", lambda: 8 * MIB)
 
 
 class Watched:
@@ -97,7 +97,7 @@ def test_what_the_host_has_no_room_for_is_refused_before_anything_is_taken(devic
 
 def test_what_a_device_has_no_room_for_is_refused(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """A scene of 20,496 triangles takes 4 MB and more, and 2.5 MiB are left beside the film."""
-    monkeypatch.setattr("clrender.job_memory.process_bytes", lambda: 11 * MIB)
+    monkeypatch.setattr("clrender.rendering.memory.process_bytes", lambda: 11 * MIB)
     held = Watched(device)
     with pytest.raises(
         MemoryRefused, match=r"^the scene takes 3\.\d MiB and more on device 0 .*--max-memory"

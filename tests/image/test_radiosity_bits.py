@@ -9,7 +9,7 @@ import pytest
 
 import clrender
 from clrender.errors import SceneError, UsageError
-from clrender.rendered_image import RenderedImage
+from clrender.rendering.rendered_image import RenderedImage
 
 if TYPE_CHECKING:
     from clrender.device import Device

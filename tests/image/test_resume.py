@@ -15,7 +15,7 @@ from clrender.device import Device
 from clrender.errors import RenderError, UsageError
 from clrender.film import Film
 from clrender.film.merge import merge_films
-from clrender.rendered_image import IncompleteRender, Progress, RenderedImage
+from clrender.rendering.rendered_image import IncompleteRender, Progress, RenderedImage
 
 SIZE = (50, 39)
 

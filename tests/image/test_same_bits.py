@@ -36,10 +36,11 @@ from image_support import (
 import clrender
 from clrender.aov import AOVS
 from clrender.device import Device
-from clrender.device.worker import DeviceWorker, LaunchConfig
+from clrender.device.launch import LaunchConfig
+from clrender.device.worker import DeviceWorker
 from clrender.film import Film
 from clrender.film.unit import Unit, UnitSums, tile_side
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
 from clrender.image.files import image_sha256
 from clrender.integrators import INTEGRATORS
 from clrender.scheduling.policy import Plan
@@ -276,7 +277,7 @@ def test_rich_scenes_on_rusticl(
     monkeypatch.setenv("GALLIVM_PERF", "nopt")
     settings = "size=(16, 16), spp=1"
     code = (
-        "from clrender.device import select; from image_support import *; "
+        "from clrender.drivers import select; from image_support import *; "
         f"print(render({scene!r}, select('llvmpipe'), {settings}).stats['image_sha256'])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
@@ -400,7 +401,7 @@ def test_oclgrind(all_devices: list[Device], monkeypatch: pytest.MonkeyPatch) ->
         # Rich scenes take it a minute and a half each.
         for cutting in ("Cutting()", "Cutting(1, 'single', 16, 1, 16)")[: 2 if scene in FEW else 1]:
             code = (
-                "from clrender.device import select; from image_support import *; "
+                "from clrender.drivers import select; from image_support import *; "
                 f"print(render({scene!r}, select('oclgrind'), {cutting}, {settings}).stats['image_sha256'])"
             )
             command = ["oclgrind", sys.executable, "-W", "ignore", "-c", code]

@@ -18,7 +18,7 @@ from clrender import layout
 from clrender.device import Buffer, Device
 from clrender.errors import DeviceError, RenderError, UsageError
 from clrender.film import Film
-from clrender.rendered_image import IncompleteRender
+from clrender.rendering.rendered_image import IncompleteRender
 
 SIZE = (64, 64)
 
@@ -75,7 +75,7 @@ def test_rendering_again_uploads_only_camera_and_settings(device: Device, watche
         assert many > 10
         watched.writes.clear()
         image = session.render(room, **how)
-        camera, settings = session.flat(clrender.RenderJob.of(room)).camera.nbytes, watched.writes[-1]
+        camera, settings = layout.dtype("Camera").itemsize, watched.writes[-1]
         assert sorted(watched.writes) == sorted([camera, settings])
         assert settings == layout.dtype("Settings").itemsize
         assert device.builds == builds
@@ -207,7 +207,7 @@ def test_a_session_closes_what_it_opened_and_nothing_else(device: Device) -> Non
 
 
 def test_nothing_is_opened_for_a_job_that_makes_no_sense(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("clrender.session.select", lambda *_, **__: pytest.fail("a device was looked for"))
+    monkeypatch.setattr("clrender.rendering.residency.select", lambda *_, **__: pytest.fail("a device was looked for"))
     with clrender.Session() as session, pytest.raises(UsageError, match="spp"):
         session.render(clrender.load("room"), spp=-1)
 

@@ -23,9 +23,10 @@ import pyopencl as cl
 import pytest
 
 import clrender
-from clrender.device import Device, select
-from clrender.device.worker import Scratch
-from clrender.heap import return_large_blocks
+from clrender.device import Device
+from clrender.device.launch import Scratch
+from clrender.drivers import select
+from clrender.process.heap import return_large_blocks
 
 SECONDS: Final = float(os.environ.get("CLRENDER_SOAK_SECONDS", "60"))
 """How long it renders once everything has been rendered before."""

@@ -12,7 +12,7 @@ import pytest
 
 import clrender
 from clrender.device import Device
-from clrender.device.select import spare_cores
+from clrender.drivers.select import spare_cores
 
 
 def busy_threads(before: dict[str, int], after: dict[str, int]) -> int:

@@ -21,19 +21,20 @@ from PIL import Image
 
 from clrender import layout
 from clrender.aov import FIRST_HITS, LAYER_KINDS, LayerArguments, LayerKind
-from clrender.device.arithmetic import check as arithmetic_check
 from clrender.device.device import Buffer, Device, Program
-from clrender.device.discover import drivers, load_platforms
 from clrender.device.info import DeviceInfo
+from clrender.device.launch import LaunchConfig
 from clrender.device.radix_sort import CHUNK
-from clrender.device.worker import DeviceWorker, LaunchConfig
+from clrender.device.worker import DeviceWorker
+from clrender.drivers.arithmetic import check as arithmetic_check
+from clrender.drivers.discover import drivers, load_platforms
 from clrender.film.unit import Unit, slot_count
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
 from clrender.furnace.directions import incident
 from clrender.furnace.surfaces import Surfaces
 from clrender.image.files import write_image
 from clrender.integrators import INTEGRATORS
-from clrender.photon_maps import PhotonMaps
+from clrender.photon.maps import PhotonMaps
 from clrender.radiosity.atlas import atlas_of
 from clrender.radiosity.display import GATHER, Display, Gather, looks_of
 from clrender.radiosity.dynamic import DynamicRadiosity
@@ -45,7 +46,7 @@ from clrender.scene.environment import EnvironmentPicture
 from clrender.settings import RenderSettings
 
 if TYPE_CHECKING:
-    from clrender.flatten import FlatScene
+    from clrender.flatten.flat_scene import FlatScene
 
 __all__ = ["RENDERS", "Run", "perform"]
 

@@ -13,9 +13,9 @@ import numpy.typing as npt
 
 from clrender import layout
 from clrender.device.bvh import STACK, Bvh, SourceArrays, build
-from clrender.features import Features
-from clrender.flatten import FlatScene
-from clrender.scene.instances import FlatInstances
+from clrender.flatten.features import Features
+from clrender.flatten.flat_scene import FlatScene
+from clrender.flatten.instances import FlatInstances
 
 if TYPE_CHECKING:
     from clrender.device import Device

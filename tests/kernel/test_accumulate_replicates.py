@@ -11,8 +11,8 @@ import pytest
 from test_accumulate import HEIGHT, SLOTS, TILE, WIDTH, all_of_float, as_integers, expected, inside, quanta
 
 from clrender import layout
+from clrender.device.launch import Scratch
 from clrender.device.replicates import ReplicateSums
-from clrender.device.worker import Scratch
 from clrender.errors import RenderError
 
 if TYPE_CHECKING:

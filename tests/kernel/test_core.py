@@ -331,7 +331,7 @@ def test_no_direction_leaves_the_hemisphere(all_devices: list[Device]) -> None:
 
 def without_denormals(device: Device) -> Device:
     """The same device, allowed to take numbers below the smallest normal one for zero, as many GPUs do; PoCL does."""
-    from clrender.device import select
+    from clrender.drivers import select
 
     other = select(str(device.info.index))[0]
     other.options += " -cl-denorms-are-zero"

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from clrender.device import select
-from clrender.device.arithmetic import OPERATIONS, check, inputs, reference
+from clrender.drivers import select
+from clrender.drivers.arithmetic import OPERATIONS, check, inputs, reference
 from clrender.errors import DeviceError, RenderError
 
 if TYPE_CHECKING:

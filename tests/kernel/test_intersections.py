@@ -15,7 +15,7 @@ from clrender import layout
 
 if TYPE_CHECKING:
     from clrender.device import Device
-    from clrender.flatten import FlatScene
+    from clrender.flatten.flat_scene import FlatScene
 
 COUNT = 12800  # rays a scene, more than 1e5 in all
 

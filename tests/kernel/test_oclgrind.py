@@ -20,7 +20,7 @@ from interpreted import RENDERS, perform
 from kernel_support import FOLDER
 
 import clrender
-from clrender.resources import kernels_folder
+from clrender.files.package_data import kernels_folder
 
 if TYPE_CHECKING:
     from clrender.device import Device

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from clrender.device import Device, select
+from clrender.device import Device
 from clrender.device import device as module
+from clrender.drivers import select
 
 SOURCE = "__kernel void fill(__global int *out) { out[get_global_id(0)] = VALUE; }\n"
 

@@ -14,10 +14,11 @@ import pytest
 from clrender import layout
 from clrender.bench.shapes import geodesic
 from clrender.device import Device
-from clrender.device.worker import DeviceWorker, LaunchConfig
-from clrender.flatten import FlatScene, flatten
+from clrender.device.launch import LaunchConfig
+from clrender.device.worker import DeviceWorker
+from clrender.flatten.assembly import written_out
+from clrender.flatten.flat_scene import FlatScene, flatten
 from clrender.scene import Scene
-from clrender.scene.assembly import written_out
 from clrender.scene.groups import Instance, TransformArray
 
 _KERNEL: Final = Path(__file__).parent / "instances.cl"

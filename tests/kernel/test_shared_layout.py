@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from clrender import layout, photon_maps
+from clrender import layout
 from clrender.device import bvh, radix_sort
-from clrender.resources import kernels_folder
+from clrender.files.package_data import kernels_folder
+from clrender.photon import maps as photon_maps
 
 if TYPE_CHECKING:
     from clrender.device import Device

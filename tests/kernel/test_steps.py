@@ -13,11 +13,11 @@ from kernel_support import FOLDER, Rays, Tree, flat_scene, trace, trace_every_le
 import clrender
 from clrender.bench import write_scene
 from clrender.device.bvh import STACK
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
 
 if TYPE_CHECKING:
     from clrender.device import Device
-    from clrender.flatten import FlatScene
+    from clrender.flatten.flat_scene import FlatScene
 
 COUNT = 1 << 15
 

@@ -20,10 +20,10 @@ from PIL import Image
 import clrender
 from clrender.device import scene_arrays
 from clrender.device.scene_arrays import texel_pages
+from clrender.flatten.texture_rows import FlatTextures, flat_textures
 from clrender.image.files import write_image
 from clrender.image.tone_map import srgb_decode
 from clrender.scene import Scene
-from clrender.scene.texture_rows import FlatTextures, flat_textures
 
 if TYPE_CHECKING:
     from clrender.device import Device

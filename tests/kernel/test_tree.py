@@ -21,7 +21,7 @@ from clrender.device import bvh
 from clrender.device.bvh import STACK
 from clrender.device.worker import DeviceWorker
 from clrender.errors import RenderError
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from clrender.device import Device
     from clrender.device.device import Program
-    from clrender.flatten import FlatScene
+    from clrender.flatten.flat_scene import FlatScene
 
 Points = npt.NDArray[np.float64]
 

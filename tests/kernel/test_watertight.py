@@ -16,7 +16,7 @@ from clrender.device.scene_arrays import SceneArrays, scene_array_names
 
 if TYPE_CHECKING:
     from clrender.device import Device
-    from clrender.flatten import FlatScene
+    from clrender.flatten.flat_scene import FlatScene
 
 Points = npt.NDArray[np.float64]
 

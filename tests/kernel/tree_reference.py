@@ -14,7 +14,7 @@ from clrender import layout
 from clrender.device.bvh import ANALYTIC_BLOCK_WORDS, NODE_WORDS, TRIANGLE_BLOCK_WORDS
 
 if TYPE_CHECKING:
-    from clrender.flatten import FlatScene
+    from clrender.flatten.flat_scene import FlatScene
 
 __all__ = ["Words", "bounds_of", "check", "cost", "download", "median_cost", "stack_needed", "sweep_cost"]
 

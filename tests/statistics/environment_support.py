@@ -11,7 +11,7 @@ import numpy.typing as npt
 from render_support import scene
 
 from clrender.device.scene_arrays import SceneArrays, scene_array_names
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
 from clrender.scene.environment import EnvironmentPicture
 
 if TYPE_CHECKING:

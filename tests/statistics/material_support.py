@@ -13,7 +13,7 @@ import numpy.typing as npt
 from sampling_support import random_bits
 
 from clrender import layout
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
 from clrender.scene import Scene
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias, TypeVar
 
 from mixed_files import COLOR_PICTURES, NUMBER_PICTURES
 
-from clrender.scene.microfacets import METALS
+from clrender.scene.metals import METALS
 
 __all__ = ["Draw", "Json", "emission_for_white", "material", "medium", "texture"]
 

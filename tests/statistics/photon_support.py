@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from clrender.device.device import Buffer
 from clrender.device.worker import DeviceWorker
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
 from clrender.integrators import INTEGRATORS
-from clrender.photon_maps import PhotonMaps
+from clrender.photon.maps import PhotonMaps
 from clrender.settings import RenderSettings
 
 if TYPE_CHECKING:

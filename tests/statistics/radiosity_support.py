@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from clrender.device.team import DeviceTeam
 from clrender.device.worker import DeviceWorker
 from clrender.film import Film
 from clrender.film.unit import tile_side
@@ -17,7 +18,6 @@ from clrender.integrators.descriptor import Pipeline
 from clrender.radiosity.patches import Patches, cut_into_patches
 from clrender.radiosity.tracer import Tracer
 from clrender.scheduling.policy import Plan
-from clrender.scheduling.pool import WorkerPool
 from clrender.scheduling.run import run
 from clrender.settings import RenderSettings
 
@@ -62,6 +62,6 @@ def path_traced(device: Device, patches: Patches, spp: int, seed: int) -> Floats
     settings = RenderSettings(spp=spp, width=side, height=side, seed=seed)
     tile = tile_side(64, side, side)
     film, flat = Film(side, side), patches.flat(side, side)
-    with WorkerPool([device], lambda each: DeviceWorker(each, flat, settings.struct(tile), _PATHS)) as pool:
-        run(Plan(side, side, 0, spp, tile), pool.candidates, film).raise_failure()
+    with DeviceTeam([device], lambda each: DeviceWorker(each, flat, settings.struct(tile), _PATHS)) as team:
+        run(Plan(side, side, 0, spp, tile), team.candidates, film).raise_failure()
     return film.mean().reshape(-1, 3)[: len(patches)].astype(np.float64) - patches.emission

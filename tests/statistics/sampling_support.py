@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from clrender import layout
 from clrender.device.scene_arrays import SceneArrays, scene_array_names
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
 
 if TYPE_CHECKING:
     from clrender.device import Device

@@ -11,7 +11,7 @@ from render_support import Studio, lambert, quad, scene, sphere
 
 import clrender
 from clrender.device import Device
-from clrender.flatten import flatten, scene_origin
+from clrender.flatten.flat_scene import flatten, scene_origin
 from clrender.scene import Scene
 
 FAR = [(1e5, 0.0, 0.0), (-3e6, 7e5, 1e6), (0.0, 1e9, -2e9)]

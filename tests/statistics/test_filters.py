@@ -25,7 +25,7 @@ WEIGHTS = np.array([0.5, 0.3, 0.2])
 """Of the channels in `Studio.gray`."""
 RADIUS = {"gaussian": 1.5, "blackman-harris": 1.5, "mitchell": 2.0}
 ALLOWED = 1e-3
-"""How far the chain of lines may be from the function, of its largest value (clrender/pixel_filter.py)."""
+"""How far the chain of lines may be from the function, of its largest value (clrender/image/pixel_filter.py)."""
 ONE_IS_ENOUGH = [pytest.param(name, marks=() if name == "mitchell" else pytest.mark.slow) for name in RADIUS]
 """Of the filters the one with signs; what the others do otherwise is in their tables alone."""
 FINE = 32

@@ -10,7 +10,7 @@ import pytest
 import scipy.stats
 from render_support import scene
 
-from clrender.device.worker import LaunchConfig
+from clrender.device.launch import LaunchConfig
 from clrender.furnace import Subject, as_json, findings, measure
 from clrender.furnace.directions import incident, jittered
 from clrender.furnace.energy import Tally, measure_energy

@@ -16,7 +16,7 @@ from stats_support import Evidence
 
 from clrender import layout
 from clrender.device.scene_arrays import SceneArrays, scene_array_names
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
 from clrender.scene import IesLight, PointLight, SpotLight
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from sampling_support import LightTable
 from stats_support import Evidence
 
 from clrender import layout
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
 
 if TYPE_CHECKING:
     from clrender.device import Device

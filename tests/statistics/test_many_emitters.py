@@ -13,7 +13,7 @@ from render_support import Studio, lambert, quad, room, sphere
 from stats_support import Evidence
 
 import clrender
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
 from clrender.image.files import write_image
 
 if TYPE_CHECKING:

@@ -31,7 +31,8 @@ from stats_support import Evidence
 
 import clrender
 from clrender import layout
-from clrender.scene.microfacets import METALS, albedo_tables, fresnel
+from clrender.flatten.microfacets import albedo_tables, fresnel
+from clrender.scene.metals import METALS
 
 if TYPE_CHECKING:
     from clrender.device import Device

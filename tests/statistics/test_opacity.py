@@ -10,7 +10,7 @@ from render_support import Studio, disk, lambert, quad, sphere
 from stats_support import Evidence
 
 import clrender
-from clrender.scene import holes
+from clrender.flatten import holes
 
 if TYPE_CHECKING:
     from clrender.device import Device

@@ -14,7 +14,7 @@ from stats_support import Evidence
 
 import clrender
 from clrender.device import Device
-from clrender.photon_maps import _shrunk, radius_of_pass
+from clrender.photon.maps import _shrunk, radius_of_pass
 from clrender.scene import Scene
 
 # A light of each kind in the middle of a closed diffuse box, and its power in watts, per channel.

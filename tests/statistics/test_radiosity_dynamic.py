@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import t as student
 
 import clrender
-from clrender.device.worker import LaunchConfig
+from clrender.device.launch import LaunchConfig
 from clrender.radiosity.animate import picture
 from clrender.radiosity.dynamic import DynamicRadiosity
 from clrender.radiosity.sides import carried_radiance, covered_rays, sealed_sides

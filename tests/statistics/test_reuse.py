@@ -12,7 +12,8 @@ from render_support import Studio, lambert, quad, scene, sphere
 from stats_support import Evidence
 
 import clrender
-from clrender.device.worker import DeviceWorker, LaunchConfig
+from clrender.device.launch import LaunchConfig
+from clrender.device.worker import DeviceWorker
 from clrender.image.files import write_image
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from test_shading_normals import AHEAD, SKY, ball, lamp
 
 import clrender
 from clrender.errors import SceneError
-from clrender.flatten import flatten
+from clrender.flatten.flat_scene import flatten
 
 if TYPE_CHECKING:
     from clrender.scene import Scene

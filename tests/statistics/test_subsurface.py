@@ -12,8 +12,9 @@ from stats_support import Evidence
 
 import clrender
 from clrender import layout
-from clrender.flatten import flatten
-from clrender.scene.subsurface import MOST_G, single_scattering
+from clrender.flatten.flat_scene import flatten
+from clrender.flatten.subsurface import single_scattering
+from clrender.scene.materials import MOST_G
 
 if TYPE_CHECKING:
     from clrender.device import Device

@@ -17,9 +17,9 @@ from lamp_support import LAMPS
 from render_support import Studio, lambert, quad, scene, sphere
 from stats_support import Evidence
 
+from clrender.flatten.sky import sky_picture
+from clrender.flatten.sky_model import SUN_DEGREES, SunDisc, sun_disc
 from clrender.scene import SunSkyLight
-from clrender.scene.sky import sky_picture
-from clrender.scene.sky_model import SUN_DEGREES, SunDisc, sun_disc
 
 if TYPE_CHECKING:
     from clrender.scene import Scene

@@ -10,8 +10,8 @@ import pytest
 from render_support import Studio, disk, lambert, quad, room, scene, sphere
 
 import clrender
-from clrender.scene.geometry import affine, combined
 from clrender.scene.shapes import Transform
+from clrender.scene.transforms import affine, combined
 
 if TYPE_CHECKING:
     from stats_support import Evidence

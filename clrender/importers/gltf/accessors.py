@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.schema import COMPONENTS
 from clrender.importers.gltf.validator import element_bytes
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["Accessors"]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from clrender.exact.angles import arccosine, sin_cos
 from clrender.importers.gltf.accessors import Accessors
 from clrender.importers.gltf.document import Document
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["Moved", "moved_at"]
 

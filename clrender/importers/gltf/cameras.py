@@ -8,7 +8,7 @@ from typing import Any, Final
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.matrices import Matrix
 from clrender.importers.gltf.nodes import Nodes
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["add_camera"]
 

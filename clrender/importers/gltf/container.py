@@ -11,7 +11,7 @@ from clrender.errors import SceneError
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
 from clrender.importers.gltf.document import Document
-from clrender.scene.wording import shown
+from clrender.wording import shown
 
 __all__ = ["opened"]
 

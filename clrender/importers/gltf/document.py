@@ -8,7 +8,7 @@ from typing import Any
 from clrender.errors import SceneError
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["Document", "escaped"]
 

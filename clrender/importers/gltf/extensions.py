@@ -7,7 +7,7 @@ from typing import Final
 
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.rules import Walk, many, text
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["check_declared", "check_required"]
 

@@ -10,7 +10,7 @@ from typing import Any, Final
 from clrender.errors import SceneError
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.textures import Textures
-from clrender.scene.wording import quoted, suggestion
+from clrender.wording import quoted, suggestion
 
 __all__ = ["Materials", "Used"]
 

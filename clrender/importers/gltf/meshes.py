@@ -8,16 +8,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.flatten.surfaces import SMALLEST
 from clrender.importers.gltf.accessors import Accessors
 from clrender.importers.gltf.deform import Surface, morphed, skinned
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.materials import Materials, Used
 from clrender.importers.gltf.matrices import Matrix
 from clrender.importers.shared.tangents import mikktspace
-from clrender.scene.mesh_data import MeshData
-from clrender.scene.mesh_io import UV_LIMIT
-from clrender.scene.surfaces import SMALLEST
-from clrender.scene.values import COORDINATE_LIMIT
+from clrender.meshes.data import COORDINATE_LIMIT, MeshData
+from clrender.meshes.read import UV_LIMIT
 
 __all__ = ["Meshes", "Part"]
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 from clrender.importers.gltf.animation import Moved
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.matrices import IDENTITY, Matrix, composed, from_columns, product
-from clrender.scene.values import COORDINATE_LIMIT
+from clrender.meshes.data import COORDINATE_LIMIT
 
 __all__ = ["TRS", "Nodes"]
 

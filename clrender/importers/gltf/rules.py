@@ -9,7 +9,7 @@ from typing import Any, Final, TypeAlias
 
 from clrender.errors import SceneError
 from clrender.importers.gltf.document import Document, escaped
-from clrender.scene.wording import quoted, shown
+from clrender.wording import quoted, shown
 
 __all__ = ["LEFT_OUT", "Rule", "Table", "Walk", "choice", "flag", "integer", "many", "named", "number", "ref", "text"]
 

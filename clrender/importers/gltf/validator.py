@@ -9,7 +9,7 @@ from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.extensions import check_declared, check_required
 from clrender.importers.gltf.rules import Walk
 from clrender.importers.gltf.schema import COMPONENTS, ROOT
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["BYTES", "element_bytes", "validate"]
 

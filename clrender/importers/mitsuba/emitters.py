@@ -14,7 +14,7 @@ from clrender.importers.shared.matrices import Matrix, handedness
 from clrender.importers.shared.sky_maps import turn_about_y, turned_picture
 from clrender.importers.shared.spectra import Color
 from clrender.importers.shared.staging import Staging
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["EmitterReader"]
 

@@ -10,7 +10,7 @@ from clrender.importers.mitsuba.surfaces import SurfaceReader
 from clrender.importers.mitsuba.textures import TextureReader
 from clrender.importers.shared.staging import Staging
 from clrender.scene.materials import MIX_DEPTH
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["MaterialReader"]
 

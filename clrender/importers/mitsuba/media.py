@@ -8,7 +8,7 @@ from clrender.importers.mitsuba.plugins import Plugin
 from clrender.importers.mitsuba.textures import TextureReader
 from clrender.importers.shared.spectra import Color
 from clrender.importers.shared.staging import Staging
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["MediumReader"]
 

@@ -11,7 +11,7 @@ import numpy as np
 from clrender.errors import SceneError
 from clrender.importers.shared.matrices import Matrix, identity
 from clrender.importers.shared.spectra import Color
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["Plugin", "Spectrum", "Value"]
 

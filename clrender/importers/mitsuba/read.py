@@ -21,7 +21,7 @@ from clrender.importers.mitsuba.xml_elements import FILE_LIMIT
 from clrender.importers.shared.cameras import camera_keys, vertical_angle
 from clrender.importers.shared.matrices import is_affine
 from clrender.importers.shared.staging import Staging
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["read"]
 

@@ -30,10 +30,10 @@ from clrender.importers.shared.meshes import (
     without_normals,
 )
 from clrender.importers.shared.staging import Staging
-from clrender.scene.mesh_data import MeshData
-from clrender.scene.mesh_io import read_mesh, read_serialized_mesh
+from clrender.meshes.data import MeshData
+from clrender.meshes.read import read_mesh, read_serialized_mesh
 from clrender.scene.values import NAME_LIMIT, SHAPE_LIMIT
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["ShapeReader"]
 

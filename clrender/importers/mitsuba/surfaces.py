@@ -11,7 +11,7 @@ from clrender.importers.shared.fresnel import internal_reflectance
 from clrender.importers.shared.metals import CONDUCTORS, DIELECTRICS
 from clrender.importers.shared.spectra import Color, light_color
 from clrender.importers.shared.staging import Staging, roughness_of
-from clrender.scene.wording import quoted, suggestion
+from clrender.wording import quoted, suggestion
 
 __all__ = ["SurfaceReader"]
 

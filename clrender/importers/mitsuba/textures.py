@@ -13,7 +13,7 @@ from clrender.importers.mitsuba.plugins import Plugin, Spectrum
 from clrender.importers.shared.matrices import Matrix
 from clrender.importers.shared.spectra import Color, blackbody_color, light_color, reflectance_color
 from clrender.importers.shared.staging import Staging
-from clrender.scene.wording import quoted, suggestion
+from clrender.wording import quoted, suggestion
 
 __all__ = ["TextureReader"]
 

@@ -13,7 +13,7 @@ from clrender.importers.asset_files import AssetFiles
 from clrender.importers.mitsuba.plugins import Plugin
 from clrender.importers.mitsuba.values import VALUE_TAGS, ValueReader
 from clrender.importers.mitsuba.xml_elements import FILE_LIMIT, Element, parsed
-from clrender.scene.wording import quoted, suggestion
+from clrender.wording import quoted, suggestion
 
 __all__ = ["scene_tree"]
 

@@ -7,7 +7,7 @@ from typing import Final
 from xml.parsers import expat
 
 from clrender.errors import SceneError
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["FILE_LIMIT", "Element", "parsed"]
 

@@ -12,7 +12,7 @@ from clrender.importers.pbrt.tokens import Directive
 from clrender.importers.shared.cameras import camera_keys, vertical_angle
 from clrender.importers.shared.matrices import Matrix
 from clrender.importers.shared.staging import Staging
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["Camera", "Settings"]
 

@@ -17,7 +17,7 @@ from clrender.importers.shared.matrices import Matrix
 from clrender.importers.shared.sky_maps import unfolded_picture
 from clrender.importers.shared.spectra import LUMINANCE
 from clrender.importers.shared.staging import Staging
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["LightReader"]
 

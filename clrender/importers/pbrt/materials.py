@@ -10,7 +10,7 @@ from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.shared.fresnel import internal_reflectance
 from clrender.importers.shared.staging import Staging, roughness_of
-from clrender.scene.wording import quoted, suggestion
+from clrender.wording import quoted, suggestion
 
 __all__ = ["MaterialReader"]
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["Parameter", "Parameters"]
 

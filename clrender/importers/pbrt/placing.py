@@ -15,7 +15,7 @@ from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.shared.matrices import Matrix, handedness, translation
 from clrender.importers.shared.staging import Staging
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["Part", "Placer"]
 

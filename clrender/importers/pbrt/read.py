@@ -23,7 +23,7 @@ from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.pbrt.tokens import FILE_LIMIT, Directive, directives
 from clrender.importers.shared.matrices import Matrix, inverse
 from clrender.importers.shared.staging import Staging
-from clrender.scene.wording import quoted, suggestion
+from clrender.wording import quoted, suggestion
 
 __all__ = ["read"]
 

@@ -13,8 +13,8 @@ from clrender.importers.pbrt.state import Graphics
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.shared.meshes import cylinder_mesh, faced_by_normals, quads_mesh
 from clrender.importers.shared.staging import Staging
-from clrender.scene.mesh_data import MeshData
-from clrender.scene.wording import quoted
+from clrender.meshes.data import MeshData
+from clrender.wording import quoted
 
 __all__ = ["ShapeReader"]
 

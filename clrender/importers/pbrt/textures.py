@@ -17,7 +17,7 @@ from clrender.importers.shared.spectra import (
     value_at,
 )
 from clrender.importers.shared.staging import Staging
-from clrender.scene.wording import quoted, suggestion
+from clrender.wording import quoted, suggestion
 
 __all__ = ["TextureReader"]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 from clrender.importers.pbrt.parameters import Parameter, Parameters
-from clrender.scene.wording import quoted
+from clrender.wording import quoted
 
 __all__ = ["FILE_LIMIT", "Directive", "directives"]
 

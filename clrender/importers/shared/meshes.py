@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from clrender.exact.elementary import angles_of, sines_cosines
 from clrender.exact.matrices import inner, lengths
-from clrender.scene.mesh_data import MeshData
+from clrender.meshes.data import MeshData
 
 __all__ = [
     "cube_mesh",

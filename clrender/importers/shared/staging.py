@@ -24,8 +24,8 @@ from clrender.importers.shared.matrices import (
 )
 from clrender.importers.shared.meshes import disk_mesh, sphere_mesh
 from clrender.importers.shared.spectra import Color
-from clrender.scene.mesh_data import MeshData
-from clrender.scene.mesh_io import read_mesh
+from clrender.meshes.data import MeshData
+from clrender.meshes.read import read_mesh
 from clrender.scene.values import SHAPE_LIMIT
 
 __all__ = ["Staging", "roughness_of"]
@@ -155,7 +155,7 @@ class Staging:
         adapt : callable
             Adapts the mesh.
         read : callable
-            Like `clrender.scene.mesh_io.read_mesh`.
+            Like `clrender.meshes.read.read_mesh`.
 
         Returns
         -------

@@ -39,7 +39,7 @@ def mikktspace(
     Returns
     -------
     (T, 3, 4) float32
-        See `clrender.scene.mesh_data.MeshData`. Triangles without a direction take that of others at the same vertex,
+        See `clrender.meshes.data.MeshData`. Triangles without a direction take that of others at the same vertex,
         or zero if there are none.
     """
     vertex = _welded(positions, normals, uvs)[triangles]

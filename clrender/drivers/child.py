@@ -1,0 +1,123 @@
+"""Child process that lists devices or probes one, because a driver may crash or hang it.
+
+It is started as ``python -m clrender.drivers.child REQUEST`` with REQUEST in JSON. The answer is the last line of
+stdout that begins with `MARK`, so that output of drivers is ignored.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import resource
+import signal
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+from clrender.drivers.discover import Driver, load_platforms
+from clrender.drivers.probe import MARK
+from clrender.errors import ClrenderError, DeviceError
+
+__all__ = ["end_with_the_parent", "main"]
+
+
+def main(argument: str) -> None:
+    """Execute the request and print the answer."""
+    request = json.loads(argument)
+    if request.get("lifeline"):
+        threading.Thread(target=end_with_the_parent, daemon=True).start()
+    _be_the_first_to_die()
+    driver = Driver(**{**request["driver"], "preload": tuple(request["driver"]["preload"])})
+    answer = _list(driver) if request["task"] == "list" else _probe(driver, request["ordinal"])
+    print(f"\n{MARK}{json.dumps(answer)}", flush=True)
+
+
+def _be_the_first_to_die() -> None:
+    """Limit this process to half of the memory and make it the first to be killed, in case a compiler runs away."""
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    with contextlib.suppress(OSError, ValueError):
+        resource.setrlimit(resource.RLIMIT_DATA, (memory // 2, memory // 2))
+    with contextlib.suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text("1000")
+
+
+def end_with_the_parent() -> None:
+    """Wait for the end of stdin, which comes when the parent ends in any way; then kill this process group."""
+    while os.read(0, 1):
+        pass
+    if os.getsid(0) == os.getpid():
+        os.killpg(0, signal.SIGKILL)
+    os._exit(1)
+
+
+def _list(driver: Driver) -> dict[str, Any]:
+    try:
+        listed = [_platform(platform) for platform in load_platforms([driver])]
+    except DeviceError as error:
+        return {"platforms": [], "fault": str(error)}
+    return {"platforms": listed, "fault": ""}
+
+
+def _platform(platform: Any) -> dict[str, Any]:
+    import pyopencl as cl
+
+    kinds = ((cl.device_type.GPU, "gpu"), (cl.device_type.CPU, "cpu"))
+    return {
+        "name": platform.name.strip(),
+        "version": platform.version.strip(),
+        "devices": [
+            {
+                "name": device.name.strip(),
+                "driver": device.driver_version.strip(),
+                "type": next((name for bit, name in kinds if device.type & bit), "accelerator"),
+                "compute_units": int(device.max_compute_units),
+                "memory_bytes": int(device.global_mem_size),
+            }
+            for device in _handles(platform)
+        ],
+    }
+
+
+def _probe(driver: Driver, ordinal: int) -> dict[str, Any]:
+    from clrender.device.device import Device
+    from clrender.device.info import DeviceInfo
+    from clrender.device.worker import probe_hash
+    from clrender.drivers.arithmetic import check
+
+    found = [
+        (
+            handle,
+            DeviceInfo(0, platform=described["name"], version=described["version"], library=driver.library, **each),
+        )
+        for platform in load_platforms([driver])
+        for described in (_platform(platform),)
+        for handle, each in zip(_handles(platform), described["devices"], strict=True)
+    ]
+    handle, info = found[ordinal]
+    stage = "open"
+    try:
+        device = Device(info, handle)
+        stage = "arithmetic"
+        differences = check(device)
+        stage = "render"
+        answer = {"hash": probe_hash(device), "differences": differences, "compile_seconds": device.compile_seconds}
+        device.keep_binaries()
+        return answer
+    except ClrenderError as error:
+        # A rejection by the compiler is a DeviceError, a failure of a launch a RenderError.
+        return {"stage": stage, "refused": isinstance(error, DeviceError), "error": str(error)}
+
+
+def _handles(platform: Any) -> list[Any]:
+    import pyopencl as cl
+
+    try:
+        return list(platform.get_devices())
+    except cl.Error:  # DEVICE_NOT_FOUND: a platform without a device is no error
+        return []
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

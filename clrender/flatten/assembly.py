@@ -1,0 +1,219 @@
+"""Resolves a scene's instances: which shapes are duplicated per instance, and which are stored once and shared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.errors import SceneError
+from clrender.flatten.emission import emits
+from clrender.scene.description import Scene
+from clrender.scene.groups import Instance
+from clrender.scene.shapes import AnyShape, Disk, Mesh, Sphere, Transform
+from clrender.scene.transforms import Affine, affine, combined
+from clrender.scene.values import SHAPE_LIMIT
+from clrender.wording import place, quoted
+
+__all__ = ["Assembly", "assemble", "written_out"]
+
+_MANY: Final = 64
+"""Up to this many groups, each gets its own tree, however small it is."""
+_PLACES: Final = 8
+"""Most shapes, over all its instances, of a small group."""
+_TRIANGLES: Final = 2**12
+"""Most triangles, over all its instances, of a small group. Duplicating small groups is faster than building trees."""
+_Placed: TypeAlias = "tuple[tuple[str | int, ...], AnyShape]"
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A scene with its instances resolved, and the placements of its groups.
+
+    Attributes
+    ----------
+    scene : Scene
+        Its shapes come in this order: the scene's own; the group shapes that emit light, duplicated per instance
+        because each is a light of its own, and those of small groups, if there are many groups; the other group
+        shapes, in group space.
+    own_shapes : int
+        Number of shapes in world space, which come first.
+    groups : tuple of range
+        Range of the remaining shapes that makes up each placed group.
+    group_of : (N,) int64
+        Group of each instance.
+    maps : (N, 3, 4) float64
+        Map of each instance from group space to world space, metres.
+    seen_place, seen_shape : (K,) int64
+        The objects that an image can tell apart: each shape in world space, then each group shape once per entry of
+        the original shape list that places its group. `seen_place` is the index in the original list (for duplicated
+        shapes that of their instance), `seen_shape` the index in `scene`.
+    seen_begin : (N,) int64
+        Of each instance: the offset from the index of a group's shape in `scene` to its index in these two arrays.
+    """
+
+    scene: Scene
+    own_shapes: int
+    groups: tuple[range, ...]
+    group_of: NDArray[np.int64]
+    maps: NDArray[np.float64]
+    seen_place: NDArray[np.int64]
+    seen_shape: NDArray[np.int64]
+    seen_begin: NDArray[np.int64]
+
+
+def assemble(scene: Scene) -> Assembly:
+    """Resolve a scene's instances.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Raises
+    ------
+    SceneError
+        If an instance stretches a sphere or disk unevenly, a file of transforms cannot be read, or too many shapes that
+        shine would have to be written out.
+    """
+    own, own_places = _own(scene)
+    none = np.zeros(0, np.int64)
+    if len(own) == len(scene.shapes):
+        all_own = np.arange(len(own))
+        return Assembly(scene, len(own), (), none, np.zeros((0, 3, 4)), all_own, all_own, none)
+    written: list[_Placed] = []
+    kept: list[_Placed] = []
+    groups: dict[str, tuple[int, range]] = {}
+    placed: list[tuple[int, int, int]] = []  # entry, group, how often
+    maps: list[NDArray[np.float64]] = []
+    small = _small_groups(scene)
+    for index, instance in scene.instances():
+        array = scene.transforms(index).maps
+        shapes = _shapes_of(scene, instance.group)
+        _check_similar(scene, index, instance.group, shapes, array)
+        alone = shapes if instance.group in small else [each for each in shapes if emits(scene, each[1])]
+        if len(own) + len(written) + len(alone) * len(array) > SHAPE_LIMIT:
+            text = f"places {len(array)} times a group of which {len(alone)} shapes shine; at most {SHAPE_LIMIT} may"
+            raise SceneError(f"{scene.source}: shapes[{index}] {text}")
+        written += _written(alone, array)
+        own_places += [index] * (len(alone) * len(array))
+        if len(alone) == len(shapes):
+            continue
+        if instance.group not in groups:
+            begin = len(kept)
+            kept += [each for each in shapes if not emits(scene, each[1])]
+            groups[instance.group] = len(groups), range(begin, len(kept))
+        placed.append((index, groups[instance.group][0], len(array)))
+        maps.append(array)
+    in_world = [*own, *written]
+    ranges = tuple(range(len(in_world) + each.start, len(in_world) + each.stop) for _, each in groups.values())
+    seen_place, seen_shape, begins = [np.array(own_places, np.int64)], [np.arange(len(in_world))], [none]
+    total = len(in_world)
+    for index, group, count in placed:
+        seen_place.append(np.full(len(ranges[group]), index))
+        seen_shape.append(np.array(ranges[group]))
+        begins.append(np.full(count, total - ranges[group].start))
+        total += len(ranges[group])
+    return Assembly(
+        scene.assembled([*in_world, *kept]),
+        len(in_world),
+        ranges,
+        np.repeat(*np.array([(group, count) for _, group, count in placed], np.int64).reshape(-1, 2).T),
+        np.concatenate([np.zeros((0, 3, 4)), *maps]),
+        np.concatenate(seen_place),
+        np.concatenate(seen_shape),
+        np.concatenate(begins),
+    )
+
+
+def _small_groups(scene: Scene) -> set[str]:
+    """Groups too small for their own trees: building a tree takes as long as some thousand more triangles."""
+    places: dict[str, int] = {}
+    for index, instance in scene.instances():
+        places[instance.group] = places.get(instance.group, 0) + len(scene.transforms(index).maps)
+    if len(places) <= _MANY:
+        return set()
+    small: set[str] = set()
+    for group, count in places.items():
+        shapes = _shapes_of(scene, group)
+        if len(shapes) * count <= _PLACES and count * sum(_triangles(scene, *each) for each in shapes) <= _TRIANGLES:
+            small.add(group)
+        if len(small) * _PLACES > SHAPE_LIMIT // 2:
+            break
+    return small
+
+
+def _triangles(scene: Scene, at: tuple[str | int, ...], shape: AnyShape) -> int:
+    """Number of triangles of a mesh; 1 for other shapes, whose few triangles do not matter."""
+    if not isinstance(shape, Mesh):
+        return 1
+    return len(shape.faces) if shape.file is None else len(scene.mesh_of(at, shape).triangles)
+
+
+def written_out(scene: Scene) -> Scene:
+    """A copy of the scene in which each instance is replaced by the shapes of its group.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Raises
+    ------
+    SceneError
+        Like `assemble`, or if there would be too many shapes.
+    """
+    shapes, _ = _own(scene)
+    if len(shapes) == len(scene.shapes):
+        return scene
+    for index, instance in scene.instances():
+        array, group = scene.transforms(index).maps, _shapes_of(scene, instance.group)
+        _check_similar(scene, index, instance.group, group, array)
+        if len(shapes) + len(group) * len(array) > SHAPE_LIMIT:
+            text = f"places {len(array)} times a group of {len(group)} shapes, which have to be written out here"
+            raise SceneError(f"{scene.source}: shapes[{index}] {text}; at most {SHAPE_LIMIT} can be")
+        shapes += _written(group, array)
+    return scene.assembled(shapes)
+
+
+def _own(scene: Scene) -> tuple[list[_Placed], list[int]]:
+    """Shapes of the scene that are not instances, and their indices in its list."""
+    own = [(index, shape) for index, shape in enumerate(scene.shapes) if not isinstance(shape, Instance)]
+    return [(scene.place_of(index), shape) for index, shape in own], [index for index, _ in own]
+
+
+def _shapes_of(scene: Scene, group: str) -> list[_Placed]:
+    return [(("groups", group, "shapes", index), shape) for index, shape in enumerate(scene.groups[group].shapes)]
+
+
+def _written(shapes: Sequence[_Placed], array: NDArray[np.float64]) -> list[_Placed]:
+    """The shapes, transformed by each of the maps."""
+    if not shapes:
+        return []
+    outers = [
+        Affine(((a, b, c), (e, f, g), (i, j, k)), (d, h, o))
+        for (a, b, c, d), (e, f, g, h), (i, j, k, o) in array.tolist()
+    ]
+    return [(at, _moved(shape, outer)) for outer in outers for at, shape in shapes]
+
+
+def _moved(shape: AnyShape, outer: Affine) -> AnyShape:
+    inner = combined(outer, affine(shape.transform))
+    rows = tuple((*row, offset) for row, offset in zip(inner.linear, inner.offset, strict=True))
+    return shape.with_checked(transform=Transform(matrix=(*rows, (0.0, 0.0, 0.0, 1.0))))
+
+
+def _check_similar(scene: Scene, index: int, group: str, shapes: Sequence[_Placed], array: NDArray[np.float64]) -> None:
+    """Raise an error if a map would stretch a sphere or disk unevenly."""
+    if not any(isinstance(shape, Sphere | Disk) for _, shape in shapes):
+        return
+    x, y, z = array[:, :, 0], array[:, :, 1], array[:, :, 2]
+    products = np.stack([(a * b).sum(axis=1) for a, b in ((x, x), (y, y), (z, z), (x, y), (x, z), (y, z))], axis=1)
+    uneven = np.abs(products - products[:, :1] * np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])).max(axis=1)
+    faulty = np.flatnonzero(uneven > 2e-6 * products[:, 0])
+    if len(faulty):
+        which: tuple[str | int, ...] = ("transform",) if len(array) == 1 else ("transforms", int(faulty[0]))
+        at = place(("shapes", index, *which))
+        text = f"stretches a sphere or disk of the group {quoted(group)} unevenly, which is not supported"
+        raise SceneError(f"{scene.source}: {at} {text}; scale all axes alike or use a mesh")

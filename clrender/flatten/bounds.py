@@ -1,0 +1,68 @@
+"""The bounding box of a scene."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.flatten.assembly import assemble
+from clrender.flatten.polyhedra import polyhedron
+from clrender.scene.description import Scene
+from clrender.scene.shapes import Disk, Mesh, Sphere
+from clrender.scene.transforms import affine
+
+__all__ = ["scene_bounds"]
+
+
+def scene_bounds(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Bounding box of all shapes, world space, metres.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    low, high : (3,) float64
+        Infinite, with `low` above `high`, for an empty scene.
+    """
+    assembly = assemble(scene)
+    scene = assembly.scene
+    lows, highs = [np.full((1, 3), np.inf)], [np.full((1, 3), -np.inf)]
+    for group, shapes in enumerate(assembly.groups):
+        low, high = _bounds(scene, shapes)
+        if (low <= high).all():
+            maps = assembly.maps[assembly.group_of == group]
+            middle, half = (low + high) / 2.0, (high - low) / 2.0
+            center = (maps[:, :, :3] * middle).sum(axis=2) + maps[:, :, 3]
+            extent = (np.abs(maps[:, :, :3]) * half).sum(axis=2)
+            lows.append(center - extent)
+            highs.append(center + extent)
+    low, high = _bounds(scene, range(assembly.own_shapes))
+    return np.concatenate([*lows, low[None]]).min(axis=0), np.concatenate([*highs, high[None]]).max(axis=0)
+
+
+def _bounds(scene: Scene, shapes: range) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Bounding box of some shapes that are not instances."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for index in shapes:
+        shape = scene.plain_shapes[index]
+        place = affine(shape.transform)
+        if isinstance(shape, Sphere | Disk):
+            middle = np.array(place.point(shape.center))
+            low, high = (
+                np.minimum(low, middle - shape.radius * place.scale),
+                np.maximum(high, middle + shape.radius * place.scale),
+            )
+            continue
+        mesh = scene.mesh(index) if isinstance(shape, Mesh) else polyhedron(shape)
+        used = mesh.vertices
+        if isinstance(shape, Mesh):
+            named = np.zeros(len(used), bool)
+            named[mesh.triangles] = True
+            used = used if named.all() else used[named]
+        points = np.empty((len(used), 3), np.float32)
+        place.points_into(used, points)
+        if len(points):
+            low, high = np.minimum(low, points.min(0)), np.maximum(high, points.max(0))
+    return low, high

@@ -1,0 +1,128 @@
+"""What a scene has that kernels are compiled for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from clrender import layout
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from clrender.flatten.media import Media
+
+__all__ = ["Features"]
+
+
+@dataclass(frozen=True)
+class Features:
+    """Each is a macro of the kernels by the same name, in capitals: a scene pays for nothing that it does not have.
+
+    Attributes
+    ----------
+    materials : bool
+        Some material has rows of its own, so that all lobes are needed.
+    beckmann, turned_glass : bool
+        Some has Beckmann's facets; some glass is anisotropic.
+    environment_map, lamps, sun : bool
+        The environment has an image; some lights are spots or IES lights; there is a sun.
+    interiors : bool
+        Paths track the dielectrics and media that they are inside.
+    media, equiangular : bool
+        Some medium scatters; one outside of all shapes does.
+    subsurface : bool
+        Some material is subsurface.
+    straight_shadows : bool
+        Some surfaces transmit light undeflected without bounding a medium: `clrender.flatten.media.Media`.
+    camera_cuts_media : bool
+        Rays of the camera may begin in different media.
+    instances : bool
+        There are instances of groups.
+    opacity, holes : bool
+        Rays may pass through some surfaces; of some triangles it is known where.
+    textures, tangents : bool
+        Some shapes have attributes; some triangles have vertex tangents.
+    emission_textures : bool
+        Some shapes have textured emission.
+    terminator_offset : bool
+        Some shape's shadow terminator is moved.
+    """
+
+    materials: bool = False
+    beckmann: bool = False
+    turned_glass: bool = False
+    environment_map: bool = False
+    lamps: bool = False
+    sun: bool = False
+    interiors: bool = False
+    media: bool = False
+    equiangular: bool = False
+    subsurface: bool = False
+    straight_shadows: bool = False
+    camera_cuts_media: bool = False
+    instances: bool = False
+    opacity: bool = False
+    holes: bool = False
+    textures: bool = False
+    tangents: bool = False
+    emission_textures: bool = False
+    terminator_offset: bool = False
+
+    @property
+    def macros(self) -> dict[str, int | str]:
+        """Macros of the features that are there."""
+        return {each.name.upper(): 1 for each in fields(self) if getattr(self, each.name)}
+
+    def seen_by(self, camera: NDArray[np.void]) -> Features:
+        """The features of the same scene with another camera.
+
+        Parameters
+        ----------
+        camera : (1,) `Camera`
+        """
+        return replace(self, camera_cuts_media=self.interiors and bool(camera["cuts_media"][0]))
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, NDArray[Any]], camera: NDArray[np.void], media: Media, instances: int) -> Features:
+        """The features of a flat scene.
+
+        Parameters
+        ----------
+        arrays : mapping of str to ndarray
+            As `clrender.flatten.flat_scene.FlatScene` has them.
+        camera : (1,) `Camera`
+        media : Media
+        instances : int
+            Number of instances.
+        """
+        lights, flags, attributes = arrays["lights"], arrays["shapes"]["flags"], arrays["attribute_rows"]
+        opacity = bool((flags & layout.SHAPE_MASKED).any())
+        emission_textures = bool(lights["texture"].any())
+        textured = len(attributes) > 1 or bool(attributes.any()) or emission_textures
+        tangents = {name: first for name, first, _, _ in layout.ROWS["ATTRIBUTE"]}["TANGENTS"]
+        interiors = bool(arrays["media_rows"].any())
+        found = cls(
+            materials=len(arrays["albedo_tables"]) > 1,
+            beckmann=len(arrays["albedo_tables"]) > layout.ALBEDO_END,
+            turned_glass=len(arrays["albedo_tables"]) > layout.ALBEDO_TURNED_GLASS,
+            environment_map=len(arrays["environment_map"]) > 1,
+            lamps=bool(np.isin(lights["kind"], (layout.LIGHT_SPOT, layout.LIGHT_IES)).any()),
+            sun=bool((lights["kind"] == layout.LIGHT_SUN).any()),
+            interiors=interiors,
+            media=interiors and media.scatters,
+            equiangular=interiors and media.fog,
+            subsurface=interiors and media.subsurface,
+            straight_shadows=interiors and media.straight,
+            instances=instances > 0,
+            opacity=opacity,
+            holes=opacity and len(arrays["hole_rows"]) > 1,
+            textures=textured or opacity,
+            tangents=bool(attributes[:, tangents].view(np.uint32).any()),
+            emission_textures=emission_textures,
+            terminator_offset=bool((flags & layout.SHAPE_TERMINATOR_OFFSET).any()),
+        )
+        return found.seen_by(camera)

@@ -1,0 +1,453 @@
+"""Turns a scene into the contiguous arrays that the kernels read, one array per kernel argument."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender import layout
+from clrender.errors import SceneError, UsageError
+from clrender.exact.angles import tan_degrees
+from clrender.flatten.assembly import assemble
+from clrender.flatten.features import Features
+from clrender.flatten.holes import hole_rows
+from clrender.flatten.instances import FlatInstances, flat_instances
+from clrender.flatten.interiors import media_around, media_in_box, media_with_lights, open_media, packed
+from clrender.flatten.lamp_tables import lamp_tables
+from clrender.flatten.lights import FlatLights, flat_environment, flat_lights
+from clrender.flatten.material_rows import flat_materials
+from clrender.flatten.media import Media, Solid, scene_media, solid_of
+from clrender.flatten.microfacets import albedo_tables
+from clrender.flatten.surfaces import SMALLEST, flat_surfaces
+from clrender.flatten.texture_rows import flat_textures
+from clrender.meshes.data import COORDINATE_LIMIT
+from clrender.scene.description import (
+    Camera,
+    DirectionalLight,
+    EnvironmentLight,
+    IesLight,
+    PointLight,
+    Scene,
+    SpotLight,
+    SunSkyLight,
+)
+from clrender.scene.materials import Dielectric, Material, Subsurface
+from clrender.scene.values import Vector, cross, length
+
+__all__ = ["FlatScene", "flatten", "scene_origin"]
+
+_Rows: TypeAlias = NDArray[np.void]
+_WHITE: Final = 0.9999
+"""Albedo from which on a medium counts as one that absorbs nothing."""
+
+
+@dataclass(frozen=True)
+class FlatScene:
+    """A scene as arrays for the kernels. No array is empty: the counts say how many rows are valid.
+
+    Attributes
+    ----------
+    arrays : mapping of str to ndarray
+        ``vertices`` (V, 3) float32, world space, metres; ``normals`` (V, 3) float32, unit or zero where the shape is
+        not smooth, or (1, 3) zeros when none is; ``triangles`` (T, 3) uint32; ``analytic_shapes`` (R,) `AnalyticShape`;
+        ``primitive_shape`` (T + R,) uint32, triangles first; ``shapes`` (S,) `Shape`; ``materials`` (M,) `Material`;
+        ``material_rows`` (2 M, 16) float32, and ``albedo_tables`` (N,) float32, one zero where no material has rows;
+        ``media_rows`` (N, 16) float32, zero if paths need not track the media that they are inside;
+        ``attribute_rows`` (T + R, 16) float32, or one row where no shape is textured; ``texture_rows``,
+        ``texture_slots``, ``texel_values`` and ``texels``: see `clrender.flatten.texture_rows.FlatTextures`;
+        ``hole_rows`` (N, 64) uint32, see `clrender.flatten.holes`, one row if no opacity is textured; ``lights`` (L,)
+        `Light`, see `clrender.flatten.lights.FlatLights`; ``light_nodes`` (N, 16) float32 and ``light_order`` (N,)
+        uint32, the light BVH, and ``light_cones`` (N, 8) float32 if there are lamps, else one row; ``lamp_tables`` (N,)
+        float32, of IES files, or one zero; ``environment_map`` (N,) float32, one zero if the environment has no image;
+        ``instance_rows`` and ``instance_guides``: see `instances`. Shapes are in the order of
+        `clrender.flatten.assembly`: those of groups come last, in the space of their group. Little-endian,
+        C-contiguous.
+    camera : (1,) `Camera`
+        All camera parameters; nothing else but `origin` depends on the camera.
+    environment : int
+        Index of the environment light, or `layout.NONE`.
+    triangle_count, analytic_count : int
+    light_count : int
+        Number of lights that light sampling chooses from.
+    light_levels : int
+        Levels of the light BVH; 0: there is none.
+    features : Features
+        What kernels are compiled for.
+    instances : FlatInstances
+        Instances of groups of shapes; their primitives are numbered from ``triangle_count + analytic_count`` on.
+    arrays_sha256 : str
+        Hash of all of the above except the camera.
+    notes : tuple of str
+        One sentence for each thing that reading the scene file left out or changed.
+    warnings : tuple of str
+        One sentence for each shape left out or changed, and for light that cannot be found.
+    origin : (3,) float
+        World space, metres: the origin of all coordinates in the arrays and the camera. `scene_origin` chooses it. It
+        changes only when the camera moves far; until then the arrays stay the same.
+    """
+
+    arrays: Mapping[str, NDArray[Any]]
+    camera: _Rows
+    environment: int
+    triangle_count: int
+    analytic_count: int
+    light_count: int
+    light_levels: int
+    features: Features
+    instances: FlatInstances
+    arrays_sha256: str
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    origin: Vector = (0.0, 0.0, 0.0)
+
+    @property
+    def sha256(self) -> str:
+        """Hash of all scene data that the kernels read, including the camera."""
+        return hashlib.sha256(self.arrays_sha256.encode() + self.camera.tobytes()).hexdigest()
+
+    @property
+    def messages(self) -> list[str]:
+        """All notes and warnings, each as the line that users see."""
+        return [f"note: {each}" for each in self.notes] + [f"warning: {each}" for each in self.warnings]
+
+    @property
+    def primitive_total(self) -> int:
+        """Number of triangles, spheres and disks that rays may hit, counted for every instance."""
+        return self.instances.own_triangles + self.instances.own_analytic + self.instances.primitive_count
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all arrays together, without the BVH that is built on the device."""
+        return sum(array.nbytes for array in self.arrays.values()) + self.camera.nbytes
+
+
+def scene_origin(camera: Camera) -> Vector:
+    """The origin of coordinates on the device: near the camera, so that single precision resolves the visible scene.
+
+    It is the point nearest to the camera of a cubic grid whose spacing is 64 to 1024 times the distance from the camera
+    to its target. So it is the world origin for a camera near it, and most camera moves do not change it.
+
+    Parameters
+    ----------
+    camera : Camera
+
+    Returns
+    -------
+    (3,) float
+        World space, metres.
+    """
+    _, exponent = math.frexp(64.0 * length(_difference(camera.target, camera.position)))
+    side = math.ldexp(1.0, -(-exponent // 4) * 4)
+    x, y, z = (round(p / side) * side for p in camera.position)
+    return (x, y, z)
+
+
+def flatten(
+    scene: Scene,
+    width: int,
+    height: int,
+    light_sampler: str = "auto",
+    origin: Vector | None = None,
+    compensated: bool = False,
+) -> FlatScene:
+    """Convert a scene to arrays, for an image of `width` by `height` pixels.
+
+    Parameters
+    ----------
+    scene : Scene
+    width, height : int
+        Pixels.
+    light_sampler : str
+        A light sampler of `clrender.settings`.
+    origin : (3,) float, optional
+        World space, metres: origin of the coordinates on the device; default: `scene_origin`.
+    compensated : bool
+        MIS compensation: light sampling of the environment leaves the parts darker than its mean to BSDF sampling; see
+        `clrender.flatten.environment.environment_table`.
+
+    Returns
+    -------
+    FlatScene
+
+    Raises
+    ------
+    SceneError
+        If a shape is degenerate or too large or small for single precision, or a mesh file cannot be read.
+    UsageError
+        If width or height is not positive.
+    """
+    if width < 1 or height < 1:
+        raise UsageError(f"an image of {width}x{height} pixels cannot be rendered; give positive numbers")
+    origin = scene_origin(scene.camera) if origin is None else origin
+    camera = _camera_row(scene.camera, width, height, scene.source, origin)
+    assembly = assemble(scene)
+    scene = assembly.scene
+    surfaces = flat_surfaces(scene, origin, assembly.own_shapes, assembly)
+    instances = flat_instances(assembly, surfaces)
+    media = scene_media(scene)
+    around = flat_environment(scene, compensated)
+    textures = flat_textures(scene)
+    holes = hole_rows(scene, surfaces, textures)
+    lamps = lamp_tables(scene)
+    lights = flat_lights(scene, surfaces, instances, textures, around, lamps, light_sampler)
+    tree = lights.tree
+    triangle_count, analytic_count = len(surfaces.triangles), len(surfaces.analytic_shapes)
+    materials = flat_materials(scene, media.of_solid)
+    arrays = {
+        "vertices": _padded(surfaces.vertices),
+        "normals": _padded(surfaces.normals),
+        "triangles": _padded(surfaces.triangles),
+        "analytic_shapes": _padded(surfaces.analytic_shapes),
+        "primitive_shape": _padded(surfaces.primitive_shape),
+        "shapes": _padded(surfaces.shapes),
+        "materials": _padded(materials.materials),
+        "material_rows": materials.rows,
+        "albedo_tables": albedo_tables(materials.beckmann, materials.turned_glass)
+        if materials.by_row
+        else np.zeros(1, np.float32),
+        "media_rows": media.rows,
+        "attribute_rows": _padded(surfaces.attributes),
+        "texture_rows": textures.rows,
+        "texture_slots": textures.slots,
+        "texel_values": textures.values,
+        "hole_rows": holes,
+        "texels": textures.texels,
+        "lights": _padded(lights.rows),
+        "light_nodes": tree.rows if tree else np.zeros((1, 16), np.float32),
+        "light_order": tree.order if tree else np.zeros(1, np.uint32),
+        "light_cones": np.zeros((1, 8), np.float32) if tree is None or tree.cones is None else tree.cones,
+        "lamp_tables": lamps.words,
+        "environment_map": around.words,
+        "instance_rows": instances.rows,
+        "instance_guides": instances.guides,
+    }
+    if media.subsurface:
+        _darken(arrays, triangle_count, lights.count, instances)
+    unbounded = _mark_open(arrays, triangle_count, media) if media.scatters else []
+    digest = hashlib.sha256(f"{lights.environment} {triangle_count} {analytic_count} {lights.count}".encode())
+    for name, array in arrays.items():
+        digest.update(f"{name} {array.shape}".encode())
+        if name == "texels":
+            digest.update(textures.sha256.encode())  # they may be large, and are already hashed
+        else:
+            digest.update(array.reshape(-1).view(np.uint8).data)
+    camera = _surrounded(camera, arrays, triangle_count, instances, scene.camera, origin)
+    return FlatScene(
+        arrays=arrays,
+        camera=camera,
+        environment=lights.environment,
+        triangle_count=triangle_count,
+        analytic_count=analytic_count,
+        light_count=lights.count,
+        light_levels=tree.levels if tree else 0,
+        features=Features.of(arrays, camera, media, instances.count),
+        instances=instances,
+        arrays_sha256=digest.hexdigest(),
+        notes=scene.notes,
+        warnings=(
+            *surfaces.warnings,
+            *_no_light(scene, lights),
+            *_lost_light(scene, media.no_boundary),
+            *_lost_in_fog(scene),
+            *_endless(scene, arrays, media, unbounded),
+        ),
+        origin=origin,
+    )
+
+
+def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene:
+    """The same arrays with the camera of `scene`; all other parts of the scene must be the same.
+
+    The camera's `scene_origin` must be that of the arrays.
+
+    Raises
+    ------
+    SceneError, UsageError
+        See `flatten`.
+    """
+    camera = _camera_row(scene.camera, width, height, scene.source, flat.origin)
+    around = _surrounded(camera, flat.arrays, flat.triangle_count, flat.instances, scene.camera, flat.origin)
+    return dataclasses.replace(flat, camera=around, features=flat.features.seen_by(around))
+
+
+def _darken(
+    arrays: Mapping[str, NDArray[Any]], triangle_count: int, light_count: int, instances: FlatInstances
+) -> None:
+    """Set the flag of subsurface media without lights inside, in which paths then take no light samples."""
+    flags = arrays["media_rows"][:, 15].view(np.uint32)
+    flags[(flags & layout.MEDIUM_FLAG_SUBSURFACE) != 0] |= np.uint32(layout.MEDIUM_FLAG_DARK)
+    for medium in media_with_lights(arrays, triangle_count, light_count, instances):
+        flags[medium] &= np.uint32(~layout.MEDIUM_FLAG_DARK & 0xFFFFFFFF)
+
+
+def _mark_open(arrays: Mapping[str, NDArray[Any]], triangle_count: int, media: Media) -> list[int]:
+    """Set the flag of media that have no end, and return those of shapes: there paths that get lost end early."""
+    found = open_media(arrays, triangle_count)
+    flags = arrays["media_rows"][:, 15].view(np.uint32)
+    flags[[*found, *([0] if media.fog else [])]] |= np.uint32(layout.MEDIUM_FLAG_OPEN)
+    return found
+
+
+def _endless(scene: Scene, arrays: Mapping[str, NDArray[Any]], media: Media, unbounded: list[int]) -> list[str]:
+    """Warn of media that absorb nothing and have a surface with a hole: cost and variance cannot both be finite."""
+    rows = arrays["media_rows"].astype(np.float64)
+    extinction, scattering = rows[unbounded, 5:8], rows[unbounded, 8:11]
+    white: NDArray[np.bool_] = np.any((scattering > 0.0) & (scattering >= _WHITE * extinction), axis=1)
+    endless = set(np.array(unbounded, np.int64)[white].tolist())
+    names = sorted({solid[1] or solid[0] or "" for solid, number in media.of_solid.items() if number in endless})
+    return [
+        f"{scene.source}: {name}: light scatters in it without being absorbed, and its surface has a hole, so that the "
+        "variance of the image has no bound; close the surface, or let it absorb a little"
+        for name in names
+    ]
+
+
+def _no_light(scene: Scene, lights: FlatLights) -> list[str]:
+    """Warn of a scene that emits no light at all."""
+    if len(lights.rows):
+        return []
+    return [
+        f"{scene.source}: nothing in it emits light, so its image is black; add `[[lights]]`, or `emission` to a shape"
+    ]
+
+
+def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> list[str]:
+    """Warn of light from delta lights through glass, which only the photon integrator finds."""
+    used = {solid_of(shape) for _, shape in scene.all_shapes()} - no_boundary
+    glass = {name for name, _ in used if name is not None and _is_glass(scene.materials[name])}
+    kinds: dict[type, str] = {
+        DirectionalLight: "directional",
+        PointLight: "point",
+        SpotLight: "spot",
+        IesLight: "ies",
+    }
+    shining = [name for kind, name in kinds.items() if any(isinstance(light, kind) for light in scene.lights)]
+    if not glass or not shining:
+        return []
+    which = f"{' and '.join(shining)} lights, through the dielectric {min(glass)!r}"
+    return [
+        f"{scene.source}: light of {which}: only the integrator photon finds it; elsewhere glass casts a full shadow"
+    ]
+
+
+def _lost_in_fog(scene: Scene) -> list[str]:
+    """Warn of light from infinity in fog, which extends as far."""
+    if scene.fog is None or not all(a + s > 0.0 for a, s in zip(*scene.media[scene.fog].numbers[:2], strict=True)):
+        return []
+    endless = (DirectionalLight, EnvironmentLight, SunSkyLight)
+    found = sorted({light.type for light in scene.lights if isinstance(light, endless)})
+    if not found:
+        return []
+    text = f"the medium {scene.fog!r} extends to infinity, and no light of {' and '.join(found)} lights passes it"
+    return [f"{scene.source}: fog: {text}; for haze below a sky, give a large box an `interior` instead"]
+
+
+def _is_glass(material: Material) -> bool:
+    """Whether the material refracts light, as far as this is known without the surrounding medium."""
+    if isinstance(material, Subsurface):
+        return material.ior is not None and not material.rough
+    return isinstance(material, Dielectric) and material.ior != material.exterior_ior
+
+
+def _padded(array: NDArray[Any]) -> NDArray[Any]:
+    """The array, or one row of zeros if it is empty: OpenCL has no empty buffers."""
+    return np.ascontiguousarray(array) if len(array) else np.zeros((1, *array.shape[1:]), dtype=array.dtype)
+
+
+def _camera_row(camera: Camera, width: int, height: int, source: str, origin: Vector) -> _Rows:
+    """The camera for kernels/camera/camera.h; right-handed, image right = forward x up unless it is mirrored."""
+    view = _difference(camera.target, camera.position)
+    forward = _scaled(view, 1.0 / length(view))
+    right = cross(forward, _scaled(camera.up, 1.0 / length(camera.up)))
+    right = _scaled(right, 1.0 / length(right))
+    upward = cross(right, forward)
+    if camera.mirrored:
+        right = _scaled(right, -1.0)
+    row = np.zeros(1, dtype=layout.dtype("Camera"))
+    row["kind"] = getattr(layout, f"CAMERA_{camera.type.upper()}")
+    row["origin"][0, :3], row["world"][0, :3] = _difference(camera.position, origin), origin
+    if camera.type in ("panoramic", "fisheye"):
+        row["right"][0, :3], row["down"][0, :3], row["axis"][0, :3] = right, _scaled(upward, -1.0), forward
+        row["aspect"], row["angle"] = width / height, camera.vertical_fov / 720.0
+        return row
+    # The film's rectangle on the plane of focus
+    distance = camera.focus_distance if camera.focus_distance is not None else length(view)
+    spread = distance * tan_degrees(camera.vertical_fov / 2.0) if camera.type == "perspective" else camera.height / 2.0
+    half_height, half_width = spread, spread * width / height
+    corner = [f * distance - r * half_width + u * half_height for f, r, u in zip(forward, right, upward, strict=True)]
+    for name, vector in (
+        ("corner", corner),
+        ("right", _scaled(right, 2.0 * half_width)),
+        ("down", _scaled(upward, -2.0 * half_height)),
+        ("axis", _scaled(forward, distance)),
+        ("lens_u", _scaled(right, camera.aperture_radius)),
+        ("lens_v", _scaled(upward, camera.aperture_radius)),
+    ):
+        row[0][name][:3] = vector
+    row["blades"], row["blade_turn"] = camera.blades, camera.blade_rotation_degrees % 360.0 / 360.0
+    sizes = [2.0 * half_width, 2.0 * half_height]
+    if not (min(sizes) >= SMALLEST and max(sizes) <= COORDINATE_LIMIT):
+        low, high = f"{min(sizes):g}", f"{max(sizes):g}"
+        text = f"the view spans {low} to {high} metres at the focus distance, too extreme for single precision"
+        keys = "vertical_fov or focus_distance" if camera.type == "perspective" else "height"
+        raise SceneError(f"{source}: camera: {text}; choose a more moderate {keys}")
+    return row
+
+
+def _surrounded(
+    row: _Rows,
+    arrays: Mapping[str, NDArray[Any]],
+    triangle_count: int,
+    instances: FlatInstances,
+    camera: Camera,
+    origin: Vector,
+) -> _Rows:
+    """The camera's row with the media around one of its rays, and whether its film or lens cuts the surface of one."""
+    known = np.array(_difference(camera.position, origin))
+    low, high = _origins_of_rays(row[0], camera)
+    if (low < high).any() and media_in_box(arrays, triangle_count, low, high, instances):
+        row[0]["cuts_media"] = 1
+        row[0]["around"][:3] = _origin_aside(row[0], camera)
+        known = row[0]["around"][:3].astype(np.float64)
+    row[0]["interior_first"], row[0]["interior_last"] = packed(media_around(arrays, triangle_count, known, instances))
+    return row
+
+
+def _origin_aside(row: np.void, camera: Camera) -> NDArray[np.float64]:
+    """Origin of a ray that is not in the middle of the film or lens, which is often placed exactly on a surface."""
+    corner, right, down, axis, lens_u, lens_v = _film_and_lens(row)
+    on_lens = row["origin"][:3].astype(np.float64) + 0.31 * lens_u + 0.17 * lens_v
+    on_film = corner - axis + 0.61 * right + 0.42 * down if camera.type == "orthographic" else np.zeros(3)
+    return np.asarray(on_lens + on_film)
+
+
+def _origins_of_rays(row: np.void, camera: Camera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Box that contains the origins of all rays of a camera."""
+    corner, right, down, axis, lens_u, lens_v = _film_and_lens(row)
+    low = high = row["origin"][:3].astype(np.float64)
+    if camera.type == "orthographic":
+        # As wide again on all sides: a pixel filter sees points beyond the film's edges
+        ends = [corner - axis + right * x + down * y for x in (-1.0, 2.0) for y in (-1.0, 2.0)]
+        low, high = low + np.min(ends, axis=0), high + np.max(ends, axis=0)
+    reach = np.abs(lens_u) + np.abs(lens_v)
+    return low - reach, high + reach
+
+
+def _film_and_lens(row: np.void) -> tuple[NDArray[np.float64], ...]:
+    names = ("corner", "right", "down", "axis", "lens_u", "lens_v")
+    return tuple(row[name][:3].astype(np.float64) for name in names)
+
+
+def _difference(a: Vector, b: Vector) -> Vector:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+def _scaled(a: Vector, factor: float) -> Vector:
+    return (a[0] * factor, a[1] * factor, a[2] * factor)

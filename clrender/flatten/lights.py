@@ -1,0 +1,367 @@
+"""The lights of a scene as arrays: a row for each light, and the table or tree that samples them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender import layout
+from clrender.errors import SceneError
+from clrender.exact.matrices import lengths
+from clrender.flatten.alias import alias_table
+from clrender.flatten.emission import Emission, shape_emission
+from clrender.flatten.emission_means import EmissionMeans
+from clrender.flatten.environment import EnvironmentTable, environment_table
+from clrender.flatten.instances import FlatInstances, box_of
+from clrender.flatten.lamp_tables import LampTables
+from clrender.flatten.lamps import AT_POINT, Lamp, lamp_at
+from clrender.flatten.light_tree import Emitters, LightTree, light_tree
+from clrender.flatten.sky import Sun, sky_picture
+from clrender.flatten.surface_arrays import FlatSurfaces
+from clrender.flatten.surfaces import triangle_areas
+from clrender.flatten.texture_rows import FlatTextures
+from clrender.scene.description import DirectionalLight, Scene, SunSkyLight
+from clrender.scene.shapes import Disk, Sphere
+from clrender.scene.values import POWER_LIMIT, Color, length
+from clrender.wording import place
+
+__all__ = ["FlatLights", "flat_environment", "flat_lights", "points_that_shine"]
+
+_Rows: TypeAlias = NDArray[np.void]
+_LIGHT_LIMIT: Final = 2**24
+_TOO_BRIGHT: Final = f"makes a radiance of {{:g}}; at most {POWER_LIMIT:g} is known; make its scale smaller"
+_TREE_FROM: Final = 16
+"""Number of lights from which the light tree pays off."""
+_SUN_LIGHT: Final = next(at for name, at, _, _ in layout.ROWS["SUN"] if name == "LIGHT")
+_LEAST_SHARE: Final = 1e-3
+"""Fraction of an emission texture's mean: parts of a light never count as darker, as their means are estimates."""
+
+
+@dataclass(frozen=True)
+class FlatLights:
+    """Lights as kernels read them.
+
+    Attributes
+    ----------
+    rows : (L,) `Light`
+        Black lights are omitted. May be empty.
+    count : int
+        Number of first rows that light sampling chooses from; each has a probability above 0. After them there may be
+        an environment that only BSDF sampling finds.
+    environment : int
+        Row of the environment light, or `layout.NONE`.
+    tree : LightTree or None
+        If it is used instead of the alias table.
+    """
+
+    rows: _Rows
+    count: int
+    environment: int
+    tree: LightTree | None
+
+
+def flat_environment(scene: Scene, compensated: bool = False) -> EnvironmentTable:
+    """The scene's environment as kernels read it; black if there is none.
+
+    Parameters
+    ----------
+    scene : Scene
+    compensated : bool
+        See `environment_table`.
+
+    Raises
+    ------
+    SceneError
+        If its environment map cannot be read, or is too bright for single precision.
+    """
+    if scene.sky is not None:
+        return _sky_environment(scene, scene.sky, compensated)
+    light, picture = scene.environment, scene.environment_picture()
+    if light is None or picture is None:
+        return EnvironmentTable.even(light.constant if light else (0.0, 0.0, 0.0), compensated)
+    brightest = max(float(picture.pixels[..., i].max()) * light.scale[i] for i in range(3))
+    if brightest > POWER_LIMIT:
+        place = f"{scene.source}: lights[{scene.lights.index(light)}].scale"
+        raise SceneError(f"{place}: makes a radiance of {brightest:g}; at most {POWER_LIMIT:g} is known")
+    return environment_table(picture, light.rotate_degrees % 360.0 / 360.0, light.scale, compensated)
+
+
+def flat_lights(
+    scene: Scene,
+    surfaces: FlatSurfaces,
+    instances: FlatInstances,
+    textures: FlatTextures,
+    around: EnvironmentTable,
+    tables: LampTables,
+    choice: str = "auto",
+) -> FlatLights:
+    """Rows of all lights that are not black: shapes in order, then the lights of the file in order.
+
+    Parameters
+    ----------
+    scene : Scene
+    surfaces : FlatSurfaces
+        Surfaces of this scene; `first_light` of its shapes is written.
+    instances : FlatInstances
+        Instances of this scene; none of their shapes emits light.
+    textures : FlatTextures
+        Textures of this scene.
+    around : EnvironmentTable
+        Table of the environment light.
+    tables : LampTables
+        Tables of this scene's IES files.
+    choice : str
+        A light sampler of `clrender.settings`.
+
+    Returns
+    -------
+    FlatLights
+
+    Raises
+    ------
+    SceneError
+        If more than 2**24 triangles emit light, a texture is not a valid radiance, or an IES file is too bright.
+    """
+    rows: list[_Rows] = []
+    unsampled: list[_Rows] = []
+    powers: list[NDArray[np.float64]] = []
+    total, environment = 0, layout.NONE
+    darkest: dict[int, float] = {}
+    means: dict[int, NDArray[np.float64]] = {}
+    for index in range(len(scene.shapes)):
+        emission = shape_emission(scene, index)
+        if emission is None:
+            continue
+        texture = textures.emission.get(index)
+        if texture is not None and texture not in darkest:
+            darkest[texture] = _LEAST_SHARE * _texture_luminance(scene, emission, EmissionMeans(textures, texture))
+        if (_luminance(emission.constant) if texture is None else darkest[texture]) == 0.0:
+            continue
+        count = int(surfaces.count[index])
+        if total + count > _LIGHT_LIMIT:
+            at = place((*scene.place_of(index), "emission"))
+            raise SceneError(
+                f"{scene.source}: {at}: more than {_LIGHT_LIMIT} triangles would shine; use fewer, or an environment"
+            )
+        some, areas = _area_lights(scene, surfaces, index)
+        surfaces.shapes["first_light"][index] = total
+        rows.append(some)
+        if texture is None:
+            some["radiance"][:, :3] = emission.constant
+            powers.append(math.pi * areas * _luminance(emission.constant))
+        else:
+            if index not in means:
+                means |= _means(scene, surfaces, textures, texture)
+            some["radiance"][:, :3] = means[index]
+            some["texture"] = texture + 1
+            powers.append(math.pi * areas * np.maximum(_luminances(some["radiance"]), darkest[texture]))
+        total += count
+    radius = _bounding_radius(surfaces, instances)
+    lamps: dict[int, Lamp] = {}
+    for index, light in enumerate(scene.lights):
+        row = np.zeros(1, dtype=layout.dtype("Light"))
+        row["primitive"] = layout.NONE
+        if isinstance(light, AT_POINT):
+            lamp = lamps[total] = lamp_at(light, tables)
+            color, factor, kind = lamp.intensity, lamp.flux, lamp.kind
+            if max(color) > POWER_LIMIT:
+                bright = f"makes an intensity of {max(color):g} W/sr; at most {POWER_LIMIT:g} is known"
+                raise SceneError(f"{scene.source}: lights[{index}].scale: {bright}")
+            row["position"][0, :3] = [x - o for x, o in zip(light.position, surfaces.origin, strict=True)]
+            row["axis"], row["zero"], row["table"] = lamp.axis, lamp.zero, lamp.table
+        elif isinstance(light, DirectionalLight):
+            color, factor, kind = light.irradiance, math.pi * radius * radius, layout.LIGHT_DIRECTIONAL
+            size = length(light.direction)
+            row["position"][0, :3] = [x / size for x in light.direction]
+        else:
+            color, factor = around.radiance, 4.0 * math.pi * math.pi * radius * radius * around.sampled
+            kind = layout.LIGHT_ENVIRONMENT
+        if isinstance(light, SunSkyLight) and tables.sun is not None:
+            solid_angle = 2.0 * math.pi * tables.sun.spread
+            rows.append(_sun_row(scene, light, tables.sun))
+            powers.append(np.array([math.pi * radius * radius * solid_angle * _luminance(tables.sun.mean)]))
+            tables.words[_SUN_LIGHT : _SUN_LIGHT + 1].view(np.uint32)[0] = total
+            total += 1
+        if _luminance(color) == 0.0:
+            continue
+        row["kind"], row["radiance"][0, :3] = kind, color
+        row["alias_threshold"], row["place"] = 1.0, layout.NONE
+        if kind == layout.LIGHT_ENVIRONMENT and around.sampled == 0.0:
+            unsampled.append(row)
+            continue
+        if kind == layout.LIGHT_ENVIRONMENT:
+            environment = total
+        rows.append(row)
+        powers.append(np.array([factor * _luminance(color)]))
+        total += 1
+    if unsampled:
+        environment = total
+    lights = np.concatenate([np.zeros(0, dtype=layout.dtype("Light")), *rows, *unsampled])
+    if total == 0:
+        return FlatLights(lights, 0, environment, None)
+    power = np.concatenate(powers)
+    shares = np.ones(total) if choice == "uniform" else power
+    sampled = lights[:total]
+    sampled["probability"], sampled["alias_threshold"], sampled["alias"] = alias_table(shares)
+    sampled["place"] = layout.NONE
+    if total < 2 or choice in ("power", "uniform") or (choice == "auto" and total < _TREE_FROM):
+        return FlatLights(lights, total, environment, None)
+    tree = light_tree(_emitters(sampled, power, radius, surfaces, lamps))
+    sampled["place"] = tree.place
+    return FlatLights(lights, total, environment, tree)
+
+
+def _sky_environment(scene: Scene, light: SunSkyLight, compensated: bool) -> EnvironmentTable:
+    """The sky's environment map, rotated to the sun's azimuth."""
+    picture = sky_picture(light)
+    if picture is None:
+        return EnvironmentTable.even((0.0, 0.0, 0.0), compensated)
+    if (brightest := float(picture.pixels.max())) > POWER_LIMIT:
+        raise SceneError(f"{scene.source}: lights[{scene.lights.index(light)}]: {_TOO_BRIGHT.format(brightest)}")
+    return environment_table(picture, light.sun_turn % 360.0 / 360.0, (1.0, 1.0, 1.0), compensated)
+
+
+def _sun_row(scene: Scene, light: SunSkyLight, sun: Sun) -> _Rows:
+    """Row of the sun's disc."""
+    brightest = 2.0 * max(sun.mean)  # bound at the centre, as the limb is much darker
+    if brightest > POWER_LIMIT:
+        raise SceneError(f"{scene.source}: lights[{scene.lights.index(light)}]: {_TOO_BRIGHT.format(brightest)}")
+    row = np.zeros(1, dtype=layout.dtype("Light"))
+    row["kind"], row["primitive"], row["place"] = layout.LIGHT_SUN, layout.NONE, layout.NONE
+    row["radiance"][0, :3], row["alias_threshold"] = sun.mean, 1.0
+    row["position"][0, :3] = [-x for x in sun.axis]
+    return row
+
+
+def points_that_shine(scene: Scene, tables: LampTables) -> list[int]:
+    """Indices of the point-like lights that have rows, in order.
+
+    Parameters
+    ----------
+    scene : Scene
+    tables : LampTables
+        Tables of its IES files.
+    """
+    points = ((index, light) for index, light in enumerate(scene.lights) if isinstance(light, AT_POINT))
+    return [index for index, light in points if _luminance(lamp_at(light, tables).intensity) > 0.0]
+
+
+def _emitters(
+    lights: _Rows, power: NDArray[np.float64], radius: float, surfaces: FlatSurfaces, at_point: dict[int, Lamp]
+) -> Emitters:
+    """Data for the light tree; `radius` is the scene's, which set the power of infinitely distant lights."""
+    kind, primitive = lights["kind"], lights["primitive"]
+    low, normal = np.zeros((len(lights), 3)), np.zeros((len(lights), 3))
+    high = np.zeros((len(lights), 3))
+    points = np.isin(kind, (layout.LIGHT_POINT, layout.LIGHT_SPOT, layout.LIGHT_IES))
+    low[points] = high[points] = lights["position"][points, :3]
+    triangles = kind == layout.LIGHT_AREA_TRIANGLE
+    corners = surfaces.vertices[surfaces.triangles[primitive[triangles]]].astype(np.float64)
+    low[triangles], high[triangles] = corners.min(1), corners.max(1)
+    ab, ac = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal[triangles] = np.stack(
+        [ab[:, i] * ac[:, j] - ab[:, j] * ac[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1
+    )
+    round_ = (kind == layout.LIGHT_AREA_SPHERE) | (kind == layout.LIGHT_AREA_DISK)
+    shapes = surfaces.analytic_shapes[primitive[round_] - len(surfaces.triangles)]
+    center = shapes["center_radius"].astype(np.float64)
+    low[round_], high[round_] = center[:, :3] - center[:, 3:], center[:, :3] + center[:, 3:]
+    normal[round_] = shapes["normal"][:, :3]
+    length = lengths(normal)[:, None]
+    infinite = np.isin(kind, (layout.LIGHT_DIRECTIONAL, layout.LIGHT_ENVIRONMENT, layout.LIGHT_SUN))
+    # For finite lights, flux over π: what a flat light emits along its normal. Others emit in all directions, for which
+    # the tree expects a quarter of that. For infinitely distant ones, the irradiance.
+    flat = triangles | (kind == layout.LIGHT_AREA_DISK)
+    per_power = np.where(infinite, 1.0 / (math.pi * radius * radius), 1.0 / math.pi)
+    normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
+    cone_axis, cone_cosine = normal.copy(), np.where(flat, 0.0, -1.0)
+    lamps = np.flatnonzero(np.isin(kind, (layout.LIGHT_SPOT, layout.LIGHT_IES)))
+    for number in lamps.tolist():
+        lamp = at_point[number]
+        normal[number], cone_axis[number], cone_cosine[number] = lamp.mean, lamp.cone_axis, lamp.cone_cosine
+    return Emitters(
+        low=low,
+        high=high,
+        normal=normal,
+        power=np.maximum(power * per_power, 1e-200),
+        infinite=infinite,
+        radius=radius,
+        cones=np.concatenate([cone_axis, cone_cosine[:, None]], axis=1) if len(lamps) else None,
+    )
+
+
+def _area_lights(scene: Scene, surfaces: FlatSurfaces, index: int) -> tuple[_Rows, NDArray[np.float64]]:
+    """Rows of the primitives of one emissive shape, still black, and their areas in square metres."""
+    shape = scene.shapes[index]
+    first, count = int(surfaces.first[index]), int(surfaces.count[index])
+    rows = np.zeros(count, dtype=layout.dtype("Light"))
+    rows["primitive"] = np.arange(first, first + count)
+    if isinstance(shape, Sphere | Disk):
+        radius = float(surfaces.analytic_shapes[first - len(surfaces.triangles)]["center_radius"][3])
+        rows["kind"] = layout.LIGHT_AREA_SPHERE if isinstance(shape, Sphere) else layout.LIGHT_AREA_DISK
+        return rows, np.array([(4.0 if isinstance(shape, Sphere) else 1.0) * math.pi * radius * radius])
+    rows["kind"] = layout.LIGHT_AREA_TRIANGLE
+    return rows, triangle_areas(surfaces.vertices, surfaces.triangles[first : first + count])
+
+
+def _means(scene: Scene, surfaces: FlatSurfaces, textures: FlatTextures, number: int) -> dict[int, NDArray[np.float64]]:
+    """Mean radiance of the primitives of each shape with this emission texture, (n, 3) or (3,).
+
+    Computed for all shapes at once: one at a time, it would dominate the time to load ten thousand shapes.
+    """
+    texture = EmissionMeans(textures, number)
+    found: dict[int, NDArray[np.float64]] = {}
+    indices = [index for index, other in textures.emission.items() if other == number]
+    for kind, mean in ((Sphere, texture.sphere), (Disk, texture.disk)):
+        some = [index for index in indices if isinstance(scene.shapes[index], kind)]
+        if some:
+            found |= dict.fromkeys(some, mean())
+    flat = [index for index in indices if index not in found]
+    if flat:
+        counts = surfaces.count[flat].astype(np.int64)
+        spans = [np.arange(first, first + n) for first, n in zip(surfaces.first[flat].tolist(), counts, strict=True)]
+        at = 6 * texture.uv_set
+        corners = surfaces.attributes[np.concatenate(spans), at : at + 6].reshape(-1, 3, 2)
+        found |= dict(zip(flat, np.split(texture.triangles(corners), np.cumsum(counts)[:-1]), strict=True))
+    return found
+
+
+def _texture_luminance(scene: Scene, emission: Emission, texture: EmissionMeans) -> float:
+    """Mean luminance of an emission texture."""
+    mean, least, most = texture.whole()
+    where = f"{scene.source}: {place(emission.place)}"
+    if least < 0.0:
+        raise SceneError(
+            f"{where}: the picture holds {least:g}, but radiance is at least 0; export it without negatives"
+        )
+    if most > POWER_LIMIT:
+        raise SceneError(
+            f"{where}: makes a radiance of {most:g}; at most {POWER_LIMIT:g} is known; make its scale smaller"
+        )
+    return _luminance((float(mean[0]), float(mean[1]), float(mean[2])))
+
+
+def _luminance(color: Color) -> float:
+    """Rec. 709 luminance of a colour in single precision, as the kernels read it."""
+    return float(_luminances(np.array([color], np.float32))[0])
+
+
+def _luminances(colors: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Like `_luminance`, for an array (n, 3 or more)."""
+    r, g, b = (colors[:, channel].astype(np.float64) for channel in range(3))
+    return np.asarray((0.2126 * r + 0.7152 * g) + 0.0722 * b)
+
+
+def _bounding_radius(surfaces: FlatSurfaces, instances: FlatInstances) -> float:
+    """Radius of the scene's bounding sphere, metres; 1 for a scene without shapes."""
+    vertices = surfaces.vertices[: instances.own_vertices]
+    spheres = surfaces.analytic_shapes["center_radius"][: instances.own_analytic]
+    low, high = box_of(vertices, spheres, instances.boxes)
+    if not np.isfinite(low).all():
+        return 1.0
+    x, y, z = ((high - low) / 2.0).tolist()
+    return max(length((x, y, z)), 1e-15)

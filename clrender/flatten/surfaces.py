@@ -1,0 +1,344 @@
+"""The shapes of a scene as arrays in world space: vertices, triangles, analytic_shapes, and a row for each shape."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender import layout
+from clrender.errors import SceneError
+from clrender.flatten.attributes import (
+    COLORS,
+    TANGENTS,
+    add_corner_rows,
+    has_tangents,
+    is_textured,
+    round_attributes,
+    triangle_attributes,
+    triangle_colors,
+    triangle_tangents,
+)
+from clrender.flatten.material_rows import material_numbers
+from clrender.flatten.media import Solid, scene_media, solid_of
+from clrender.flatten.moved import moved
+from clrender.flatten.polyhedra import polyhedron
+from clrender.flatten.surface_arrays import FlatSurfaces
+from clrender.flatten.touching import moves, undecided
+from clrender.meshes.data import COORDINATE_LIMIT, TRIANGLE_LIMIT, MeshData
+from clrender.scene.description import Scene
+from clrender.scene.shapes import Disk, Mesh, Shape, Sphere
+from clrender.scene.transforms import Affine, affine
+from clrender.scene.values import Vector
+from clrender.wording import place as place_in_file
+
+if TYPE_CHECKING:
+    from clrender.flatten.assembly import Assembly
+
+__all__ = ["SMALLEST", "flat_surfaces", "triangle_areas"]
+
+_Rows: TypeAlias = NDArray[np.void]
+_CHUNK: Final = 2**18
+SMALLEST: Final = 1e-18
+"""Lower bound of radii and of cross products of edges: their squares are then normal float32 numbers."""
+
+
+def flat_surfaces(
+    scene: Scene,
+    origin: Vector = (0.0, 0.0, 0.0),
+    own_shapes: int | None = None,
+    assembly: Assembly | None = None,
+    *,
+    all_attributes: bool = False,
+) -> FlatSurfaces:
+    """Arrays of all shapes of a scene, triangles first.
+
+    Non-emissive shapes whose dielectric is no boundary (`clrender.flatten.media`) have no primitives, so that every
+    kind of ray passes them. What coincides is moved apart by a few roundings (`clrender.flatten.touching`).
+
+    Parameters
+    ----------
+    scene : Scene
+    origin : (3,) float
+        World space, metres: all coordinates are relative to it, subtracted before they are rounded.
+    own_shapes : int, optional
+        Number of first shapes that are in world space; default: all. The others are in group space, without the origin.
+    assembly : Assembly, optional
+        Groups of those others, and where they are placed.
+    all_attributes : bool
+        Whether to give attributes to all shapes, as if they were textured.
+
+    Raises
+    ------
+    SceneError
+        If a shape is degenerate, out of range, or there are too many triangles.
+    """
+    meshes: dict[int, MeshData] = {}
+    own = len(scene.plain_shapes) if own_shapes is None else own_shapes
+    no_boundary = scene_media(scene).no_boundary
+    for index, shape in enumerate(scene.plain_shapes):
+        if _is_left_out(shape, no_boundary):
+            continue
+        if isinstance(shape, Mesh):
+            meshes[index] = scene.mesh(index)
+        elif not isinstance(shape, Sphere | Disk):
+            meshes[index] = polyhedron(shape)
+    vertex_total = sum(len(mesh.vertices) for mesh in meshes.values())
+    triangle_total = sum(len(mesh.triangles) for mesh in meshes.values())
+    for total, what in ((vertex_total, "vertices"), (triangle_total, "triangles")):
+        if total > TRIANGLE_LIMIT:
+            raise SceneError(f"{scene.source}: shapes hold {total} {what}, but a scene may hold {TRIANGLE_LIMIT}")
+    vertices = np.empty((vertex_total, 3), dtype="<f4")
+    triangles = np.empty((triangle_total, 3), dtype="<u4")
+    smooth = any(mesh.normals is not None for mesh in meshes.values())
+    normals = np.zeros((vertex_total if smooth else 1, 3), dtype="<f4")
+    numbers = material_numbers(scene)
+    shapes = np.zeros(len(scene.plain_shapes), dtype=layout.dtype("Shape"))
+    shapes["first_light"] = layout.NONE
+    shapes["material"] = [numbers[solid_of(shape)] for shape in scene.plain_shapes]
+    first = np.zeros(len(shapes), dtype=np.int64)
+    count = np.zeros(len(shapes), dtype=np.int64)
+    warnings: list[str] = []
+    textured = [all_attributes or is_textured(scene, index) for index in range(len(scene.plain_shapes))]
+    attributes = np.zeros((triangle_total if any(textured) else 0, 16), np.float32)
+    colors: dict[int, NDArray[np.float32]] = {}
+    tangents: dict[int, NDArray[np.float32]] = {}
+    shapes["flags"][textured] = layout.SHAPE_TEXTURED
+    masked = [shape.material is not None and scene.materials[shape.material].masked for shape in scene.plain_shapes]
+    shapes["flags"][masked] |= np.uint32(layout.SHAPE_MASKED)
+    v = t = 0
+    for index, mesh in meshes.items():
+        place, shape = f"{scene.source}: {place_in_file(scene.place_of(index))}", scene.plain_shapes[index]
+        if mesh.warning:
+            warnings.append(f"{place}: {mesh.warning}")
+        here = vertices[v : v + len(mesh.vertices)]
+        there = triangles[t : t + len(mesh.triangles)]
+        transform = _relative(affine(shape.transform), origin if index < own else (0.0, 0.0, 0.0))
+        _place_mesh(mesh, transform, shape.flip_normals, here, there, place=place)
+        sound = _sound(here, there, place=place, warnings=warnings if isinstance(shape, Mesh) else None)
+        kept = len(there) if sound is None else int(np.count_nonzero(sound))
+        flipped = shape.flip_normals != (transform.determinant < 0.0)
+        turned: NDArray[np.bool_] | None = None
+        if textured[index]:
+            attributes[t : t + kept] = triangle_attributes(scene, index, mesh, sound, flipped)
+            if (colored := triangle_colors(mesh, sound, flipped)) is not None:
+                colors[t] = colored
+        moves_terminator = isinstance(shape, Mesh) and shape.shadow_terminator_offset
+        if mesh.normals is None and moves_terminator:
+            warnings.append(f"{place}: shadow_terminator_offset changes nothing: the mesh has no vertex normals")
+        if mesh.normals is not None:
+            shapes["flags"][index] |= layout.SHAPE_SMOOTH
+            if moves_terminator:
+                shapes["flags"][index] |= np.uint32(layout.SHAPE_TERMINATOR_OFFSET)
+            some = normals[v : v + len(here)]
+            _place_normals(mesh.normals, transform, here, there[:kept], some, flip=shape.flip_normals)
+            turned = _turned_away(here, there[:kept], some)
+            if count_turned := int(np.count_nonzero(turned)):
+                text = f"{place}: the normals of {count_turned} of {kept} triangles point to their backs and were"
+                warnings.append(
+                    f"{text} turned round: seen from its front, the vertices of a triangle run anticlockwise"
+                )
+        if mesh.tangents is not None and has_tangents(scene, index):
+            tangents[t] = triangle_tangents(mesh.tangents, transform, sound, flipped, turned)
+        there[:kept] += np.uint32(v)
+        first[index], count[index] = t, kept
+        v, t = v + len(here), t + kept
+    analytic_shapes, of_round = _analytic_rows(scene, origin, own, first, count, t, no_boundary, all_attributes)
+    shapes["first_primitive"] = first
+    order = np.argsort(first, kind="stable")
+    if any(textured):
+        attributes = add_corner_rows(np.concatenate([attributes[:t], of_round]), COLORS, colors)
+        attributes = add_corner_rows(attributes, TANGENTS, tangents)
+    flat = FlatSurfaces(
+        vertices=vertices,
+        normals=normals,
+        triangles=triangles[:t],
+        analytic_shapes=analytic_shapes,
+        primitive_shape=np.repeat(order.astype("<u4"), count[order]),
+        shapes=shapes,
+        first=first,
+        count=count,
+        warnings=tuple(warnings),
+        origin=origin,
+        attributes=attributes,
+    )
+    return _apart(scene, flat, own, assembly)
+
+
+def _apart(scene: Scene, flat: FlatSurfaces, own: int, assembly: Assembly | None) -> FlatSurfaces:
+    """The surfaces without any that coincide, as far as rules decide; warnings name those where none does."""
+    found = moves(scene, flat, own, assembly)
+    warnings = [f"{scene.source}: {text}" for text in undecided(scene, found)]
+    return replace(moved(flat, found), warnings=(*flat.warnings, *warnings))
+
+
+def _is_left_out(shape: Shape, no_boundary: frozenset[Solid]) -> bool:
+    """Whether a shape is omitted because it neither affects light nor emits it."""
+    return solid_of(shape) in no_boundary and not shape.shines
+
+
+def _relative(transform: Affine, origin: Vector) -> Affine:
+    """The transform with coordinates relative to `origin`."""
+    x, y, z = (o - p for o, p in zip(transform.offset, origin, strict=True))
+    return Affine(transform.linear, (x, y, z))
+
+
+def triangle_areas(vertices: NDArray[np.float32], triangles: NDArray[np.uint32]) -> NDArray[np.float64]:
+    """Areas in square metres.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float32
+    triangles : (T, 3) uint32
+
+    Returns
+    -------
+    (T,) float64
+    """
+    areas = np.empty(len(triangles))
+    for start in range(0, len(triangles), _CHUNK):
+        x, y, z = _normals_of(vertices, triangles[start : start + _CHUNK], np.float64).T
+        areas[start : start + _CHUNK] = np.sqrt(x * x + y * y + z * z) / 2.0
+    return areas
+
+
+def _normals_of(
+    vertices: NDArray[np.float32], triangles: NDArray[np.uint32], kind: type[np.floating]
+) -> NDArray[np.floating]:
+    """Unnormalised normals (v1 - v0) x (v2 - v0), in the given precision."""
+    a, b, c = (vertices[triangles[:, i]].astype(kind) for i in range(3))
+    (ux, uy, uz), (vx, vy, vz) = (b - a).T, (c - a).T
+    return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], axis=1)
+
+
+def _place_mesh(
+    mesh: MeshData,
+    transform: Affine,
+    flip: bool,
+    vertices: NDArray[np.float32],
+    triangles: NDArray[np.uint32],
+    *,
+    place: str,
+) -> None:
+    """Write vertices in world space, and triangles with the right orientation."""
+    transform.points_into(mesh.vertices, vertices)
+    if len(vertices):
+        largest = max(float(vertices.max()), -float(vertices.min()))
+        _in_range(largest, place)
+    # Mirroring reverses the orientation of triangles; the front must stay where it was.
+    if flip != (transform.determinant < 0.0):
+        triangles[:] = mesh.triangles[:, ::-1]
+    else:
+        triangles[:] = mesh.triangles
+
+
+def _in_range(largest: float, place: str) -> None:
+    if not largest <= COORDINATE_LIMIT:
+        text = f"reaches {largest:g} metres from the origin, but {COORDINATE_LIMIT:g} is the most"
+        raise SceneError(f"{place} {text}; make it or its transform smaller")
+
+
+def _sound(
+    vertices: NDArray[np.float32],
+    triangles: NDArray[np.uint32],
+    *,
+    place: str,
+    warnings: list[str] | None,
+) -> NDArray[np.bool_] | None:
+    """Move triangles with an area to the front.
+
+    Returns which ones have an area, or None for all. Without a list of warnings, all must have one.
+    """
+    sound = np.empty(len(triangles), dtype=bool)
+    for start in range(0, len(triangles), _CHUNK):
+        normal = _normals_of(vertices, triangles[start : start + _CHUNK], np.float32)
+        sound[start : start + _CHUNK] = np.abs(normal).max(axis=1) >= SMALLEST
+    kept = int(np.count_nonzero(sound))
+    if kept == len(triangles):
+        return None
+    if warnings is None or kept == 0:
+        which = "a triangle of it" if warnings is None else "every triangle"
+        raise SceneError(f"{place} is degenerate: {which} has no area in single precision; move its vertices apart")
+    lost = len(triangles) - kept
+    noun = "triangles" if lost > 1 else "triangle"
+    warnings.append(f"{place}: {lost} of {len(triangles)} {noun} left out, without area in single precision")
+    triangles[:kept] = triangles[sound]
+    return sound
+
+
+def _place_normals(
+    source: NDArray[np.floating],
+    transform: Affine,
+    vertices: NDArray[np.float32],
+    triangles: NDArray[np.uint32],
+    normals: NDArray[np.float32],
+    *,
+    flip: bool,
+) -> None:
+    """Write unit normals in world space; a zero normal is replaced by the mean of the vertex's triangles."""
+    transform.normals_into(source, normals)
+    if flip:
+        np.negative(normals, out=normals)
+    blank: NDArray[np.bool_] = np.asarray(~normals.any(axis=1))
+    if not blank.any():
+        return
+    around = triangles[blank[triangles].any(axis=1)]
+    faces = _normals_of(vertices, around, np.float64)
+    total = np.zeros((len(vertices), 3))
+    for corner in range(3):
+        np.add.at(total, around[:, corner], faces)
+    x, y, z = total.T
+    size: NDArray[np.float64] = np.sqrt(x * x + y * y + z * z)
+    # The triangles cancel out, or no triangle uses the vertex: any unit vector will do.
+    nothing = np.asarray(size == 0.0)
+    total[nothing], size[nothing] = (0.0, 0.0, 1.0), 1.0
+    normals[blank] = (total / size[:, None])[blank]
+
+
+def _turned_away(
+    vertices: NDArray[np.float32], triangles: NDArray[np.uint32], normals: NDArray[np.float32]
+) -> NDArray[np.bool_]:
+    """Which triangles have vertex normals that point to their back; kernels/geometry/rows.cl flips these."""
+    turned = np.empty(len(triangles), bool)
+    for start in range(0, len(triangles), _CHUNK):
+        some = triangles[start : start + _CHUNK]
+        x, y, z = (_normals_of(vertices, some, np.float32) * normals[some].sum(axis=1)).T
+        turned[start : start + _CHUNK] = x + y + z < 0.0
+    return turned
+
+
+def _analytic_rows(
+    scene: Scene,
+    origin: Vector,
+    own: int,
+    first: NDArray[np.int64],
+    count: NDArray[np.int64],
+    offset: int,
+    no_boundary: frozenset[Solid],
+    all_attributes: bool,
+) -> tuple[_Rows, NDArray[np.float32]]:
+    """Rows of spheres and disks, and of their attributes; writes their primitive numbers, which start at `offset`."""
+    round_ = [i for i, shape in enumerate(scene.plain_shapes) if isinstance(shape, Sphere | Disk)]
+    indices = [i for i in round_ if not _is_left_out(scene.plain_shapes[i], no_boundary)]
+    rows = np.zeros(len(indices), dtype=layout.dtype("AnalyticShape"))
+    attributes = np.zeros((len(indices), 16), np.float32)
+    for number, index in enumerate(indices):
+        shape, place = scene.plain_shapes[index], f"{scene.source}: {place_in_file(scene.place_of(index))}"
+        assert isinstance(shape, Sphere | Disk)
+        transform = _relative(affine(shape.transform), origin if index < own else (0.0, 0.0, 0.0))
+        center, radius = transform.point(shape.center), shape.radius * transform.scale
+        _in_range(max(abs(x) for x in center) + radius, place)
+        if radius < SMALLEST:
+            raise SceneError(f"{place}.radius is {radius:g} metres in the world, too small for single precision")
+        sign = -1.0 if shape.flip_normals else 1.0
+        rows[number]["center_radius"] = (*center, radius)
+        if isinstance(shape, Disk):
+            rows[number]["normal"][:3] = [sign * x for x in transform.normal(shape.normal)]
+        else:
+            rows[number]["normal"][3] = sign
+        if all_attributes or is_textured(scene, index):
+            attributes[number] = round_attributes(scene, shape, transform)
+        first[index], count[index] = offset + number, 1
+    return rows, attributes

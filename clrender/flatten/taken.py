@@ -1,0 +1,117 @@
+"""Which materials and lights an integrator supports."""
+
+from __future__ import annotations
+
+from clrender.errors import SceneError
+from clrender.flatten.emission import emits
+from clrender.flatten.material_rows import has_row
+from clrender.integrators import INTEGRATORS
+from clrender.scene.description import Scene
+from clrender.scene.materials import Dielectric, Principled, Subsurface, material_textures
+from clrender.scene.shapes import Mesh
+from clrender.scene.textures import Checker, ImageTexture, Ramp
+from clrender.wording import place
+
+__all__ = ["check_materials"]
+
+
+def check_materials(scene: Scene, integrator: str) -> None:
+    """Check that an integrator supports the materials of all shapes, and the environment.
+
+    Parameters
+    ----------
+    scene : Scene
+    integrator : str
+        Name.
+
+    Raises
+    ------
+    SceneError
+        The message names the first unsupported shape or light, and a remedy.
+    """
+    light = scene.environment
+    if light is not None and light.file is not None and not INTEGRATORS[integrator].environment_pictures:
+        raise SceneError(
+            f"{scene.source}: lights[{scene.lights.index(light)}].file: the integrator {integrator} takes no picture "
+            "of the environment; give its radiance instead, or use --integrator path"
+        )
+    if scene.sky is not None and not INTEGRATORS[integrator].environment_pictures:
+        raise SceneError(
+            f"{scene.source}: lights[{scene.lights.index(scene.sky)}].type: the integrator {integrator} takes no "
+            "sun_sky; give a directional light and an environment with a radiance instead, or use --integrator path"
+        )
+    takes = INTEGRATORS[integrator]
+    taken, volumes = takes.materials, takes.volumes
+    if not takes.media:
+        _refuse_media(scene, integrator)
+    _refuse_masked(scene, integrator)
+    for at, shape in scene.all_shapes():
+        material = scene.materials[shape.material] if shape.material is not None else None
+        if isinstance(material, Dielectric | Principled) and not volumes:
+            for key in ("priority", "attenuation_color"):
+                if getattr(material, key, None) is not None:
+                    raise SceneError(
+                        f"{scene.source}: {place(at)}.material: {shape.material!r} has {key}, which the integrator "
+                        f"{integrator} does not take; leave it out, or use --integrator path"
+                    )
+        if taken and material is not None and (material.type not in taken or has_row(material)):
+            of = f"of type {material.type}"
+            if material.type in taken:
+                rough = isinstance(material, Dielectric) and material.rough
+                thin = isinstance(material, Dielectric)
+                of += " with roughness" if rough else " and thin" if thin else ", not two_sided"
+            raise SceneError(
+                f"{scene.source}: {place(at)}.material: {shape.material!r} is {of}, which the integrator "
+                f"{integrator} does not take; give the shape a {'smooth ' if 'dielectric' in taken else ''}material "
+                f"of type {' or '.join(taken)}, or use --integrator path"
+            )
+        if isinstance(shape.emission, ImageTexture | Checker | Ramp) and not takes.emission_textures:
+            raise SceneError(
+                f"{scene.source}: {place(at)}.emission is a texture, which the integrator {integrator} does not "
+                "take; give it a constant, or use --integrator path"
+            )
+        textures = () if shape.material is None else material_textures(scene.materials, shape.material)
+        refused = [key for key, _ in textures if takes.textures is not None and key not in takes.textures]
+        if refused:
+            cure = "leave it out" if refused[0] in ("normal_map", "bump_map") else "give it a constant"
+            raise SceneError(
+                f"{scene.source}: {place(at)}.material: {shape.material!r} has a texture ({refused[0]}), which "
+                f"the integrator {integrator} does not take; {cure}, or use --integrator path"
+            )
+        colored = shape.color_key if isinstance(shape, Mesh) else None
+        if colored and not takes.vertex_colors:
+            raise SceneError(
+                f"{scene.source}: {place(at)}.{colored}: the integrator {integrator} takes no colours of vertices; "
+                "leave them out, or use --integrator path"
+            )
+
+
+def _refuse_masked(scene: Scene, integrator: str) -> None:
+    """Refuse opacity if unsupported; whitted samples lights at their centres, which may be transparent."""
+    for at, shape in scene.all_shapes():
+        if shape.material is None or not scene.materials[shape.material].masked:
+            continue
+        shines = integrator == "whitted" and emits(scene, shape)
+        if shines or not INTEGRATORS[integrator].opacity:
+            what = "opacity and shines" if shines else "opacity"
+            raise SceneError(
+                f"{scene.source}: {place(at)}.material: {shape.material!r} has {what}, which the integrator "
+                f"{integrator} does not take; leave it out, or use --integrator path"
+            )
+
+
+def _refuse_media(scene: Scene, integrator: str) -> None:
+    """Refuse media if unsupported."""
+    where = "fog" if scene.fog is not None else None
+    filled = (place((*at, "interior")) for at, shape in scene.all_shapes() if shape.interior is not None)
+    if (where := next(filled, where)) is not None:
+        raise SceneError(
+            f"{scene.source}: {where} is a medium, which the integrator {integrator} does not take; leave it out, or "
+            "use --integrator path"
+        )
+    for at, shape in scene.all_shapes():
+        if shape.material is not None and isinstance(scene.materials[shape.material], Subsurface):
+            raise SceneError(
+                f"{scene.source}: {place(at)}.material: {shape.material!r} is of type subsurface, which the "
+                f"integrator {integrator} does not take; give the shape another, or use --integrator path"
+            )

@@ -1,0 +1,174 @@
+"""PLY files, ASCII and binary: positions, normals, texture coordinates, colours and faces of any size.
+
+Format: G. Turk, "The PLY Polygon File Format" (1994). Files are streamed: only the mesh is held in memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import BinaryIO, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.errors import SceneError
+from clrender.meshes.data import TRIANGLE_LIMIT, MeshData, crossed_warning
+from clrender.meshes.ply_ascii import AsciiRecords
+from clrender.meshes.ply_binary import BinaryRecords
+from clrender.meshes.ply_header import Element, PlyHeader, Property, read_header
+from clrender.meshes.ply_records import Lists
+from clrender.meshes.polygons import triangulate
+from clrender.meshes.vertex_colors import VertexColors, linear_colors
+
+__all__ = ["READ_OF_FACES", "READ_OF_VERTICES", "has_colors", "read_ply"]
+
+_UVS: Final = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
+"""Names of texture coordinates in various programs."""
+_NORMAL: Final = ("nx", "ny", "nz")
+_COLOR: Final = ("red", "green", "blue")
+_CORNERS: Final = {"texcoord": 2, "texcoord_1": 2, "corner_colors": 3, "corner_tangents": 4}
+"""Lists of numbers for the corners of a face, and how many numbers each corner has. The first is MeshLab's; the others
+are our own: a second set of texture coordinates, linear colours, and tangents with their handedness."""
+READ_OF_VERTICES: Final = frozenset(("x", "y", "z", *_NORMAL, *_COLOR, *(name for pair in _UVS for name in pair)))
+"""Vertex properties that are read."""
+READ_OF_FACES: Final = frozenset(("vertex_indices", "vertex_index", *_CORNERS))
+"""Face properties that are read."""
+_LARGEST: Final = {"u1": 255.0, "u2": 65535.0, "f4": 1.0, "f8": 1.0}
+"""Largest colour value of each type."""
+
+
+def read_ply(file: BinaryIO, size: int, label: str, colors: VertexColors | None = None) -> MeshData:
+    """Read a PLY file, with polygons split into triangles.
+
+    Parameters
+    ----------
+    file : binary file
+        Positioned at its start.
+    size : int
+        Bytes.
+    label : str
+        Prefix of error messages.
+    colors : VertexColors, optional
+        Also read vertex colours, if any, with this encoding; auto: integers are sRGB, floats linear.
+
+    Raises
+    ------
+    SceneError
+        If it is truncated, damaged or not a mesh.
+    """
+    header = read_header(file, label)
+    least = header.size + sum(element.least_bytes for element in header.elements)
+    if header.encoding != "ascii" and size < least:
+        raise SceneError(f"{label} is truncated: it has {size} bytes, but its header promises at least {least}")
+    vertex, face = header.element("vertex"), header.element("face")
+    assert vertex is not None and face is not None
+    held = {entry.name for entry in vertex.properties}
+    uv = next((pair for pair in _UVS if held >= set(pair)), ())
+    normal, color = (
+        names if wanted and held >= set(names) else () for names, wanted in ((_NORMAL, True), (_COLOR, colors))
+    )
+    columns = ["x", "y", "z", *normal, *uv, *color]
+    ascii_file = header.encoding == "ascii"
+    reader = AsciiRecords(file, header, label) if ascii_file else BinaryRecords(file, header, size, label)
+    table = np.empty((0, 3), np.float32)
+    index = face.index_list
+    assert index is not None
+    wanted = [entry for entry in face.lists if _of_corners(entry, colors is not None)]
+    lists: list[Lists] = []
+    for element in header.elements:
+        if element is vertex:
+            table = reader.columns(element, columns)
+        elif element is face:
+            lists = reader.lists(element, [index, *wanted])
+        else:
+            reader.skip(element)
+    reader.end()
+
+    def part(names: Sequence[str]) -> NDArray[np.floating] | None:
+        first = columns.index(names[0]) if names else 0
+        return table[:, first : first + len(names)] if names else None
+
+    shades = part(color)
+    linear = None if shades is None or colors is None else _linear(shades, vertex, colors, label)
+    corners = {entry.name: found for entry, found in zip(wanted, lists[1:], strict=True)}
+    return _mesh(table, *lists[0], part(normal), part(uv), linear, corners, label)
+
+
+def has_colors(header: PlyHeader) -> bool:
+    """Whether the vertices, or the corners of faces, have colours."""
+    vertex, face = header.element("vertex"), header.element("face")
+    names = set() if vertex is None else {entry.name for entry in vertex.properties}
+    return names >= set(_COLOR) or any(entry.name == "corner_colors" for entry in (face.lists if face else ()))
+
+
+def _of_corners(entry: Property, colors: bool) -> bool:
+    return entry.name in _CORNERS and entry.kind[0] == "f" and (colors or entry.name != "corner_colors")
+
+
+def _linear(colors: NDArray[np.floating], vertex: Element, encoding: VertexColors, label: str) -> NDArray[np.float32]:
+    kinds = {entry.kind for entry in vertex.properties if entry.name in _COLOR}
+    kind = min(kinds)
+    if len(kinds) > 1 or kind not in _LARGEST:
+        raise SceneError(f"{label} has colours that are not all uchar, ushort or float; export them as uchar")
+    return linear_colors(colors / _LARGEST[kind], encoding == "srgb" or (encoding == "auto" and kind[0] == "u"), label)
+
+
+def _mesh(
+    table: NDArray[np.floating],
+    corners: NDArray[np.int64],
+    sizes: NDArray[np.int64],
+    normals: NDArray[np.floating] | None,
+    uvs: NDArray[np.floating] | None,
+    colors: NDArray[np.float32] | None,
+    of_corners: Mapping[str, Lists],
+    label: str,
+) -> MeshData:
+    if (sizes < 3).any():
+        raise SceneError(f"{label}: face {int(np.argmax(sizes < 3))} has fewer than three vertices")
+    total = len(corners) - 2 * len(sizes)
+    if total > TRIANGLE_LIMIT:
+        raise SceneError(f"{label} holds {total} triangles, but at most {TRIANGLE_LIMIT} are read")
+    low, high = int(corners.min()), int(corners.max())
+    if low < 0 or high >= len(table):
+        wrong = low if low < 0 else high
+        raise SceneError(f"{label} has a face that names vertex {wrong}, but only 0 to {len(table) - 1} exist")
+    vertices = np.ascontiguousarray(table[:, :3])
+    places, crossed = None, 0
+    if (sizes > 3).any():
+        places, crossed = triangulate(vertices, corners, sizes, label)
+    normals = None if normals is None else np.ascontiguousarray(normals)
+    with np.errstate(over="ignore"):  # values too large for float32 become infinite and are rejected later
+        by_name = {"texcoord": None if uvs is None else uvs.astype(np.float32)[corners]}
+    shades = None if colors is None else colors[corners]
+    by_name |= {"texcoord_1": None, "corner_colors": shades, "corner_tangents": None}
+    warnings = [crossed_warning(crossed)]
+    for name, (entries, counts) in of_corners.items():
+        found, warning = _corner_table(name, entries, counts, sizes, label)
+        warnings.append(warning)
+        by_name[name] = by_name[name] if found is None else found
+    faces = corners.reshape(-1, 3) if places is None else corners[places]
+    of_triangles = (
+        None if each is None else each.reshape(-1, 3, each.shape[1]) if places is None else each[places]
+        for each in by_name.values()
+    )
+    text = "; ".join(each for each in warnings if each)
+    return MeshData(vertices, faces.astype(np.uint32), normals, text, *of_triangles)
+
+
+def _corner_table(
+    name: str, entries: NDArray[np.floating], counts: NDArray[np.int64], sizes: NDArray[np.int64], label: str
+) -> tuple[NDArray[np.float32] | None, str]:
+    """Numbers of all corners, (C, 2 or 3), from face lists, or None if no face has them; and a warning."""
+    width = _CORNERS[name]
+    with np.errstate(over="ignore"):
+        values = entries.astype(np.float32)
+    held = counts == width * sizes
+    if not held.any():
+        return None, f"lists {name} of its faces have not {width} numbers for each corner, and are not read"
+    if name == "corner_colors" and not ((values >= 0.0) & (values <= 1.0)).all():
+        raise SceneError(f"{label} has colours of corners that are not from 0 to 1; export it again")
+    if held.all():
+        return values.reshape(-1, width), ""
+    table = np.zeros((int(sizes.sum()), width), np.float32)
+    table[np.repeat(held, sizes)] = values[np.repeat(held, counts)].reshape(-1, width)
+    return table, f"{int((~held).sum())} faces have no list {name} of {width} numbers for each corner, and got zeros"

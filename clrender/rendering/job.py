@@ -1,0 +1,294 @@
+"""A render as data: the checked request, and hashes of everything that determines its image."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from numbers import Integral
+from typing import Any, Final
+
+from clrender.aov import ERRORS, check_aovs
+from clrender.device.source import kernels_sha256
+from clrender.errors import UsageError
+from clrender.files.package_data import kernels_folder
+from clrender.flatten.taken import check_materials
+from clrender.integrators import INTEGRATORS, Integrator
+from clrender.scene import Scene
+from clrender.scene.portable import scene_from_portable, scene_to_portable
+from clrender.settings import REPLICATE_SPP, RenderSettings, check_memory, settings_for
+from clrender.version import __version__
+
+__all__ = ["RenderJob"]
+
+FORMAT: Final = "clrender job 1"
+
+
+@dataclass(frozen=True)
+class RenderJob:
+    """A scene, its render settings and the range of samples to take; create one with `RenderJob.of`.
+
+    Attributes
+    ----------
+    scene : Scene
+    settings : RenderSettings
+    first_sample, sample_count : int
+        Range of the samples of each pixel; the whole render has the samples from 0 to `settings.spp`.
+    aov : tuple of str
+        Layers in addition to the image.
+    denoise : bool
+    """
+
+    scene: Scene
+    settings: RenderSettings
+    first_sample: int
+    sample_count: int
+    aov: tuple[str, ...] = ()
+    denoise: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        scene: Scene,
+        *,
+        size: tuple[int, int] | None = None,
+        samples: tuple[int, int] | None = None,
+        aov: Iterable[str] = (),
+        denoise: bool = False,
+        **settings: Any,
+    ) -> RenderJob:
+        """Create a job and check it.
+
+        Parameters
+        ----------
+        scene : Scene
+        size : (int, int), optional
+            Width and height; default: the scene's.
+        samples : (int, int), optional
+            Half-open range of the samples of each pixel; default: all, (0, spp).
+        aov : iterable of str
+            Layers, named in `clrender.aov.AOVS`.
+        denoise : bool
+        **settings
+            Fields of `RenderSettings`; those not given come from the scene, else from the defaults.
+
+        Returns
+        -------
+        RenderJob
+
+        Raises
+        ------
+        UsageError
+            When a setting is invalid.
+        SceneError
+            When the integrator does not support a material of the scene.
+        """
+        return cls._checked(scene, settings_for(scene, size, settings), samples, aov, denoise)
+
+    @classmethod
+    def _checked(
+        cls,
+        scene: Scene,
+        settings: RenderSettings,
+        samples: tuple[int, int] | None,
+        aov: Iterable[str],
+        denoise: bool,
+    ) -> RenderJob:
+        layers = check_aovs(aov)
+        if "unconverged" in layers and settings.error is None:
+            raise UsageError("aov: the layer unconverged needs error, which says what counts as converged")
+        first, stop = _range(samples) if samples is not None else (0, settings.spp)
+        if not 0 <= first < stop <= settings.spp:
+            raise UsageError(f"samples is {(first, stop)}; it must be a range within the {settings.spp} of a pixel")
+        if not ERRORS.isdisjoint(layers):
+            size = settings.replicate_spp or REPLICATE_SPP
+            if stop - first < 2 * size:
+                raise UsageError(
+                    f"aov: standard errors take two replicates or more, and {stop - first} samples are fewer than two "
+                    f"of {size}; ask for {2 * size} samples or more, or for smaller replicates"
+                )
+            if settings.replicate_spp is None:
+                settings = dataclasses.replace(settings, replicate_spp=size)
+                check_memory(settings)
+        _check_parts(settings, first, stop)
+        scene.of_contents(f"taken by {settings.integrator}", lambda: check_materials(scene, settings.integrator))
+        return cls(scene, settings, first, stop - first, layers, denoise)
+
+    @classmethod
+    def given(cls, scene: Scene | RenderJob, **settings: Any) -> RenderJob:
+        """Return a given job as it is, or create one from a scene and settings.
+
+        Parameters
+        ----------
+        scene : Scene or RenderJob
+        **settings
+            Only with a scene; see `RenderJob.of`.
+
+        Returns
+        -------
+        RenderJob
+
+        Raises
+        ------
+        UsageError
+            When a setting is invalid, `scene` is neither a scene nor a job, or settings are given with a job.
+        """
+        if isinstance(scene, Scene):
+            return cls.of(scene, **settings)
+        if not isinstance(scene, RenderJob):
+            raise UsageError(f"{scene!r:.60} is no scene; read one with clrender.load(…), and render that")
+        if settings:
+            raise UsageError(f"a job has its own settings; {', '.join(sorted(settings))} cannot be given beside it")
+        return scene
+
+    @property
+    def integrator(self) -> Integrator:
+        """The integrator that the settings name."""
+        return INTEGRATORS[self.settings.integrator]
+
+    def shard(self, number: int, count: int) -> RenderJob:
+        """One of several disjoint shards of the samples that together make up the job.
+
+        Parameters
+        ----------
+        number : int
+            From 1 to `count`.
+        count : int
+            Number of shards; each has at least one sample (or replicate) of every pixel.
+
+        Returns
+        -------
+        RenderJob
+
+        Raises
+        ------
+        UsageError
+            When there is no such shard, or the render stops by its error.
+        """
+        if not 1 <= number <= count:
+            raise UsageError(f"shard {number}/{count}: there are the shards 1/{count} to {count}/{count}")
+        whole = self.settings.replicate_spp or 1
+        parts = self.sample_count // whole
+        if count > parts:
+            what = "samples" if whole == 1 else f"replicates of {whole} samples"
+            raise UsageError(
+                f"shard {number}/{count}: {parts} {what} a pixel make at most {parts} shards; ask for fewer shards or "
+                "for more samples"
+            )
+        if self.settings.error is not None:
+            raise UsageError(
+                f"shard {number}/{count}: no part of the samples says when the whole image is good enough; leave out "
+                "the error, or render it in one piece, on as many devices as there are"
+            )
+        begin, stop = (parts * part // count * whole for part in (number - 1, number))
+        return dataclasses.replace(self, first_sample=self.first_sample + begin, sample_count=stop - begin)
+
+    def request(self) -> dict[str, Any]:
+        """Everything that determines the image, as JSON values: equal for all parts of one image, and only for these.
+
+        It contains neither the number of samples, as a film may hold fewer, nor the division of the work, nor the
+        devices.
+        """
+        return {
+            **self.settings.request(),
+            "scene_sha256": self.scene.sha256(),
+            "kernel_sha256": kernels_sha256(),
+            "sampler_sha256": _sampler_sha256(),
+            "version": __version__,
+        }
+
+    def sha256(self) -> str:
+        """Hash of the request: equal for jobs whose films can be merged."""
+        text = json.dumps(self.request(), sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def to_json(self) -> tuple[str, dict[str, bytes]]:
+        """Serialize the job for another process or machine: JSON text, and the files that it refers to by hash.
+
+        Returns
+        -------
+        text : str
+        assets : dict of str to bytes
+
+        Raises
+        ------
+        SceneError
+            When a file cannot be read.
+        """
+        scene, assets = scene_to_portable(self.scene)
+        content = {
+            "format": FORMAT,
+            "scene": scene,
+            "settings": dataclasses.asdict(self.settings),
+            "samples": [self.first_sample, self.first_sample + self.sample_count],
+            "aov": list(self.aov),
+            "denoise": self.denoise,
+            "request": self.request(),
+        }
+        return json.dumps(content), assets  # in the scene's own order, which numbers the materials
+
+    @classmethod
+    def from_json(cls, text: str, assets: Mapping[str, bytes]) -> RenderJob:
+        """Read a job that `to_json` wrote, and check it again.
+
+        Parameters
+        ----------
+        text : str
+            Text from `to_json`.
+        assets : mapping of str to bytes
+            The files that it refers to, by hash.
+
+        Returns
+        -------
+        RenderJob
+
+        Raises
+        ------
+        UsageError
+            When the text is no job, or would give another image here because the kernels or the version differ.
+        SceneError
+            When its scene is not valid, or an asset is missing or damaged.
+        """
+        try:
+            content = json.loads(text)
+            if content["format"] != FORMAT:
+                raise ValueError(f"its format is {content['format']!r}")
+            settings = RenderSettings(**content["settings"])
+            first, stop = content["samples"]
+            aov, denoise, request = tuple(content["aov"]), bool(content["denoise"]), dict(content["request"])
+            description = dict(content["scene"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise UsageError(f"this is no clrender job of the format {FORMAT!r} ({error})") from None
+        scene = scene_from_portable(description, assets, "job")
+        job = cls._checked(scene, settings, (first, stop), aov, denoise)
+        here = job.request()
+        if different := sorted(key for key in {*here, *request} if here.get(key) != request.get(key)):
+            raise UsageError(
+                f"the job was made for another image: {', '.join(different)} differ here; make it with this version "
+                "of clrender"
+            )
+        return job
+
+
+def _range(samples: object) -> tuple[int, int]:
+    """The two ends of a range of samples, given by a caller."""
+    ends = tuple(samples) if isinstance(samples, Iterable) else ()
+    if len(ends) != 2 or not all(isinstance(end, Integral) for end in ends):
+        raise UsageError(f"samples is {samples!r}, but must be two whole numbers, the first and the one after the last")
+    return int(ends[0]), int(ends[1])
+
+
+def _check_parts(settings: RenderSettings, first: int, stop: int) -> None:
+    """Check that a range of samples holds whole replicates, and all samples if the render stops by its error."""
+    whole = settings.replicate_spp or 1
+    if first % whole or stop % whole:
+        raise UsageError(f"samples is {(first, stop)}; with replicates of {whole} samples both must be multiples of it")
+    if settings.error is not None and (first, stop) != (0, settings.spp):
+        raise UsageError(f"samples is {(first, stop)}; a render that stops by its error takes all of them, from 0 on")
+
+
+def _sampler_sha256() -> str:
+    """Hash of the kernels' sampler, which maps a seed, a pixel and a sample to sample points."""
+    return hashlib.sha256((kernels_folder() / "core" / "sampler.h").read_bytes()).hexdigest()

@@ -1,0 +1,518 @@
+"""Rendering of one job in a session: layers, preparation, samples, and the image with its statistics."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender import layout
+from clrender.aov import GUIDE_SAMPLES, GUIDES, LAYER_SAMPLES, first_hits, matte_names
+from clrender.device import Device
+from clrender.device.launch import LaunchConfig
+from clrender.device.prepared import Prepared, Request
+from clrender.device.team import DeviceTeam, check_lanes, member, most_slots
+from clrender.device.worker import DeviceWorker
+from clrender.drivers.probe import passes_probe
+from clrender.errors import RenderError
+from clrender.film import Film
+from clrender.film.checkpoint import Checkpoint
+from clrender.film.convergence import Convergence
+from clrender.film.ledger import Ledger
+from clrender.film.replicates import standard_error
+from clrender.film.running import RunningFilm
+from clrender.film.unit import tile_side
+from clrender.flatten.flat_scene import FlatScene
+from clrender.image.denoise import Denoiser
+from clrender.image.files import image_sha256
+from clrender.process.memory import largest_tile
+from clrender.rendering.effort import effort_told
+from clrender.rendering.job import RenderJob
+from clrender.rendering.memory import limited, needs, told
+from clrender.rendering.rendered_image import IncompleteRender, Progress, RenderedImage
+from clrender.rendering.residency import Residency
+from clrender.rendering.statistics import error_stats, film_layers, job_stats, peak_rss, render_stats
+from clrender.rendering.team import Cluster, Team
+from clrender.scheduling.contributions import MOST_BYTES
+from clrender.scheduling.member import Member
+from clrender.scheduling.policy import Plan
+from clrender.scheduling.run import Tally, WorkerTally, run
+from clrender.scheduling.tally import failures_told
+from clrender.scheduling.until_good import run_until_good
+
+if TYPE_CHECKING:
+    from clrender.settings import RenderSettings
+
+__all__ = ["JobRender"]
+
+_LIVE_SECONDS: Final = 0.008
+"""Target duration of a launch in interactive rendering, where a different image may be requested at any time."""
+
+_DEPTH: Final = 64
+"""Samples per pixel in a unit that goes to a cluster: a third of the bytes that units of 16 samples would take."""
+
+_Arrays = dict[str, npt.NDArray[np.float32]]
+
+
+class JobRender:
+    """The rendering of one job by a session.
+
+    Parameters
+    ----------
+    residency : Residency
+        Its devices render the job.
+    job : RenderJob
+    on_progress, should_stop : callable, optional
+        See `Session.render`.
+    checkpoint : Checkpoint, optional
+        An open checkpoint.
+    cluster : Cluster, optional
+        Its workers take the samples. The session's devices then render only the layers.
+    begun : RunningFilm, optional
+        A film of the job from an earlier `refine`; the samples that it holds are not taken again.
+    """
+
+    def __init__(
+        self,
+        residency: Residency,
+        job: RenderJob,
+        on_progress: Callable[[Progress], None] | None,
+        should_stop: Callable[[], bool] | None,
+        checkpoint: Checkpoint | None = None,
+        cluster: Cluster | None = None,
+        begun: RunningFilm | None = None,
+    ) -> None:
+        self._begin = time.perf_counter()
+        self._residency = residency
+        self._job = job
+        self._settings: RenderSettings = job.settings
+        self._on_progress = on_progress
+        self._should_stop = should_stop or (lambda: False)
+        self._checkpoint = checkpoint
+        self._cluster = cluster
+        self._begun = begun
+        self._plan = _plan_of(job)
+        if cluster is not None:
+            self._plan = dataclasses.replace(self._plan, short_units=True, depth=_DEPTH)
+        self._total = self._plan.samples
+        self._launch = LaunchConfig(
+            self._settings.lanes,
+            self._settings.work_group,
+            self._settings.samples_per_pass,
+            self._settings.traversal,
+        )
+        self._seconds: dict[str, float] = {}
+        self._started: float | None = None
+        self._film: Film | None = None
+        self._found: Convergence | None = None
+        self._apart_bytes = MOST_BYTES
+        self._resumed: Mapping[str, int] = dict.fromkeys(("samples", "rays", "shadow_rays", "max_depth"), 0)
+
+    @property
+    def _devices(self) -> list[Device]:
+        """The session's devices that take samples; none if a cluster takes them."""
+        return self._residency.devices if self._cluster is None else []
+
+    def image(self, keep_film: bool) -> RenderedImage:
+        """Render the job; see `Session.render` for the return value and the exceptions."""
+        denoiser = Denoiser() if self._job.denoise else None
+        if line := effort_told(self._job):
+            self._residency.tell(line)
+        flat, memory = self._flat()
+        with self._memory_held():
+            return self._image(flat, memory, keep_film, denoiser)
+
+    @contextmanager
+    def _memory_held(self) -> Iterator[None]:
+        """Enforce the memory limit; a job that would exceed it is refused before anything is allocated."""
+        devices, checkpoint = self._devices, self._checkpoint
+        most = most_slots(devices, self._settings.max_memory, self._settings.replicate_spp is not None)
+        self._plan = dataclasses.replace(self._plan, most_slots=most)
+        resumed = checkpoint is not None and checkpoint.loaded
+        wanted = needs(self._job, len(devices), checkpoint=checkpoint is not None, resumed=resumed)
+        with limited(devices, self._settings.max_memory, wanted) as self._apart_bytes:
+            if line := told(self._job):
+                self._residency.tell(line)
+            yield
+
+    def _image(
+        self,
+        flat: FlatScene,
+        memory: Mapping[str, float],
+        keep_film: bool,
+        denoiser: Denoiser | None,
+        take: bool = True,
+    ) -> RenderedImage:
+        job, settings, residency = self._job, self._settings, self._residency
+        self._film = film = self._new_film(flat)
+        left_out = 0 if take else self._plan.samples
+        if left_out:
+            self._want(Ledger(film.width, film.height))
+        devices = self._devices
+        check_lanes(settings, devices)
+        compiled = sum(device.compile_seconds for device in devices)
+        with self._timed("aov_seconds"):
+            first = self._layers(flat)
+        prepared = self._prepared(flat) if self._plan.samples and self._cluster is None else None
+        self._seconds["setup_seconds"] = time.perf_counter() - self._begin - self._seconds["aov_seconds"]
+        cpu = time.process_time()
+        sharing = self._devices
+        taken = self._run(flat, prepared, film, take and settings.error is not None)
+        tally, members = taken.tally, taken.members
+        if self._cluster is None and self._dismissed(sharing, tally) and first and not tally.all_failed:
+            with self._timed("aov_seconds"):  # the layers may be wrong too
+                first = self._layers(flat)
+        self._check_progress(tally, film)
+        if self._started is not None:
+            self._seconds["setup_seconds"] = self._started - self._begin - self._seconds["aov_seconds"]
+        errors = self._found.errors if self._found else standard_error(film) if film.replicate_spp else None
+        linear = film.mean() if keep_film else film.develop()
+        first |= film_layers(film, errors, self._found)
+        measured = {
+            "load_seconds": self._seconds["read_seconds"] + self._seconds["flatten_seconds"],
+            **self._seconds,
+            **memory,
+            "compile_seconds": sum(member.compile_seconds for member in members) - compiled,
+            "build_seconds": max((member.build_seconds for member in members), default=0.0),
+            "render_seconds": taken.finished - (self._started or taken.finished),
+            "render_cpu_seconds": time.process_time() - cpu,
+            "write_seconds": 0.0,
+            "wall_seconds": time.perf_counter() - self._begin,
+        }
+        resumed, checkpoint = self._resumed, self._checkpoint
+        stats = render_stats(job, flat, film, linear, tally, members, measured, resumed, checkpoint) | dict(taken.told)
+        if errors is not None:
+            stats |= error_stats(job, film, errors, self._found, tally.complete)
+        denoised = self._denoised(denoiser, linear, first, stats) if denoiser else None
+        layers = {name: first[name] for name in job.aov if name in first}
+        mattes = {name: names for name, names in matte_names(job.scene).items() if name in layers} if job.aov else {}
+        image = RenderedImage(linear, stats, film, not tally.complete or left_out > 0, denoised, layers, mattes)
+        if tally.all_failed and not tally.complete:
+            raise IncompleteRender(str(tally.failures[-1]), image) from tally.failures[-1]
+        for line in failures_told(tally):
+            residency.tell(line)
+        if lost := stats["nonfinite_samples"]:
+            residency.tell(
+                f"warning: {lost} of {stats['samples']} samples were not finite, or brighter than 2^43, and are left "
+                "out: the image is too dark where they were"
+            )
+        elif (flat.light_count or flat.environment != layout.NONE) and stats["samples"] and not linear.any():
+            residency.tell(
+                "warning: every pixel is black: no light reaches the camera. A shape emits light from its front only, "
+                "on which its corners are in counter-clockwise order"
+            )
+        return image
+
+    def part(self, wanted: Ledger, check: Callable[[Mapping[str, Any]], None]) -> Film:
+        """Render only some samples of some blocks of pixels.
+
+        Parameters
+        ----------
+        wanted : Ledger
+            A subset of the job's samples.
+        check : callable
+            Called with the request of the job's film before anything is rendered; it may raise.
+
+        Returns
+        -------
+        Film
+            It lacks some of the samples if `should_stop` returned True.
+        """
+        flat, _ = self._flat()
+        check(self._request(flat))
+        with self._memory_held():
+            self._film = film = Film(wanted.width, wanted.height, self._request(flat))
+            self._want(wanted)
+            self._run(flat, None, film).tally.raise_failure()
+        return film
+
+    def refine(self) -> RunningFilm:
+        """Add the missing samples to the film that was begun, or to a new one; see `Session.refine`."""
+        settings = self._settings
+        self._plan = dataclasses.replace(self._plan, gradual=True)
+        self._launch = dataclasses.replace(self._launch, slice_seconds=_LIVE_SECONDS)
+        flat, _ = self._flat()
+        film = self._begun or RunningFilm(settings.width, settings.height, {"replicate_spp": settings.replicate_spp})
+        self._film, self._resumed = film, film.account()
+        if film.ledger.samples:
+            first = self._job.first_sample
+            self._want(film.ledger.lacking(first, first + self._job.sample_count))
+        with self._memory_held():
+            devices = self._devices
+            check_lanes(settings, devices)
+            tally = self._run(flat, None, film, settings.error is not None).tally
+        self._dismissed(devices, tally)
+        if tally.all_failed and not tally.complete:
+            raise tally.failures[-1]
+        for line in failures_told(tally):
+            self._residency.tell(line)
+        return film
+
+    def layers(self) -> _Arrays:
+        """Render only the job's layers, except those that come from its film."""
+        flat, _ = self._flat()
+        return self._layers(flat)
+
+    def developed(self) -> RenderedImage:
+        """The image of the film that was begun, without further samples; see `Session.develop`."""
+        flat, memory = self._flat()
+        return self._image(flat, memory, keep_film=True, denoiser=None, take=False)
+
+    def _flat(self) -> tuple[FlatScene, dict[str, float]]:
+        """The scene as arrays, and the memory that reading and flattening it took."""
+        with self._timed("read_seconds"):
+            if not self._residency.has_read(self._job.scene):
+                with self._residency.stages.during("reading"):
+                    self._job.scene.read_named()
+        memory: dict[str, float] = {"read_peak_rss_bytes": peak_rss()}
+        with self._timed("flatten_seconds"):
+            flat = self._residency.flat(self._job)
+        memory |= {"flatten_peak_rss_bytes": peak_rss(), "flat_bytes": flat.nbytes}
+        for line in flat.messages:
+            self._residency.tell(line)
+        return flat, memory
+
+    def _request(self, flat: FlatScene) -> dict[str, Any]:
+        """The request of the film."""
+        return {**self._job.request(), "arrays_sha256": flat.sha256}
+
+    def _new_film(self, flat: FlatScene) -> Film:
+        """The film that receives the samples: the checkpoint's, the one that was begun, or an empty one."""
+        job, settings = self._job, self._settings
+        request = self._request(flat)
+        samples = range(job.first_sample, job.first_sample + job.sample_count)
+        if self._checkpoint is not None:
+            film = self._checkpoint.begin(request, samples, job_stats(job, request))
+            self._resumed = self._checkpoint.resumed
+            self._plan = dataclasses.replace(self._plan, short_units=True)
+        elif self._begun is not None:
+            film, self._resumed = self._begun, self._begun.account()
+            film.request = request
+        else:
+            return Film(settings.width, settings.height, request)
+        if film.ledger.samples:
+            self._want(film.ledger.lacking(samples.start, samples.stop))
+        return film
+
+    def _want(self, wanted: Ledger) -> None:
+        """Restrict the plan to some samples."""
+        self._plan = dataclasses.replace(self._plan, wanted=wanted)
+        self._total = self._plan.samples
+
+    def _run(self, flat: FlatScene, prepared: Prepared | None, film: Film, until_good: bool = False) -> _Taken:
+        """Take the samples of the plan; prepare the integrator first if `prepared` is None."""
+        if not self._plan.samples:
+            if until_good:
+                _, self._found = run_until_good(self._plan, [], film, self._settings)
+            names = [WorkerTally(device.info.title) for device in self._devices]
+            members = [member(device) for device in self._devices]
+            taken = _Taken(Tally(complete=True, workers=names), members, time.perf_counter(), {})
+        else:
+            with self._team(flat, prepared) as team:
+                tally = self._take(team, film, until_good)
+                taken = _Taken.of(tally, team, time.perf_counter())
+        if self._checkpoint is not None:
+            self._checkpoint.finish()
+        return taken
+
+    def _take(self, team: Team, film: Film, until_good: bool) -> Tally:
+        """Have a team take the samples of the plan, or fewer if the error criterion is met earlier."""
+        take = partial(
+            run,
+            should_stop=self._stops,
+            tell=self._residency.tell,
+            limits=team.limits,
+            apart_bytes=self._apart_bytes,
+        )
+        if not until_good:
+            return take(self._plan, team.candidates, film, self._advance)
+        tally, self._found = run_until_good(self._plan, team.candidates, film, self._settings, take, self._advance)
+        return tally
+
+    def _team(self, flat: FlatScene, prepared: Prepared | None) -> AbstractContextManager[Team]:
+        """The workers that take the samples."""
+        if self._cluster is not None:
+            self._residency.stages.begin("joining")
+            return self._cluster.team(self._job, flat.sha256, self._ready)
+        return self._device_team(prepared or self._prepared(flat))
+
+    def _prepared(self, flat: FlatScene) -> Prepared:
+        """The scene and kernels that the integrator renders with, after its preparation."""
+        job, residency, integrator = self._job, self._residency, self._job.integrator
+        if not integrator.preparation:
+            return Prepared(flat, integrator.pipeline)
+        module = importlib.import_module(integrator.preparation)
+        request = Request(
+            job.scene,
+            flat,
+            job.settings,
+            integrator.pipeline,
+            residency.devices,
+            self._launch,
+            residency.tell,
+            self._stops,
+        )
+        with residency.stages.during("preparing"):
+            prepared: Prepared = module.prepare(request)
+        return prepared
+
+    def _stops(self) -> bool:
+        if self._checkpoint is not None:
+            self._checkpoint.tick()
+        limit = self._settings.time_limit
+        late = limit is not None and time.perf_counter() - self._begin >= limit
+        return late or self._should_stop()
+
+    def _advance(self, samples: int, rays: int) -> None:
+        if self._on_progress is not None:
+            begun = self._started or time.perf_counter()
+            seconds = time.perf_counter() - begun
+            resumed = self._resumed["samples"]
+            total = resumed + self._total
+            self._on_progress(Progress(resumed + samples, total, seconds, rays, self._film, resumed))
+
+    def team(self) -> tuple[DeviceTeam, str]:
+        """The session's devices for an external scheduler, and the hash of the scene's arrays.
+
+        The caller must release the team.
+        """
+        flat, _ = self._flat()
+        check_lanes(self._settings, self._residency.devices)
+        return self._device_team(self._prepared(flat)), flat.sha256
+
+    def _device_team(self, prepared: Prepared) -> DeviceTeam:
+        residency = self._residency
+        make = partial(
+            residency.worker,
+            flat=prepared.flat,
+            settings=self._settings.struct(self._plan.tile, self._job.integrator.fixed),
+            pipeline=prepared.pipeline,
+            launch=self._launch,
+            on_device=prepared.on_device,
+        )
+
+        def ready(device: Device) -> DeviceWorker:
+            worker = make(device)
+            self._ready()
+            return worker
+
+        return DeviceTeam(residency.devices, ready, residency.restart, passes_probe)
+
+    def _ready(self) -> None:
+        """Note the time at which the first worker is ready."""
+        self._residency.stages.end("joining")
+        self._started = self._started or time.perf_counter()
+
+    def _dismissed(self, devices: Sequence[Device], tally: Tally) -> bool:
+        """Exclude devices that hung or were wrong from the session; returns whether any results were wrong."""
+        for device, done in zip(devices, tally.workers, strict=True):
+            if done.state in ("hung", "wrong"):
+                self._residency.dismiss(device)
+        return any(done.state == "wrong" for done in tally.workers)
+
+    def _layers(self, flat: FlatScene) -> _Arrays:
+        """First-hit layers, rendered before the image so that they are complete even if the render stops early."""
+        job = self._job
+        names = [*job.aov, *(GUIDES if job.denoise else ())]
+        if not names:
+            return {}  # with a cluster, this machine needs no device
+        make = partial(
+            self._residency.worker, flat=flat, settings=self._settings.struct(self._plan.tile), launch=self._launch
+        )
+        most = LAYER_SAMPLES if job.aov else GUIDE_SAMPLES
+        return first_hits(
+            self._residency.devices,
+            make,
+            job.scene,
+            flat,
+            self._settings,
+            names,
+            most,
+            self._should_stop,
+            self._residency.tell,
+        )
+
+    def _check_progress(self, tally: Tally, film: Film) -> None:
+        """Raise an error with the reason if there is no sample at all, unless the render was stopped on request."""
+        if tally.samples or film.ledger.samples:
+            return
+        if tally.all_failed:
+            raise tally.failures[-1]
+        if self._settings.time_limit is not None and not self._should_stop():
+            raise RenderError(
+                f"no sample was finished within {self._settings.time_limit:g} s, which includes set-up; increase the "
+                "time limit"
+            )
+
+    def _denoised(
+        self, denoiser: Denoiser, linear: npt.NDArray[np.float32], first: _Arrays, stats: dict[str, Any]
+    ) -> npt.NDArray[np.float32]:
+        """The denoised image; it is noted in the statistics."""
+        begin = time.perf_counter()
+        denoised = denoiser(linear, first["albedo"], first["normal"])
+        denoiser.release()
+        seconds = time.perf_counter() - begin
+        stats |= {"denoised": True, "denoiser": denoiser.name, "denoised_sha256": image_sha256(denoised)}
+        stats |= {"denoise_seconds": seconds, "wall_seconds": stats["wall_seconds"] + seconds}
+        return denoised
+
+    @contextmanager
+    def _timed(self, name: str) -> Iterator[None]:
+        begin = time.perf_counter()
+        yield
+        self._seconds[name] = time.perf_counter() - begin
+
+
+@dataclass(frozen=True)
+class _Taken:
+    """How the samples of a plan were taken.
+
+    Attributes
+    ----------
+    tally : Tally
+    members : list of Member
+        The workers that took part, in the order of the tally.
+    finished : float
+        Time of the last result, by `time.perf_counter`.
+    told : mapping
+        Further entries of the statistics.
+    """
+
+    tally: Tally
+    members: list[Member]
+    finished: float
+    told: Mapping[str, Any]
+
+    @classmethod
+    def of(cls, tally: Tally, team: Team, finished: float) -> _Taken:
+        """Workers that never joined are left out."""
+        came = [
+            (each or Member(done.name, "", ""), done)
+            for each, done in zip(team.members(), tally.workers, strict=True)
+            if each is not None or done.failures
+        ]
+        tally.workers = [done for _, done in came]
+        return cls(tally, [each for each, _ in came], finished, team.stats())
+
+
+def _plan_of(job: RenderJob) -> Plan:
+    """The plan for all of a job's samples."""
+    settings = job.settings
+    tile = largest_tile(settings.max_memory, settings.tile, settings.replicate_spp is not None)
+    return Plan(
+        settings.width,
+        settings.height,
+        job.first_sample,
+        job.sample_count,
+        tile_side(tile, settings.width, settings.height),
+        job.integrator.pipeline.sample_by_sample,
+        whole=settings.replicate_spp or 1,
+    )

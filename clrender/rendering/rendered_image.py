@@ -1,0 +1,206 @@
+"""Results of a render: the image with its film and statistics, and progress reports."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from numbers import Real
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.aov import MATTES, exact_channels, exr_channels, matte_attributes
+from clrender.errors import RenderError, UsageError
+from clrender.film import Film
+from clrender.film.replicates import relative_error
+from clrender.image.exposure import camera_exposure, photographic_stops
+from clrender.image.exr_write import ExrFormat
+from clrender.image.files import png_bytes, write_image
+from clrender.limits import checked_path
+
+__all__ = ["IncompleteRender", "Progress", "RenderedImage", "check_mattes"]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Progress of a render.
+
+    Attributes
+    ----------
+    samples_done, samples_total : int
+        Summed over all pixels.
+    seconds : float
+        Time since the first launch.
+    rays : int
+    film : Film or None
+        The samples committed so far, if a single render is observed. `Film.snapshot` is cheap and works in any thread.
+    samples_resumed : int
+        The part of `samples_done` that came from a checkpoint.
+    """
+
+    samples_done: int
+    samples_total: int
+    seconds: float
+    rays: int
+    film: Film | None = None
+    samples_resumed: int = 0
+
+    @property
+    def fraction(self) -> float:
+        """Fraction of the samples that are done, between 0 and 1."""
+        return self.samples_done / self.samples_total if self.samples_total else 1.0
+
+    @property
+    def samples_per_second(self) -> float:
+        """Mean speed so far, without the resumed samples."""
+        return (self.samples_done - self.samples_resumed) / self.seconds if self.seconds > 0.0 else 0.0
+
+    @property
+    def seconds_left(self) -> float:
+        """Estimated time left at the mean speed so far; infinite before the first sample."""
+        speed = self.samples_per_second
+        return (self.samples_total - self.samples_done) / speed if speed > 0.0 else float("inf")
+
+    @property
+    def relative_error(self) -> float | None:
+        """Mean standard error of the pixels' luminance over their mean luminance, from a few thousand pixels.
+
+        Computing it takes a few milliseconds. It is None if unknown: without replicates, before each pixel has two of
+        them, or if no single render is observed. Read it only within `on_progress`: later the film may be in the middle
+        of an update.
+        """
+        return relative_error(self.film) if self.film is not None else None
+
+
+@dataclass
+class RenderedImage:
+    """A finished (or interrupted) render.
+
+    Attributes
+    ----------
+    linear : (height, width, 3) float32
+        Radiance, linear Rec. 709.
+    stats : dict
+        The statistics that ``--stats`` writes.
+    film : Film
+        The exact sums; released after developing unless they were to be kept.
+    interrupted : bool
+        Whether some of the requested samples are missing.
+    denoised : (height, width, 3) float32 or None
+        The denoised image, if requested; `save` then writes this one.
+    aovs : dict of str to (height, width, channels) float32
+        The requested layers; see `clrender.aov.first_hits` for their contents.
+    mattes : dict of str to sequence of str or None
+        For each layer that is a matte, the names of the scene's shapes or materials (`clrender.aov.matte_names`).
+    """
+
+    linear: npt.NDArray[np.float32]
+    stats: dict[str, Any]
+    film: Film
+    interrupted: bool
+    denoised: npt.NDArray[np.float32] | None = None
+    aovs: dict[str, npt.NDArray[np.float32]] = field(default_factory=dict)
+    mattes: Mapping[str, Sequence[str | None]] = field(default_factory=dict)
+
+    @property
+    def picture(self) -> npt.NDArray[np.float32]:
+        """The image to write and display, (height, width, 3) float32: `denoised` if there is one, else `linear`."""
+        return self.linear if self.denoised is None else self.denoised
+
+    @property
+    def camera_stops(self) -> float:
+        """Exposure of display images, in stops, from the camera's f-stop, shutter and iso; 0 without them."""
+        return photographic_stops(**camera_exposure(self.stats, {}))
+
+    def save(
+        self,
+        path: str | Path,
+        tone_map: str = "srgb",
+        exposure: float = 0.0,
+        *,
+        exr_type: str = "float",
+        exr_compression: str = "zip",
+        exr_tile: int | None = None,
+    ) -> None:
+        """Write the image in the format of the file suffix. `.film` keeps the exact sums, `.exr` also the layers.
+
+        Parameters
+        ----------
+        path : str or Path
+        tone_map : str
+            For display formats.
+        exposure : float
+            In stops, for display formats. It is added to the exposure of the camera's f-stop, shutter and iso, if set.
+        exr_type, exr_compression : str
+            For `.exr`: `type` and `compression` of `clrender.image.exr_write.ExrFormat`.
+        exr_tile : int, optional
+            For `.exr`: `tile` of the same class, pixels.
+
+        Raises
+        ------
+        UsageError
+            When the suffix or the tone map is unknown, or the compression of an `.exr` would lose the ids of mattes.
+        RenderError
+            When the file cannot be written; no partial file is left.
+        """
+        path = checked_path(path, "path")
+        if not isinstance(exposure, Real):
+            raise UsageError(f"exposure is {exposure!r}, but must be a number of stops")
+        exposure = float(exposure)
+        exr = ExrFormat(exr_type, exr_compression, exr_tile)
+        if path.suffix.lower() == ".film":
+            told = {name: value for name, value in self.stats.items() if not name.startswith("denois")}
+            self.film.save(path, {**told, "denoised": False})
+        elif path.suffix.lower() == ".exr":
+            check_mattes(self.aovs, exr)
+            exact, attributes = exact_channels(self.aovs), matte_attributes(self.mattes)
+            channels = exr_channels(self.aovs)
+            stored = {"exr_type": exr_type, "exr_compression": exr_compression}
+            told = {**self.stats, "stored": stored}
+            write_image(path, self.picture, told, channels=channels, exr=exr, exact=exact, attributes=attributes)
+        else:
+            exposure += self.camera_stops
+            told = {**self.stats, "stored": {"tone_map": tone_map, "exposure": exposure}}
+            write_image(path, self.picture, told, tone_map, exposure)
+
+    def _repr_html_(self) -> str:
+        from clrender.rendering.image_html import image_html
+
+        return image_html(self)
+
+    def _repr_png_(self) -> bytes:
+        from clrender.rendering.image_html import IMAGE_SIDE, shrunk
+
+        return png_bytes(shrunk(self.picture, IMAGE_SIDE), exposure=self.camera_stops)
+
+
+def check_mattes(layers: Iterable[str], exr: ExrFormat) -> None:
+    """Check that an `.exr` file keeps the ids of mattes, if there are any.
+
+    Raises
+    ------
+    UsageError
+        When there are mattes and the compression is lossy.
+    """
+    matte = next((name for name in layers if name in MATTES), None)
+    if matte is not None and exr.lossy:
+        raise UsageError(
+            f"exr_compression is {exr.compression!r}, which changes numbers, and the ids of {matte} have to stay as "
+            "they are; choose another, such as zip"
+        )
+
+
+class IncompleteRender(RenderError):
+    """Every device failed before the render was done; the finished samples are kept.
+
+    Attributes
+    ----------
+    image : RenderedImage
+        Image of the finished samples.
+    """
+
+    def __init__(self, message: str, image: RenderedImage) -> None:
+        super().__init__(message)
+        self.image = image

@@ -1,0 +1,267 @@
+"""What stays on devices from one render to the next: programs, uploaded scenes and scratch memory."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.device import Buffer, Device
+from clrender.device.launch import LaunchConfig, Scratch
+from clrender.device.preparation import DevicePreparation
+from clrender.device.scene_arrays import SceneArrays
+from clrender.device.worker import DeviceWorker
+from clrender.drivers import select
+from clrender.errors import DeviceError, UsageError
+from clrender.flatten.flat_scene import FlatScene, flatten, scene_origin, seen_by
+from clrender.integrators.descriptor import Pipeline
+from clrender.process.stages import Stages
+from clrender.rendering.job import RenderJob
+
+if TYPE_CHECKING:
+    from clrender.scene import Scene
+
+__all__ = ["Residency"]
+
+
+class Residency:
+    """Open devices, and what one render leaves on them for the next.
+
+    It is used by one thread at a time; `Session` sees to that.
+
+    Parameters
+    ----------
+    given : sequence of str, int and Device
+        Devices that are open, and descriptions of others; empty for the best device that works.
+    stages : Stages
+        What is being done, for those who wait.
+    tell : callable
+        Called with one line of text for the user.
+    reports_compiling : bool
+        Whether the devices report what they compile to `stages`.
+    """
+
+    def __init__(
+        self,
+        given: Sequence[str | int | Device],
+        stages: Stages,
+        tell: Callable[[str], None],
+        reports_compiling: bool,
+    ) -> None:
+        self.stages, self.tell = stages, tell
+        self.borrowed = [each for each in given if isinstance(each, Device)]
+        self._named = [each for each in given if not isinstance(each, Device)]
+        self._reports = reports_compiling
+        self._closed = False
+        self._devices: list[Device] | None = None
+        self._dismissed: set[Device] = set()
+        self._flat: tuple[_Geometry, FlatScene] | None = None
+        self._before: dict[Device, frozenset[Buffer]] = {}
+        self._uploaded: dict[Device, tuple[FlatScene, SceneArrays]] = {}
+        self._scratch: dict[Device, Scratch] = {}
+
+    @property
+    def opened(self) -> bool:
+        """Whether the devices have been opened."""
+        return self._devices is not None
+
+    @property
+    def devices(self) -> list[Device]:
+        """The devices that are usable, opened at the first access.
+
+        Raises
+        ------
+        UsageError, DeviceError
+            No device matches the description, or none works.
+        """
+        if self._closed:
+            raise UsageError("the session is closed; open another")
+        if self._devices is None:
+            self._devices = self._open()
+        usable = [device for device in self._devices if not (device.lost or device in self._dismissed)]
+        if not usable:
+            raise DeviceError("every device of the session hangs or computes wrong results; open another session")
+        return usable
+
+    def _open(self) -> list[Device]:
+        with self.stages.during("opening"):
+            opened = select(self._named, notify=self.tell) if self._named or not self.borrowed else []
+        devices = [*self.borrowed, *opened]
+        self._before = {device: device.buffers for device in devices}
+        if self._reports:
+            for device in devices:
+                device.on_compile = self.stages.compiling
+        return devices
+
+    def close(self) -> None:
+        """Release everything on the devices, and close those that were opened here."""
+        self._closed = True
+        for device in self._devices or []:
+            device.on_compile = None if self._reports else device.on_compile
+            device.release_but(self._before[device])
+            if device not in self.borrowed:
+                device.close()
+        self._uploaded, self._scratch, self._flat, self._devices = {}, {}, None, None
+
+    def has_read(self, scene: Scene) -> bool:
+        """Whether all files of a scene have been read, as only its camera differs from the last one.
+
+        Parameters
+        ----------
+        scene : Scene
+
+        Returns
+        -------
+        bool
+        """
+        return self._flat is not None and self._flat[0].scene.shares_contents(scene)
+
+    def flat(self, job: RenderJob) -> FlatScene:
+        """The job's scene as arrays. If only the camera differs from the last job, its arrays are reused.
+
+        Parameters
+        ----------
+        job : RenderJob
+
+        Returns
+        -------
+        FlatScene
+        """
+        geometry = _Geometry.of(job)
+        if self._flat is None or not self._flat[0].same(geometry):
+            with self.stages.during("flattening"):
+                self._flat = geometry, _flattened(job)
+        settings = job.settings
+        return seen_by(self._flat[1], job.scene, settings.width, settings.height)
+
+    def worker(
+        self,
+        device: Device,
+        flat: FlatScene,
+        settings: npt.NDArray[np.void],
+        pipeline: Pipeline,
+        launch: LaunchConfig,
+        on_device: Callable[[DeviceWorker], DevicePreparation] | None = None,
+    ) -> DeviceWorker:
+        """Make a worker for a scene on a device, and upload the scene if needed; one worker per device at a time.
+
+        Parameters
+        ----------
+        device : Device
+        flat : FlatScene
+        settings : (1,) `Settings`
+            See `clrender.settings.RenderSettings.struct`.
+        pipeline : Pipeline
+            The kernels of an integrator.
+        launch : LaunchConfig
+            How the work is divided into launches.
+        on_device : callable, optional
+            Called with the worker; prepares what its integrator needs on the device.
+
+        Returns
+        -------
+        DeviceWorker
+        """
+        begin, before = time.perf_counter(), device.buffers
+        with ExitStack() as failed:
+            failed.callback(self._forget, device, before)
+            held, arrays = self._uploaded.get(device, (None, None))
+            if held is None or arrays is None or held.arrays is not flat.arrays:
+                if arrays is not None:
+                    del self._uploaded[device]
+                    arrays.release()
+                with self.stages.during("building"):
+                    arrays = SceneArrays(device, flat)
+            else:
+                arrays.look(flat.camera)
+            self._uploaded[device] = flat, arrays
+            built = time.perf_counter() - begin
+            scratch = self._scratch.setdefault(device, Scratch(device))
+            worker = DeviceWorker(device, flat, settings, pipeline, launch, on_device, arrays=arrays, scratch=scratch)
+            worker.build_seconds += built
+            failed.pop_all()
+        return worker
+
+    def _forget(self, device: Device, before: frozenset[Buffer]) -> None:
+        """Release everything that was allocated on a device since `before`, after a worker could not be made."""
+        self._uploaded.pop(device, None)
+        self._scratch.pop(device, None)
+        device.release_but(before)
+
+    def restart(self, device: Device) -> None:
+        """Reset a device that failed, so that it can be tried again: everything on it is released.
+
+        Parameters
+        ----------
+        device : Device
+        """
+        self._forget(device, self._before[device])
+        if device not in self.borrowed:
+            device.reopen()
+
+    def dismiss(self, device: Device) -> None:
+        """Exclude a device from now on, because it hangs or its results are wrong.
+
+        Parameters
+        ----------
+        device : Device
+        """
+        self._dismissed.add(device)
+
+
+@dataclass(frozen=True)
+class _Geometry:
+    """Everything that determines the arrays of a scene, except the camera."""
+
+    scene: Scene
+    light_sampler: str
+    compensated: bool
+    absorption: float | None
+    origin: tuple[float, float, float]
+
+    @classmethod
+    def of(cls, job: RenderJob) -> _Geometry:
+        origin = scene_origin(job.scene.camera)
+        return cls(job.scene, _light_sampler(job), _compensated(job), job.settings.absorption, origin)
+
+    def same(self, other: _Geometry) -> bool:
+        a, b = self.scene, other.scene
+        if dataclasses.replace(self, scene=b) != other:  # all but the scene
+            return False
+        return a.shares_contents(b) or a.content_sha256() == b.content_sha256()
+
+
+def _light_sampler(job: RenderJob) -> str:
+    """The requested light sampler; ``auto`` is replaced by the integrator's choice."""
+    asked = job.settings.light_sampler
+    return job.integrator.auto_light_sampler if asked == "auto" else asked
+
+
+def _compensated(job: RenderJob) -> bool:
+    """Whether there is an environment that is sampled both by light sampling and by BSDF sampling."""
+    if job.scene.environment is None and job.scene.sky is None:
+        return False
+    settings = job.settings.struct(1, job.integrator.fixed)
+    return bool(settings["light_samples"][0] and settings["bsdf_samples"][0])
+
+
+def _flattened(job: RenderJob) -> FlatScene:
+    settings = job.settings
+    flat = flatten(
+        job.scene,
+        settings.width,
+        settings.height,
+        _light_sampler(job),
+        compensated=_compensated(job),
+    )
+    if settings.absorption is None:
+        return flat
+    materials = flat.arrays["materials"].copy()
+    materials["color"][:, 3] = settings.absorption
+    return dataclasses.replace(flat, arrays={**flat.arrays, "materials": materials})

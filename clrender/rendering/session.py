@@ -1,0 +1,363 @@
+"""A session: open devices that keep compiled programs and uploaded scenes from one render job to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from functools import partial
+from numbers import Integral
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.device import Device
+from clrender.device.forked import refuse_forked
+from clrender.device.team import DeviceTeam
+from clrender.errors import UsageError
+from clrender.film import Film
+from clrender.film.checkpoint import Checkpoint
+from clrender.film.ledger import Ledger
+from clrender.film.running import RunningFilm
+from clrender.process.shield import Call
+from clrender.process.stages import Stages
+from clrender.process.turn import Turn
+from clrender.rendering.job import RenderJob
+from clrender.rendering.job_render import JobRender
+from clrender.rendering.rendered_image import Progress, RenderedImage
+from clrender.rendering.residency import Residency
+from clrender.rendering.team import Cluster
+
+if TYPE_CHECKING:
+    from clrender.scene import Scene
+
+__all__ = ["Session", "requested_devices"]
+
+_T = TypeVar("_T")
+
+
+class Session:
+    """A set of devices that renders jobs one after another; data that two jobs share stays on the devices.
+
+    If a job differs from the previous one only in its camera, exposure, seed or range of samples, only the camera and
+    the settings are uploaded. Programs are built once. A session is a context manager; on exit it releases all
+    resources.
+
+    A session renders one job at a time. Threads may share it and wait for each other. A callback that is called during
+    a render and itself renders with, or closes, the same session gets a `UsageError`. An interruption (Ctrl-C, or an
+    exception of a signal handler) ends the call within a second; what it had begun ends in order in the background, and
+    the next call waits for that.
+
+    Parameters
+    ----------
+    device : str, int, Device, sequence of them, optional
+        See ``--device``. Default: ``CLRENDER_DEVICE``, else the best device that works. A `Device` that is already open
+        is not closed at the end.
+    notify : callable, optional
+        Called with one line of text: which device was chosen, or a note or warning about a device or a scene.
+    on_stage : callable, optional
+        Called, in any thread, with what a render does before it takes samples: a key of
+        `clrender.process.stages.STAGES`, such as ``compiling``, or the empty string.
+
+    Attributes
+    ----------
+    stages : Stages
+        What it is called by.
+
+    Raises
+    ------
+    UsageError, DeviceError
+        When the devices are first needed: no device matches the description, or none works.
+
+    Examples
+    --------
+    >>> with clrender.Session() as session:  # doctest: +SKIP
+    ...     first = session.render(scene, spp=16)
+    ...     second = session.render(scene, spp=16, seed=1)
+    """
+
+    def __init__(
+        self,
+        device: str | int | Device | Sequence[str | int | Device] | None = None,
+        *,
+        notify: Callable[[str], None] | None = None,
+        on_stage: Callable[[str], None] | None = None,
+    ) -> None:
+        self.stages = Stages(on_stage)
+        self._notify = notify or (lambda line: None)
+        self._residency = Residency(requested_devices(device), self.stages, self.tell, on_stage is not None)
+        self._call: Call | None = None
+        self._turn = Turn(
+            "the session is rendering; its callbacks can neither render with it nor close it: open another, or wait "
+            "for the render to end"
+        )
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *details: Any) -> None:
+        self.close()
+
+    @property
+    def devices(self) -> list[Device]:
+        """The session's devices, opened at the first access. Devices that were found unusable are left out."""
+        if self._call is None and not self._residency.opened:
+            return self._exclusively(lambda: self._residency.devices)
+        return self._residency.devices
+
+    def close(self) -> None:
+        """Release everything on the devices and close those that the session opened. A second call does nothing.
+
+        Raises
+        ------
+        UsageError
+            When a callback of a render of this session calls it; nothing is released then.
+        """
+        self._exclusively(self._residency.close)
+
+    def render(
+        self,
+        scene: Scene | RenderJob,
+        *,
+        on_progress: Callable[[Progress], None] | None = None,
+        should_stop: Callable[[], bool] | None = None,
+        keep_film: bool = True,
+        checkpoint: str | Path | None = None,
+        resume: bool = False,
+        cluster: Cluster | None = None,
+        **settings: Any,
+    ) -> RenderedImage:
+        """Render a scene or a job.
+
+        Parameters
+        ----------
+        scene : Scene or RenderJob
+        on_progress : callable, optional
+            Called in the calling thread after each launch, and a last time after the last commit.
+        should_stop : callable, optional
+            Called in the calling thread, twenty times a second. If it returns True, the render ends with the samples
+            taken so far.
+        keep_film : bool
+            Keep the exact sums, 52 bytes per pixel (148 with replicates), in the result.
+        checkpoint : path, optional
+            Film file to which the render is saved every five seconds, or less often if saving would take more than 2 %
+            of the render time, and at the end, however the render ends. This needs as many bytes per pixel again.
+        resume : bool
+            Continue from the checkpoint if the file exists. It must be of the same image, but may have been made with
+            fewer samples per pixel.
+        cluster : Cluster, optional
+            See `clrender.cluster.open_cluster`: its workers take the samples. The session's devices then render only
+            the layers and the denoiser's guide images; if neither is requested, they are not opened.
+        **settings
+            Only with a scene; see `RenderJob.of`: ``size``, ``samples``, ``aov``, ``denoise`` and the fields of
+            `RenderSettings`.
+
+        Returns
+        -------
+        RenderedImage
+
+        Raises
+        ------
+        SceneError, UsageError
+            When the scene or a setting is invalid, or a package that denoising needs is not installed. When the
+            checkpoint file exists but `resume` is False, when it is of another image, or when another render saves to
+            it. When it is called by a callback of a render of this session or of one that uses the same `Device`.
+        DeviceError
+            When no device works.
+        RenderError
+            When every device fails. It is an `IncompleteRender`, with the image so far, if any samples were finished.
+        """
+        job = RenderJob.given(scene, **settings)
+        if on_progress is not None and not callable(on_progress):
+            raise UsageError(f"on_progress is {on_progress!r}, but must be a function")
+        if cluster is not None and not hasattr(cluster, "team"):
+            raise UsageError(
+                f"cluster is {cluster!r}, but a session wants what clrender.cluster.open_cluster opens there; "
+                "clrender.render takes addresses"
+            )
+        if checkpoint is None and resume:
+            raise UsageError("resume has no effect without a checkpoint; name its file")
+
+        def work() -> RenderedImage:
+            render = partial(JobRender, self._residency, job, *self._callbacks(on_progress, should_stop))
+            if checkpoint is None:
+                return render(None, cluster).image(keep_film)
+            with Checkpoint(checkpoint, resume, self.tell) as saved:
+                return render(saved, cluster).image(keep_film)
+
+        return self._exclusively(work)
+
+    def refine(
+        self,
+        job: RenderJob,
+        film: RunningFilm | None = None,
+        *,
+        on_progress: Callable[[Progress], None] | None = None,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> RunningFilm:
+        """Render progressively for an interactive viewer: start with one sample per pixel, stop quickly, resume later.
+
+        The sums are the same as those of `render`, wherever it stops. The job's layers are not rendered.
+
+        Parameters
+        ----------
+        job : RenderJob
+        film : RunningFilm, optional
+            Film to continue: one that `refine` returned for this job, or for the same job with fewer samples per pixel.
+        on_progress, should_stop : callable, optional
+            See `render`. The render stops within a twentieth of a second, on a device that renders a few thousand
+            pixels in that time.
+
+        Returns
+        -------
+        RunningFilm
+            The given film, or a new one. Its request is set by `develop`.
+
+        Raises
+        ------
+        SceneError, UsageError, DeviceError, RenderError
+            See `render`. The film keeps the finished samples.
+        """
+        return self._exclusively(
+            lambda: JobRender(self._residency, job, *self._callbacks(on_progress, should_stop), begun=film).refine()
+        )
+
+    def develop(self, job: RenderJob, film: RunningFilm) -> RenderedImage:
+        """Develop a film into an image with its statistics, as if a render had been stopped there.
+
+        Parameters
+        ----------
+        job : RenderJob
+            Its layers are rendered; no more samples are taken.
+        film : RunningFilm
+            A film that `refine` returned for this job; the image holds it.
+
+        Returns
+        -------
+        RenderedImage
+        """
+        return self._exclusively(lambda: JobRender(self._residency, job, *self._callbacks(), begun=film).developed())
+
+    def layers(
+        self, job: RenderJob, should_stop: Callable[[], bool] | None = None
+    ) -> dict[str, npt.NDArray[np.float32]]:
+        """Render only the first-hit layers of a job, without its image; see `clrender.aov.first_hits`.
+
+        Parameters
+        ----------
+        job : RenderJob
+        should_stop : callable, optional
+            If it returns True, the layers have fewer samples.
+
+        Returns
+        -------
+        dict of str to (height, width, channels) float32
+            Keys are the names in the job's `aov`.
+        """
+        return self._exclusively(lambda: JobRender(self._residency, job, *self._callbacks(None, should_stop)).layers())
+
+    def team(self, job: RenderJob) -> tuple[DeviceTeam, str]:
+        """The session's devices as workers for a job; see `clrender.rendering.job_render.JobRender.team`.
+
+        Parameters
+        ----------
+        job : RenderJob
+
+        Returns
+        -------
+        team : DeviceTeam
+        sha256 : str
+            Hash of the scene's arrays.
+        """
+        return self._exclusively(lambda: JobRender(self._residency, job, None, None).team())
+
+    def render_part(
+        self,
+        job: RenderJob,
+        wanted: Ledger,
+        check: Callable[[Mapping[str, Any]], None],
+        on_progress: Callable[[Progress], None] | None = None,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> Film:
+        """Render some samples of some pixels of a job; see `clrender.rendering.job_render.JobRender.part`.
+
+        Parameters
+        ----------
+        job : RenderJob
+        wanted : Ledger
+            Which samples of which blocks of pixels.
+        check : callable
+            Called with the request of the job's film before anything is rendered; it may raise.
+        on_progress, should_stop : callable, optional
+            See `render`.
+
+        Returns
+        -------
+        Film
+        """
+        return self._exclusively(
+            lambda: JobRender(self._residency, job, *self._callbacks(on_progress, should_stop)).part(wanted, check)
+        )
+
+    def _exclusively(self, work: Callable[[], _T]) -> _T:
+        """Execute work, shielded from signals, with the session and the devices that others may share locked."""
+        refuse_forked()
+        call = Call()
+
+        def alone() -> _T:
+            with ExitStack() as turns:
+                turns.enter_context(self._turn.of(call))
+                shared = {id(device.turn): device.turn for device in self._residency.borrowed}
+                for _, turn in sorted(shared.items()):  # always in the same order, to avoid deadlock
+                    turns.enter_context(turn.of(call))
+                self._call = call
+                try:
+                    return work()
+                finally:
+                    self._call = None
+
+        return call.run(alone)
+
+    def _callbacks(
+        self, on_progress: Callable[[Progress], None] | None = None, should_stop: Callable[[], bool] | None = None
+    ) -> tuple[Callable[[Progress], None] | None, Callable[[], bool]]:
+        """Callbacks of the current call, to be called by its work; the work stops when it is abandoned."""
+        call = self._call
+        assert call is not None
+        return (
+            None if on_progress is None else call.callback(on_progress, None),
+            (lambda: call.abandoned) if should_stop is None else call.callback(should_stop, otherwise=True),
+        )
+
+    def tell(self, line: str) -> None:
+        """Pass a line of text to the session's `notify`.
+
+        Parameters
+        ----------
+        line : str
+        """
+        call = self._call
+        (self._notify if call is None else call.callback(self._notify, None))(line)
+
+
+def requested_devices(device: object) -> list[str | int | Device]:
+    """The given devices and descriptions of devices as a list; empty if none is given.
+
+    Parameters
+    ----------
+    device : str, int, Device, iterable of them, or None
+        See `Session`.
+
+    Raises
+    ------
+    UsageError
+        One is of another type.
+    """
+    given: list[str | int | Device] = []
+    for one in device if isinstance(device, Iterable) and not isinstance(device, str) else [device]:
+        if isinstance(one, (str, Integral, Device)) and not isinstance(one, bool):
+            given.append(int(one) if isinstance(one, Integral) else one)
+        elif one is not None:
+            raise UsageError(f"device is {one!r}; give an index of clrender.devices(), a name, or a list of such")
+    return given

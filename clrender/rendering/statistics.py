@@ -1,0 +1,192 @@
+"""Statistics of a render, for ``--stats`` and the metadata of files."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.film.convergence import Convergence, interval_of_mean
+from clrender.film.replicates import image_error, replicate_counts
+from clrender.image.files import image_sha256
+
+if TYPE_CHECKING:
+    from clrender.film import Film
+    from clrender.film.checkpoint import Checkpoint
+    from clrender.flatten.flat_scene import FlatScene
+    from clrender.rendering.job import RenderJob
+    from clrender.scheduling.member import Member
+    from clrender.scheduling.run import Tally
+
+__all__ = ["error_stats", "film_layers", "job_stats", "peak_rss", "render_stats"]
+
+
+def job_stats(job: RenderJob, request: Mapping[str, Any]) -> dict[str, Any]:
+    """Statistics that are known from the job before it is rendered.
+
+    Parameters
+    ----------
+    job : RenderJob
+    request : mapping
+        Request of its film.
+    """
+    settings = job.settings
+    return {
+        "camera_exposure": job.scene.camera.exposure,
+        "scene": job.scene.origin,
+        "scene_sha256": request["scene_sha256"],
+        "kernel_sha256": request["kernel_sha256"],
+        "version": request["version"],
+        "width": settings.width,
+        "height": settings.height,
+        "spp": settings.spp,
+        "seed": settings.seed,
+        "integrator": settings.integrator,
+        "settings": {**settings.request(), "spp": settings.spp},
+        "first_sample": job.first_sample,
+        "sample_count": job.sample_count,
+    }
+
+
+def render_stats(
+    job: RenderJob,
+    flat: FlatScene,
+    film: Film,
+    linear: npt.NDArray[np.float32],
+    tally: Tally,
+    members: Sequence[Member],
+    measured: Mapping[str, float],
+    resumed: Mapping[str, int],
+    checkpoint: Checkpoint | None = None,
+) -> dict[str, Any]:
+    """The statistics that ``--stats`` writes.
+
+    Parameters
+    ----------
+    job, flat, film, tally
+        Of the render.
+    linear : (height, width, 3) float32
+        The image.
+    members : sequence of Member
+        The workers that took part, in the order of the tally.
+    measured : mapping
+        The keys that end in ``_seconds``, and those about the memory of reading and flattening.
+    resumed : mapping
+        ``samples``, ``rays``, ``shadow_rays`` and ``max_depth`` of the film before this render. They are included in
+        the totals, but not in the counts of this render's devices.
+    checkpoint : Checkpoint, optional
+    """
+    seconds = max(measured["render_seconds"], 1e-9)
+    return {
+        "image_sha256": image_sha256(linear),
+        "denoised": False,
+        **job_stats(job, film.request),
+        "samples": tally.samples + resumed["samples"],
+        "rays": tally.rays + resumed["rays"],
+        "shadow_rays": tally.shadow_rays + resumed["shadow_rays"],
+        "max_depth": max(tally.deepest, resumed["max_depth"]),
+        "nonfinite_samples": tally.samples + resumed["samples"] - film.samples,
+        **(checkpoint.stats() if checkpoint else {}),
+        **measured,
+        "msamples_per_second": tally.samples / seconds / 1e6,
+        "mrays_per_second": tally.rays / seconds / 1e6,
+        "peak_rss_bytes": peak_rss(),
+        "device_bytes": sum(member.device_bytes for member in members),
+        "triangles": flat.triangle_count,
+        "spot_check": {
+            "samples": tally.check_samples,
+            "pieces": tally.checks,
+            "differences": tally.differences,
+        },
+        "failures": [str(error) for error in (*tally.failures, *tally.recovered)],
+        "devices": [
+            {
+                "name": member.name,
+                **({"host": member.host} if member.host else {}),
+                "driver": member.driver,
+                "type": member.type,
+                "units": done.units,
+                "samples": done.samples,
+                "seconds": member.busy_seconds,
+                "requeued": done.requeued,
+                "failures": done.failures,
+                "state": done.state,
+                "checked": done.checked,
+            }
+            for member, done in zip(members, tally.workers, strict=True)
+        ],
+    }
+
+
+def error_stats(
+    job: RenderJob,
+    film: Film,
+    errors: npt.NDArray[np.float64],
+    found: Convergence | None,
+    complete: bool,
+) -> dict[str, Any]:
+    """Entries of ``--stats`` for a film with replicates.
+
+    Parameters
+    ----------
+    job, film
+        Of the render.
+    errors : (height, width, 3) float64
+        Standard errors of the pixels.
+    found : Convergence, optional
+        The convergence, if the render stops by its error.
+    complete : bool
+        Whether the render met the error criterion or took all samples.
+    """
+    of_mean = image_error(errors, job.integrator.blocks_share) if np.isfinite(errors).all() else None
+    replicates = int(replicate_counts(film).min())
+    stats: dict[str, Any] = {"replicates": replicates, "mean_stderr": None if of_mean is None else of_mean.tolist()}
+    if found is None:
+        return stats
+    settings, taken = job.settings, int(film.ledger.taken().max())
+    interval = None if of_mean is None else interval_of_mean(settings, replicates, of_mean).tolist()
+    if complete:  # the sample count of the image, which its verification uses
+        stats |= {"spp": taken, "sample_count": taken, "settings": {**settings.request(), "spp": taken}}
+    return stats | {
+        "error": settings.error,
+        "confidence": settings.confidence,
+        "mean_interval": interval,
+        "share": settings.share,
+        "spp_limit": settings.spp,
+        "converged": found.reached,
+        "unconverged_pixels": int(np.count_nonzero(found.unconverged)),
+        "unconverged_share": 1.0 - found.share,
+    }
+
+
+def film_layers(
+    film: Film, errors: npt.NDArray[np.float64] | None, found: Convergence | None
+) -> dict[str, npt.NDArray[np.float32]]:
+    """The layers that come from the image's own film, each (height, width, channels) float32."""
+    layers = {"samples": film.counts[..., None].astype(np.float32)}
+    if errors is not None:
+        # Stored channel by channel, as in files, so that writing needs no copy
+        layers["stderr"] = np.moveaxis(np.moveaxis(errors, 2, 0).astype(np.float32, order="C"), 0, 2)
+    if found is not None:
+        layers["unconverged"] = found.unconverged[..., None].astype(np.float32)
+    return layers
+
+
+def peak_rss() -> int:
+    """Peak resident memory of this process, bytes; 0 if the system does not report it."""
+    with suppress(OSError):
+        # `ru_maxrss` starts at the value of the parent process
+        if match := re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text(errors="replace")):
+            return int(match[1]) * 1024
+    try:
+        import resource
+    except ImportError:
+        return 0
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024

@@ -1,0 +1,329 @@
+"""The tables of a scene, and what the files hold that they name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final, TypeVar
+
+from pydantic import AfterValidator, FailFast, Field, PrivateAttr
+
+from clrender.meshes.data import MeshData, inline_mesh
+from clrender.scene.camera import Camera
+from clrender.scene.contents_memo import ContentsMemo
+from clrender.scene.defaults import Image, Render
+from clrender.scene.environment import EnvironmentPicture
+from clrender.scene.frozen import FrozenDict
+from clrender.scene.groups import Group, Instance, ShapeOrInstance, TransformArray
+from clrender.scene.ies import IesProfile
+from clrender.scene.light_kinds import (
+    EnvironmentLight,
+    IesLight,
+    Light,
+    SunSkyLight,
+)
+from clrender.scene.materials import (
+    Material,
+)
+from clrender.scene.medium import Medium
+from clrender.scene.pictures import TexelStore
+from clrender.scene.scene_files import SceneFiles
+from clrender.scene.shapes import AnyShape, Mesh
+from clrender.scene.textures import AnyTexture, BumpMap, Checker, ImageTexture, NormalMap, Ramp, textures_of
+from clrender.scene.values import (
+    SHAPE_LIMIT,
+    Name,
+    Part,
+    Text,
+)
+from clrender.wording import place
+
+if TYPE_CHECKING:
+    pass
+
+__all__ = ["HEAD", "Head", "SceneContents"]
+
+HEAD: Final = frozenset({"title", "camera", "image", "render"})
+"""Attributes of a scene that are not part of its contents."""
+
+_T = TypeVar("_T")
+_FREEZE: Final = AfterValidator(FrozenDict)
+
+
+class Head(Part):
+    """What a scene says besides its contents."""
+
+    title: Text = ""
+    camera: Camera
+    image: Image = Image()
+    render: Render = Render()
+
+
+class SceneContents(Head):
+    """Everything that a scene says; see `clrender.scene.description.Scene`."""
+
+    materials: Annotated[dict[Name, Material], Field(max_length=65536), _FREEZE] = Field(default_factory=FrozenDict)
+    shapes: Annotated[tuple[ShapeOrInstance, ...], FailFast(), Field(max_length=SHAPE_LIMIT)] = ()
+    groups: Annotated[dict[Name, Group], Field(max_length=65536), _FREEZE] = Field(default_factory=FrozenDict)
+    lights: Annotated[tuple[Light, ...], FailFast(), Field(max_length=SHAPE_LIMIT)] = ()
+    media: Annotated[dict[Name, Medium], Field(max_length=65536), _FREEZE] = Field(default_factory=FrozenDict)
+    fog: Name | None = Field(
+        None, description="name of the medium that fills all space outside other media, to infinity"
+    )
+
+    _files: SceneFiles = PrivateAttr(default_factory=SceneFiles)
+    _store: list[TexelStore] = PrivateAttr(default_factory=list)
+    _memo: list[ContentsMemo] = PrivateAttr(default_factory=list)
+    _places: tuple[tuple[str | int, ...], ...] = PrivateAttr(default=())
+
+    def all_shapes(self) -> Iterator[tuple[tuple[str | int, ...], AnyShape]]:
+        """Its shapes and those of its groups, without instances, each with its location in the description.
+
+        Yields
+        ------
+        place : tuple of str or int
+            Keys and indices that lead to the shape in the description.
+        shape : AnyShape
+        """
+        for index, shape in enumerate(self.shapes):
+            if not isinstance(shape, Instance):
+                yield ("shapes", index), shape
+        for name, group in self.groups.items():
+            for index, shape in enumerate(group.shapes):
+                yield ("groups", name, "shapes", index), shape
+
+    @property
+    def plain_shapes(self) -> tuple[AnyShape, ...]:
+        """Its shapes, of a scene whose instances `clrender.flatten.assembly` has resolved."""
+        return self.shapes  # type: ignore[return-value]
+
+    def instances(self) -> Iterator[tuple[int, Instance]]:
+        """Its instances, each with its index.
+
+        Yields
+        ------
+        index : int
+            Index in `shapes`.
+        instance : Instance
+        """
+        for index, shape in enumerate(self.shapes):
+            if isinstance(shape, Instance):
+                yield index, shape
+
+    def place_of(self, index: int) -> tuple[str | int, ...]:
+        """Location of `shapes[index]` in the description: in `shapes`, or in a group after `clrender.flatten.assembly`.
+
+        Parameters
+        ----------
+        index : int
+            Index in `shapes`.
+
+        Returns
+        -------
+        tuple of str or int
+        """
+        return self._places[index] if self._places else ("shapes", index)
+
+    @property
+    def files(self) -> SceneFiles:
+        """The files that the scene names, and what they hold."""
+        return self._files
+
+    @property
+    def base_folder(self) -> Path:
+        """Folder to which file names are relative: the scene file's own, or the working folder."""
+        return self._files.base_folder
+
+    @property
+    def source(self) -> str:
+        """Name of the scene file, for messages."""
+        return self._files.source
+
+    @property
+    def environment(self) -> EnvironmentLight | None:
+        """The environment light, of which a scene has at most one."""
+        return next((light for light in self.lights if isinstance(light, EnvironmentLight)), None)
+
+    @property
+    def sky(self) -> SunSkyLight | None:
+        """The sun and sky, of which a scene has at most one, and then no environment light."""
+        return next((light for light in self.lights if isinstance(light, SunSkyLight)), None)
+
+    def ies_lights(self) -> list[tuple[int, IesLight]]:
+        """The IES lights, each with its index."""
+        return [(index, light) for index, light in enumerate(self.lights) if isinstance(light, IesLight)]
+
+    def placed_textures(self) -> list[tuple[tuple[str | int, ...], AnyTexture]]:
+        """All textures of materials and shapes, each with its location in the description."""
+        found: list[tuple[tuple[str | int, ...], AnyTexture]] = []
+        for name, material in self.materials.items():
+            found += [(("materials", name, key), texture) for key, texture in textures_of(material)]
+        for at, shape in self.all_shapes():
+            if isinstance(shape.emission, ImageTexture | Checker | Ramp):
+                found.append(((*at, "emission"), shape.emission))
+        return found
+
+    def texture_files(self) -> list[tuple[tuple[str | int, ...], ImageTexture | NormalMap | BumpMap]]:
+        """Textures that name a file, each with the location of the name."""
+        placed = self.placed_textures()
+        return [((*at, "texture"), each) for at, each in placed if not isinstance(each, Checker | Ramp)]
+
+    def textures(self) -> TexelStore:
+        """The images that its materials and shapes name; files are read once and cached.
+
+        Raises
+        ------
+        SceneError
+            If a file cannot be read or is not a valid image.
+        """
+        placed = self.placed_textures()
+        if self._store and self._store[0].holds(texture for _, texture in placed):
+            return self._store[0]
+        files = self._files
+        textures = [(f"{files.source}: {place((*at, 'texture'))}", texture) for at, texture in placed]
+        store = TexelStore(textures, files.base_folder, files.allow_paths, files.textures, files.encoded)
+        if self._store:
+            self._store = [store]  # this copy has other textures than the scene that the store was made for
+        else:
+            self._store.append(store)  # for all copies
+        return store
+
+    def mesh(self, index: int) -> MeshData:
+        """Triangles of the mesh `shapes[index]`, before its transform; a file is read once and cached.
+
+        Parameters
+        ----------
+        index : int
+            Index of a mesh in `shapes`.
+
+        Returns
+        -------
+        MeshData
+
+        Raises
+        ------
+        SceneError
+            If the file cannot be read or is not a usable mesh.
+        """
+        shape = self.shapes[index]
+        assert isinstance(shape, Mesh)
+        return self.mesh_of(self.place_of(index), shape)
+
+    def mesh_of(self, at: tuple[str | int, ...], shape: Mesh) -> MeshData:
+        """Like `mesh`, for any mesh that `all_shapes` yields.
+
+        Parameters
+        ----------
+        at : tuple of str or int
+            Location of the mesh, for error messages.
+        shape : Mesh
+
+        Returns
+        -------
+        MeshData
+        """
+        if shape.file is None:
+            return inline_mesh(shape.vertices, shape.faces, shape.uvs, shape.uvs_1, shape.colors)
+        return self._files.mesh(at, shape)
+
+    def transforms(self, index: int) -> TransformArray:
+        """Transforms of the instance `shapes[index]`; a file is read once and cached.
+
+        Parameters
+        ----------
+        index : int
+            Index of an instance in `shapes`.
+
+        Returns
+        -------
+        TransformArray
+
+        Raises
+        ------
+        SceneError
+            If the file cannot be read or contains no usable transforms.
+        """
+        instance = self.shapes[index]
+        assert isinstance(instance, Instance)
+        if instance.file is None:
+            return TransformArray.of(instance)
+        return self._files.transform_array(instance.file, f"shapes[{index}].transforms")
+
+    def environment_picture(self) -> EnvironmentPicture | None:
+        """The environment map, if there is one; its file is read once and cached.
+
+        Raises
+        ------
+        SceneError
+            If the file cannot be read or is not a usable image.
+        """
+        light = self.environment
+        if light is None or light.file is None:
+            return None
+        return self._files.environment(light.file, f"lights[{self.lights.index(light)}].file")
+
+    def ies_profile(self, index: int) -> IesProfile:
+        """Profile of the IES light `lights[index]`; its file is read once and cached.
+
+        Parameters
+        ----------
+        index : int
+            Index of an IES light in `lights`.
+
+        Returns
+        -------
+        IesProfile
+
+        Raises
+        ------
+        SceneError
+            If the file cannot be read or is not a valid IES file.
+        """
+        light = self.lights[index]
+        assert isinstance(light, IesLight)
+        return self._files.profile(light.file, f"lights[{index}].file")
+
+    def read_named(self) -> None:
+        """Read every file that the scene names, so that none is read later.
+
+        Raises
+        ------
+        SceneError
+            If one cannot be read or is invalid.
+        """
+        for at, shape in self.all_shapes():
+            if isinstance(shape, Mesh) and shape.file is not None:
+                self.mesh_of(at, shape)
+        for index, _ in self.instances():
+            self.transforms(index)
+        if self.texture_files():
+            self.textures()
+        self.environment_picture()
+        for index, _ in self.ies_lights():
+            self.ies_profile(index)
+
+    def of_contents(self, name: str, compute: Callable[[], _T]) -> _T:
+        """A value that depends on the contents alone, kept for all copies of the scene that share them.
+
+        Parameters
+        ----------
+        name : str
+            Of the value.
+        compute : callable
+            Returns the value; called if it is not known yet. If it raises an error, nothing is kept.
+
+        Returns
+        -------
+        object
+            As `compute` returns it.
+        """
+        contents = self._contents()
+        if not self._memo:
+            self._memo.append(ContentsMemo(contents))  # for all copies
+        elif not self._memo[0].holds(contents):
+            self._memo = [ContentsMemo(contents)]
+        return self._memo[0].value(name, compute)
+
+    def _contents(self) -> tuple[object, ...]:
+        """Every object but those of `HEAD`, in the order of their names."""
+        return self._files, *(getattr(self, name) for name in sorted(type(self).model_fields.keys() - HEAD))
