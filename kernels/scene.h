@@ -90,4 +90,13 @@ typedef struct {
     SCENE_HOLES(scene);                                                                                                     \
     SCENE_INSTANCES(scene)
 
+// With one lane: what depends on the settings alone is computed again on each turn of a loop, instead of once before it. It would take a
+// register each for the whole loop, and registers are what limits how many work-items a GPU runs at a time. So the address of the settings
+// seems to change with a number that is never NONE.
+#if LANES == 1
+static void scene_settings_again(Scene* scene, uint number) { scene->settings += number == NONE; }
+#else
+#define scene_settings_again(scene, number)
+#endif
+
 #endif

@@ -25,6 +25,8 @@ from typing import Final
 
 from elftools.elf.elffile import ELFFile
 
+from clrender.device.info import DeviceInfo
+from clrender.device.registers import register_options
 from clrender.device.source import load_source
 from clrender.flatten.features import Features
 
@@ -162,21 +164,29 @@ def measure(program: str, target: str) -> Usage:
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder, "program.cl")
         source.write_text(load_source(wanted.entry, {**_LAUNCH, **wanted.macros}).text)
-        registers, spills, scratch, occupancy, code = TARGETS[target](target, source)
+        options = register_options(_device(target), wanted.entry, wanted.macros)
+        registers, spills, scratch, occupancy, code = TARGETS[target](target, source, options)
     return Usage(program, target, registers, spills, scratch, round(occupancy, 3), code)
 
 
 _Numbers = tuple[int, int, int, float, int]
 
 
-def _nvidia(target: str, source: Path) -> _Numbers:
+def _device(target: str) -> DeviceInfo:
+    """A device of this kind, as its vendor's driver names it."""
+    platforms = {"sm": "NVIDIA CUDA", "gf": "AMD Accelerated Parallel Processing", "ac": "Intel(R) OpenCL Graphics"}
+    return DeviceInfo(0, target, platforms[target[:2]], "", "gpu", 1, 1)
+
+
+def _nvidia(target: str, source: Path, options: str) -> _Numbers:
     ptx, cubin = source.with_suffix(".ptx"), source.with_suffix(".cubin")
     # What `ptxas` cannot inline would be called, with arguments in memory
     whole = ["-mllvm", "-inline-threshold=1000000"]
     bitcode = _library("nvptx64--nvidiacl.bc")
     front = ["-target", "nvptx64-nvidia-nvcl", *_OPTIONS, _ROUNDING, "-Xclang", "-target-cpu", "-Xclang", "sm_75"]
     _run(_clang(), *front, *bitcode, *whole, "-S", str(source), "-o", str(ptx))
-    text = _run(_ptxas(), "-v", "-O3", f"-arch={target}", str(ptx), "-o", str(cubin))
+    limit = [f"-maxrregcount={options.rpartition('=')[2]}"] if options else []
+    text = _run(_ptxas(), "-v", "-O3", *limit, f"-arch={target}", str(ptx), "-o", str(cubin))
     registers = max(map(int, re.findall(r"Used (\d+) registers", text)))
     frame, spills = 0, 0
     for stack, stores in re.findall(r"(\d+) bytes stack frame, (\d+) bytes spill stores", text):
@@ -189,7 +199,7 @@ def _nvidia(target: str, source: Path) -> _Numbers:
     return registers, spills, frame, min(warps, most) / most, max(sizes)
 
 
-def _amd(target: str, source: Path) -> _Numbers:
+def _amd(target: str, source: Path, _: str) -> _Numbers:
     assembly = source.with_suffix(".s")
     front = ["-target", "amdgcn-amd-amdhsa", f"-mcpu={target}", *_OPTIONS, _ROUNDING]
     _run(_clang(), *front, *_library("amdgcn--amdhsa.bc"), "-S", str(source), "-o", str(assembly))
@@ -208,11 +218,11 @@ def _amd(target: str, source: Path) -> _Numbers:
     )
 
 
-def _intel(target: str, source: Path) -> _Numbers:
+def _intel(target: str, source: Path, options: str) -> _Numbers:
     compiler, environment = _ocloc()
-    options = ["-device", target, "--format", "zebin", "-options", "-cl-std=CL1.2 -w"]
+    given = ["-device", target, "--format", "zebin", "-options", f"-cl-std=CL1.2 -w {options}"]
     output = ["-output", "program", "-out_dir", str(source.parent)]
-    _run(compiler, "compile", "-file", str(source), *options, *output, environment=environment)
+    _run(compiler, "compile", "-file", str(source), *given, *output, environment=environment)
     with next(source.parent.glob("program*.bin")).open("rb") as file:
         parts = list(ELFFile(file).iter_sections())
         sizes = [part.data_size for part in parts if part.name.startswith(".text.")]
@@ -227,11 +237,12 @@ def _intel(target: str, source: Path) -> _Numbers:
             memory[usage] = int(size)
         spills = memory["spill_fill_space"] // int(simd[1])  # of a thread of the hardware, which has as many lanes
         found.append((spills, spills + memory["private_space"]))
-    # All kernels have 128 registers of 32 bytes for 8 lanes or more, so that all threads fit
-    return 128, max(each[0] for each in found), max(each[1] for each in found), 1.0, max(sizes)
+    # Of 32 bytes, for 8 lanes or more: with 128 of them all threads fit, with 256 half as many
+    registers = 256 if options else 128
+    return registers, max(each[0] for each in found), max(each[1] for each in found), 128 / registers, max(sizes)
 
 
-TARGETS: Final[Mapping[str, Callable[[str, Path], _Numbers]]] = {
+TARGETS: Final[Mapping[str, Callable[[str, Path, str], _Numbers]]] = {
     "sm_75": _nvidia,
     "sm_90": _nvidia,
     "gfx90a": _amd,

@@ -19,6 +19,7 @@ from clrender.device.compiled import Sentinel, leave
 from clrender.device.compiler import build, program_key, store
 from clrender.device.forked import refuse_forked
 from clrender.device.info import DeviceInfo
+from clrender.device.registers import register_options
 from clrender.device.source import Source, load_source
 from clrender.errors import DeviceError, DeviceFailure, MemoryRefused, RenderError
 from clrender.process.huge_pages import LARGE_BYTES, prefer_large_pages, withdraw_preference
@@ -70,8 +71,9 @@ Argument: TypeAlias = "Buffer | np.generic | npt.NDArray[Any]"
 class Program:
     """A built program; its kernel objects are created once and kept."""
 
-    def __init__(self, source: Source, handle: cl.Program | None) -> None:
+    def __init__(self, source: Source, options: str, handle: cl.Program | None) -> None:
         self.source = source
+        self.options = options
         self.handle = handle
         self.kernels: dict[str, cl.Kernel] = {}
         self.launched: set[tuple[str, int]] = set()
@@ -203,27 +205,35 @@ class Device:
             When the driver's compiler rejects the program; the message has its first errors.
         """
         key = (str(entry), tuple(sorted((name, str(value)) for name, value in (defines or {}).items())))
-        program = self._programs.pop(key, None) or self._build(load_source(entry, defines))
+        program = self._programs.pop(key, None)
+        if program is None:
+            program = self._build(load_source(entry, defines), register_options(self.info, str(entry), defines or ()))
         self._programs[key] = program  # behind all that were used before
         if len(self._programs) > PROGRAM_LIMIT:
             del self._programs[next(iter(self._programs))]
         return program
 
-    def _build(self, source: Source) -> Program:
+    def _build(self, source: Source, register_options: str) -> Program:
         begin = time.perf_counter()
-        self._sentinel.put(program_key(self.info, self.options, source))
         self._set_compiling(True)
         try:
-            handle = self._call(
-                "build",
-                f"building {source.entry}",
-                lambda: build(self._context, self._handle, self.info, self.options, source),
-            )
+            try:
+                program = self._built(source, f"{self.options} {register_options}".strip())
+            except DeviceError:
+                if not register_options:
+                    raise
+                program = self._built(source, self.options)  # an older driver does not know them
         finally:
             self._set_compiling(False)
             self.compile_seconds += time.perf_counter() - begin
         self.builds += 1
-        return Program(source, handle)
+        return program
+
+    def _built(self, source: Source, options: str) -> Program:
+        self._sentinel.put(program_key(self.info, options, source))
+        what = f"building {source.entry}"
+        handle = self._call("build", what, lambda: build(self._context, self._handle, self.info, options, source))
+        return Program(source, options, handle)
 
     def _set_compiling(self, compiling: bool) -> None:
         self._compiling = compiling
@@ -386,7 +396,7 @@ class Device:
 
     def _first_launch(self, program: Program, enqueue: Callable[[], cl.Event]) -> None:
         """Launch and wait. Drivers compile for a work-group size at its first use, which counts as compile time."""
-        self._sentinel.put(program_key(self.info, self.options, program.source))
+        self._sentinel.put(program_key(self.info, program.options, program.source))
         self._queue.finish()
         begin = time.perf_counter()
         event = enqueue()
@@ -423,7 +433,7 @@ class Device:
         """
         for program in self._programs.values():
             if program.handle is not None:
-                store(self.info, self.options, program.source, program.handle)
+                store(self.info, program.options, program.source, program.handle)
 
     def read(self, buffer: Buffer, array: npt.NDArray[Any]) -> None:
         """Wait for the queue and copy the start of `buffer` into all of `array` (C-contiguous).

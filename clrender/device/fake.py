@@ -82,7 +82,7 @@ class FakeDevice(Device):
         key = (str(entry), tuple(sorted((name, str(value)) for name, value in (defines or {}).items())))
         if key not in self._programs:
             self.builds += 1
-            self._programs[key] = Program(Source(str(entry), "", ""), None)
+            self._programs[key] = Program(Source(str(entry), "", ""), "", None)
         return self._programs[key]
 
     def empty(self, nbytes: int) -> Buffer:

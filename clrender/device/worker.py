@@ -210,6 +210,8 @@ class DeviceWorker:
             defines["PIXEL_FILTER"] = 1
             if self._settings["filter_negative"][0] < layout.FILTER_LINES:
                 defines["PIXEL_FILTER_NEGATIVE"] = 1
+        if self._settings["shadow_rays"][0] > 1:
+            defines["SEVERAL_SHADOW_RAYS"] = 1
         if self._settings["indirect_rays"][0] > 1:
             defines["PATH_SPLITS"] = 1
         if self._prefetches:

@@ -49,32 +49,29 @@ static uint one_sorted(const uint key[8]) {
 // Where the ray meets a plane.
 #define ONE_AT(axis, plane) ((ray->origin.axis - (plane)) * -ray->inverse.axis)
 
-// Eight planes of a node, in two loads of 16 bytes: vload4 promises an alignment of four bytes only, which is as many loads on some GPUs.
-static void one_planes(__global const float* node, int first, float planes[8]) {
-    __global const float4* at = (__global const float4*)(node + first);
-    const float4 a = at[0], b = at[1];
-    planes[0] = a.x, planes[1] = a.y, planes[2] = a.z, planes[3] = a.w;
-    planes[4] = b.x, planes[5] = b.y, planes[6] = b.z, planes[7] = b.w;
-}
+// Four planes of a node, in a load of 16 bytes: vload4 promises an alignment of four bytes only, which is four loads on some GPUs.
+static float4 one_planes(__global const float* node, int first) { return *(__global const float4*)(node + first); }
 
-// The children of a node that the ray enters, the nearest first.
+// The children of a node that the ray enters, the nearest first. Four at a time: the planes of eight would take 48 registers.
 static uint one_children(const PacketRay* ray, __global const float* node) {
-    float near_x[8], near_y[8], near_z[8], far_x[8], far_y[8], far_z[8];
-    one_planes(node, ONE_NEAR(x, 0), near_x);
-    one_planes(node, ONE_NEAR(y, 1), near_y);
-    one_planes(node, ONE_NEAR(z, 2), near_z);
-    one_planes(node, ONE_FAR(x, 0), far_x);
-    one_planes(node, ONE_FAR(y, 1), far_y);
-    one_planes(node, ONE_FAR(z, 2), far_z);
     uint key[8];
     #pragma unroll
-    for (uint child = 0; child < 8; ++child) {
-        float near, far;
-        box_clip_lanes(ONE_AT(x, near_x[child]), ONE_AT(y, near_y[child]), ONE_AT(z, near_z[child]), ONE_AT(x, far_x[child]),
-                       ONE_AT(y, far_y[child]), ONE_AT(z, far_z[child]), packet_begin(ray), &near, &far);
-        const int enters = (near <= far) & (near <= ray->nearest) & packet_reaches(ray, far);
-        // Distances count but for their last three bits, which are the child's number
-        key[child] = enters ? (as_uint(near) & ~7u) | child : ONE_LAST;
+    for (uint first = 0; first < 8; first += 4) {
+        const float4 near_x = one_planes(node, ONE_NEAR(x, 0) + first), far_x = one_planes(node, ONE_FAR(x, 0) + first);
+        const float4 near_y = one_planes(node, ONE_NEAR(y, 1) + first), far_y = one_planes(node, ONE_FAR(y, 1) + first);
+        const float4 near_z = one_planes(node, ONE_NEAR(z, 2) + first), far_z = one_planes(node, ONE_FAR(z, 2) + first);
+        const float planes[6][4] = {{near_x.x, near_x.y, near_x.z, near_x.w}, {near_y.x, near_y.y, near_y.z, near_y.w},
+                                    {near_z.x, near_z.y, near_z.z, near_z.w}, {far_x.x, far_x.y, far_x.z, far_x.w},
+                                    {far_y.x, far_y.y, far_y.z, far_y.w},     {far_z.x, far_z.y, far_z.z, far_z.w}};
+        #pragma unroll
+        for (uint child = 0; child < 4; ++child) {
+            float near, far;
+            box_clip_lanes(ONE_AT(x, planes[0][child]), ONE_AT(y, planes[1][child]), ONE_AT(z, planes[2][child]), ONE_AT(x, planes[3][child]),
+                           ONE_AT(y, planes[4][child]), ONE_AT(z, planes[5][child]), packet_begin(ray), &near, &far);
+            const int enters = (near <= far) & (near <= ray->nearest) & packet_reaches(ray, far);
+            // Distances count but for their last three bits, which are the child's number
+            key[first + child] = enters ? (as_uint(near) & ~7u) | (first + child) : ONE_LAST;
+        }
     }
     return one_sorted(key);
 }
@@ -90,7 +87,7 @@ static float one_entered(const PacketRay* ray, __global const float* node, uint 
 
 // The ray's nearest hit, or with any_hit whether there is one.
 __attribute__((always_inline)) static void bvh_one(const Bvh* bvh, PacketRay* ray, int any_hit) {
-    uint nodes[ONE_LEVELS], waiting[ONE_LEVELS];     // of waiting children the next in the lowest bits
+    volatile uint nodes[ONE_LEVELS], waiting[ONE_LEVELS];     // of waiting children the next in the lowest bits
     int level = 0;
     uint reference = bvh->root;
     float entered = 0.0f;

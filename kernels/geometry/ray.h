@@ -52,9 +52,11 @@ static void ray_replace(Ray* ray, Ray other, vmask m) {
 
 // How far from the surface, along its normal, a new ray has to start: enough to be on its side whatever the rounding of the hit
 // point. `error` bounds that rounding by component (PBR 4ed, 6.8.6): a multiple of the coordinates involved, so it scales with them.
-static vec3 ray_leave(vec3 point, vec3 normal, vec3 error, vmask inward) {
-    const vfloat distance = inner(error, vec3_of(absolute(normal.x), absolute(normal.y), absolute(normal.z)));
-    return along(point, normal, inward ? -distance : distance);
+static vfloat ray_clearance(vec3 normal, vec3 error) {
+    return inner(error, vec3_of(absolute(normal.x), absolute(normal.y), absolute(normal.z)));
+}
+static vec3 ray_leave(vec3 point, vec3 normal, vfloat clearance, vmask inward) {
+    return along(point, normal, inward ? -clearance : clearance);
 }
 
 // Where a ray from `origin` to a point of a surface ends, so that it meets nothing else in the surface's plane, such as the triangle next to
@@ -63,7 +65,7 @@ static vec3 ray_leave(vec3 point, vec3 normal, vec3 error, vmask inward) {
 static vec3 ray_end(vec3 origin, vec3 point, vec3 normal, vec3 error) {
     const vec3 to = sub(point, origin);
     const vec3 unsure = along(error, vec3_of(absolute(to.x), absolute(to.y), absolute(to.z)), splat(8.0f * EPSILON));
-    return ray_leave(point, normal, unsure, inner(to, normal) > 0.0f);
+    return ray_leave(point, normal, ray_clearance(normal, unsure), inner(to, normal) > 0.0f);
 }
 
 #endif

@@ -16,6 +16,7 @@
 typedef struct {
     vec3 point;
     vec3 error;          // bound of its rounding error, by component
+    vfloat clearance;    // how far along the normal a ray that leaves has to start: ray_clearance
     vec3 normal;         // of the geometry, unit, out of the front side
     vec3 shading;        // interpolated where the shape's vertices have normals, on the same side
     vmask front;         // the ray came from the front side
@@ -159,6 +160,7 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
     surface_triangle(scene, ray, &placed, row, smooth, &s);
     if (lane_any(round)) surface_round(ray, hit.distance, row, round, &s);
     s.error = placed_error(&placed, s.point, s.error);
+    s.clearance = ray_clearance(s.normal, s.error);
     s.front = inner(s.normal, ray->direction) < 0.0f;
     return s;
 }
@@ -175,7 +177,7 @@ static void surface_weights(const Surface* s, const vfloat row[16], vfloat* b, v
 
 // A ray that leaves the surface on the side its direction points to.
 static Ray surface_leave(const Surface* s, vec3 direction) {
-    Ray ray = ray_make(ray_leave(s->point, s->normal, s->error, inner(direction, s->normal) < 0.0f), direction);
+    Ray ray = ray_make(ray_leave(s->point, s->normal, s->clearance, inner(direction, s->normal) < 0.0f), direction);
     ray.from = s->from;
     return ray;
 }

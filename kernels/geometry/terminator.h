@@ -39,9 +39,10 @@ static void terminator_offset(const Scene* scene, Surface* s, vmask active) {
     const vec3 step_b = terminator_step(&placed, s, vec3_row(row, PRIMITIVE_ROW_B), vec3_row(n, 3), b);
     const vec3 step_c = terminator_step(&placed, s, vec3_row(row, PRIMITIVE_ROW_C), vec3_row(n, 6), c);
     // Clear of its own triangle, which stays between it and what is below
-    const vec3 clear = ray_leave(s->point, s->normal, s->error, !s->front);
+    const vec3 clear = ray_leave(s->point, s->normal, s->clearance, !s->front);
     s->point = choose(s->moves, add(clear, add(step_a, add(step_b, step_c))), s->point);
     s->normal = choose(s->moves, s->shading, s->normal);
+    s->clearance = s->moves ? ray_clearance(s->normal, s->error) : s->clearance;
     s->from = s->moves ? splat_uint(NONE) : s->from;
 #endif
 }
@@ -52,6 +53,7 @@ static Surface terminator_mesh(const Surface* s) {
 #ifdef TERMINATOR_OFFSET
     mesh.point = choose(s->moves, s->mesh_point, s->point);
     mesh.normal = choose(s->moves, s->mesh_normal, s->normal);
+    mesh.clearance = s->moves ? ray_clearance(mesh.normal, s->error) : s->clearance;
     mesh.from = s->moves ? s->primitive : s->from;
 #endif
     return mesh;

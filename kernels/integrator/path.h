@@ -181,41 +181,76 @@ static vec3 path_direct(const Scene* scene, const Path* path, const Vertex* vert
     return choose(light->pdf > 0.0f, scale(arriving, share), vec3_all(0.0f));
 }
 
-// Add direct light: for all packets sample lights, and trace the shadow rays to them.
-static void path_add_direct(const Scene* scene, Path* path, const Vertex* vertex, PoolStats* stats) {
-    int any_lit = 0;
-    EACH_PACKET(k) any_lit |= lane_any(vertex[k].diffuse & vertex[k].traced);
-    if (scene->settings->light_count == 0 || !any_lit) return;
-    Shadows shadows;
+// Light samples of each packet on their way to its points.
+typedef struct {
+    ShadowRay shadow[PACKETS];
+    vec3 arriving[PACKETS];  // as far as nothing is in the way; 0 where no shadow ray is needed
+} Direct;
+
+static vmask direct_asks(const Direct* direct, uint packet) { return largest(direct->arriving[packet]) > 0.0f; }
+
+// For all packets choose a light, and a point of it: each pixel's light sample number `m`.
+static void path_sample_light(const Scene* scene, const Path* path, const Vertex* vertex, uint m, Direct* direct, PoolStats* stats) {
     LightChoice choice[PACKETS];
-    vec3 arriving[PACKETS];
     vmask asked[PACKETS];
-    for (uint m = 0; m < scene->settings->shadow_rays; ++m) {
-        EACH_PACKET(k) asked[k] = vertex[k].diffuse & vertex[k].traced;
-        path_choose_lights(scene, path, vertex, asked, m, choice);
-        EACH_PACKET(k) {
-            const Surface* surface = &vertex[k].surface;
-            Ray shadow_ray = path[k].ray;
-            arriving[k] = vec3_all(0.0f);
-            LightSample light;
-            Interior in = path[k].interior;
-            if (lane_any(asked[k])) {
-                light = light_sample_chosen(scene, surface->point, surface->primitive, &choice[k]);
-                shadow_ray = light_shadow_ray(surface, &light);
-                in = path_towards(&path[k], &vertex[k], &light);
-                arriving[k] = path_direct(scene, &path[k], &vertex[k], &light, &in);
-                asked[k] = asked[k] & (largest(arriving[k]) > 0.0f);
-            }
-            shadow_start(scene, &shadows, k, &shadow_ray, &light, &in, asked[k]);
-            stats->shadow_rays += lane_count(asked[k]);
-            stats->deepest = pool_deepest(stats->deepest, path[k].depth + 1u, asked[k]);
+    EACH_PACKET(k) asked[k] = vertex[k].diffuse & vertex[k].traced;
+    path_choose_lights(scene, path, vertex, asked, m, choice);
+    EACH_PACKET(k) {
+        const Surface* surface = &vertex[k].surface;
+        direct->arriving[k] = vec3_all(0.0f);
+        if (lane_any(asked[k])) {
+            const LightSample light = light_sample_chosen(scene, surface->point, surface->primitive, &choice[k]);
+            const Interior in = path_towards(&path[k], &vertex[k], &light);
+            direct->arriving[k] = choose(asked[k], path_direct(scene, &path[k], &vertex[k], &light, &in), vec3_all(0.0f));
+            direct->shadow[k] = shadow_ray(surface, &light, &in);
         }
-        shadow_finish(scene, &shadows);
-        EACH_PACKET(k) {
-            const vmask arrives = asked[k] & shadow_arrives(&shadows, k, &arriving[k]);
-            path[k].radiance = choose(arrives, add(path[k].radiance, arriving[k]), path[k].radiance);
-        }
+        asked[k] = direct_asks(direct, k);
+        stats->shadow_rays += lane_count(asked[k]);
+        stats->deepest = pool_deepest(stats->deepest, path[k].depth + 1u, asked[k]);
     }
+}
+
+// Trace the shadow rays to the lights, and add what arrives.
+static void path_add_light(const Scene* scene, Path* path, Direct* direct) {
+    Shadows shadows;
+    EACH_PACKET(k) shadow_start(scene, &shadows, k, &direct->shadow[k], direct_asks(direct, k));
+    shadow_finish(scene, &shadows);
+    EACH_PACKET(k) {
+        const vmask asked = direct_asks(direct, k), arrives = asked & shadow_arrives(&shadows, k, &direct->arriving[k]);
+        path[k].radiance = choose(arrives, add(path[k].radiance, direct->arriving[k]), path[k].radiance);
+    }
+}
+
+// Whether any packet samples lights.
+static int path_is_lit(const Scene* scene, const Vertex* vertex) {
+    int any = 0;
+    EACH_PACKET(k) any |= lane_any(vertex[k].diffuse & vertex[k].traced);
+    return any && scene->settings->light_count > 0;
+}
+
+// Direct light, in two halves: while the second one traces shadow rays, nothing of the vertex has to be kept, which may lie in registers. So paths
+// scatter in between. With several light samples for each vertex the first half does all of it.
+static void path_sample_direct(const Scene* scene, Path* path, const Vertex* vertex, Direct* direct, PoolStats* stats) {
+    EACH_PACKET(k) {
+        direct->arriving[k] = vec3_all(0.0f);
+        direct->shadow[k] = shadow_none();
+    }
+    if (!path_is_lit(scene, vertex)) return;
+#ifdef SEVERAL_SHADOW_RAYS
+    for (uint m = 0; m < scene->settings->shadow_rays; ++m) {
+        path_sample_light(scene, path, vertex, m, direct, stats);
+        path_add_light(scene, path, direct);
+    }
+#else
+    path_sample_light(scene, path, vertex, 0u, direct, stats);
+#endif
+}
+static void path_add_direct(const Scene* scene, Path* path, Direct* direct) {
+#ifndef SEVERAL_SHADOW_RAYS
+    int any = 0;
+    EACH_PACKET(k) any |= lane_any(direct_asks(direct, k));
+    if (any) path_add_light(scene, path, direct);
+#endif
 }
 
 // Sample the BSDF for the direction to go on in, and let the roulette decide whether to; `ended` are the paths that do not.
@@ -277,15 +312,20 @@ static int path_next_of_all(const Scene* scene, Pool* pool, CameraRays* waiting,
     return any;
 }
 
-static void path_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
+static void path_trace(const Scene* given, Pool* pool, PoolStats* stats) {
+    Scene here = *given;
+    const Scene* scene = &here;
     CameraRays waiting = camera_rays_none();
     Path path[PACKETS];
     FreePath free[PACKETS];
     Hit hit[PACKETS];
     Vertex vertex[PACKETS];
+    Direct direct;
     EACH_PACKET(k) path[k] = path_none();
 
     while (path_next_of_all(scene, pool, &waiting, path)) {
+        scene_settings_again(&here, path[0].depth);
+
         // Find where each ray meets the scene; paths that met the same kind of material go on side by side
         path_find(scene, path, free, hit);
         EACH_PACKET(k) path_travel(scene, &path[k], &free[k], &hit[k]);
@@ -298,14 +338,13 @@ static void path_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
             path_add_sun(scene, &path[k], &vertex[k]);
         }
 
-        // Add the light that reaches the surface straight from the lights
-        path_add_direct(scene, path, vertex, stats);
+        // Sample light that reaches the surface straight from the lights, and where other light comes from, and go on there
+        path_sample_direct(scene, path, vertex, &direct, stats);
+        EACH_PACKET(k) path_scatter(scene, &path[k], &vertex[k], hit[k]);
 
-        // Sample where other light comes from, and go on there; deliver what paths that ended have found
-        EACH_PACKET(k) {
-            path_scatter(scene, &path[k], &vertex[k], hit[k]);
-            path_deliver(pool, &path[k]);
-        }
+        // Add the light of lights that nothing hides; deliver what paths that ended have found
+        path_add_direct(scene, path, &direct);
+        EACH_PACKET(k) path_deliver(pool, &path[k]);
     }
 }
 

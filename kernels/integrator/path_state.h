@@ -120,7 +120,8 @@ static void path_camera_rays(const Scene* scene, Pool* pool, CameraRays* rays) {
 
 // In one lane, with the first of the camera rays that wait.
 static void path_start(const Scene* scene, CameraRays* rays, Path* path, vmask lane) {
-    const uint i = LANES - rays->left--;
+    // For a compiler the index is known where there is one lane
+    const uint i = (LANES - rays->left--) % LANES;
     if (!rays->inside[i]) return;
     const vec3 origin = vec3_of(splat(rays->origin[0][i]), splat(rays->origin[1][i]), splat(rays->origin[2][i]));
     const vec3 direction = vec3_of(splat(rays->direction[0][i]), splat(rays->direction[1][i]), splat(rays->direction[2][i]));

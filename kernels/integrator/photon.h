@@ -144,6 +144,7 @@ static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, Po
     FreePath free[PACKETS];
     Hit hit[PACKETS];
     Vertex vertex[PACKETS];
+    Direct direct;
 
     while (path_next(scene, pool, &waiting, path)) {
         // Find the nearest surface, and add the light the ray ran into
@@ -154,7 +155,8 @@ static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, Po
         path_add_sun(scene, path, vertex);
 
         // On a diffuse surface add light straight from the lights, and what the photons brought
-        path_add_direct(scene, path, vertex, stats);
+        path_sample_direct(scene, path, vertex, &direct, stats);
+        path_add_direct(scene, path, &direct);
         const vmask gathers = vertex->diffuse & disk_receives(&vertex->surface);
         if (lane_any(gathers)) {
             const vec3 arriving = photon_irradiance(scene, map, &vertex->surface, path, gathers, stats);

@@ -74,7 +74,7 @@ static vmask reuse_alike(const Vertex* vertex) {
 static void reuse_anchor(const Scene* scene, Reuse* r, const Path* path, const Vertex* vertex, vmask anchors) {
     const Surface* surface = &vertex->surface;
     const Bsdf* bsdf = &vertex->bsdf;
-    const vec3 origin = ray_leave(surface->point, surface->normal, surface->error, !surface->front);
+    const vec3 origin = ray_leave(surface->point, surface->normal, surface->clearance, !surface->front);
     const vec3 reflects = mul(path->throughput, bsdf->color);
     // From a black surface no path goes on
     const vmask dark = !(largest(reflects) > 0.0f);
@@ -93,7 +93,7 @@ static void reuse_anchor(const Scene* scene, Reuse* r, const Path* path, const V
 // The surface that the ray from the anchor met. From here on the path gathers what leaves it, for whoever may see it.
 static void reuse_share(Reuse* r, Path* path, const Vertex* vertex, vmask shares) {
     const Surface* surface = &vertex->surface;
-    const vec3 target = ray_leave(surface->point, surface->normal, surface->error, !surface->front);
+    const vec3 target = ray_leave(surface->point, surface->normal, surface->clearance, !surface->front);
     r->target = choose(shares, target, r->target);
     r->target_side = choose(shares, vertex->bsdf.side, r->target_side);
     r->primitive = shares ? surface->primitive : r->primitive;
@@ -173,6 +173,7 @@ static void reuse_trace(const Scene* scene, Pool* pool, __global float* records,
     FreePath free[PACKETS];
     Hit hit[PACKETS];
     Vertex vertex[PACKETS];
+    Direct direct;
     Reuse reuse = reuse_none();
 
     while (path_next(scene, pool, &waiting, path)) {
@@ -196,8 +197,9 @@ static void reuse_trace(const Scene* scene, Pool* pool, __global float* records,
         reuse.leaves = anchors;
 
         // Add light that comes straight from the lights, and go on in a sampled direction
-        path_add_direct(scene, path, vertex, stats);
+        path_sample_direct(scene, path, vertex, &direct, stats);
         path_scatter(scene, path, vertex, hit[0]);
+        path_add_direct(scene, path, &direct);
 
         if (lane_any(path->ended)) reuse_deliver(pool, records, &path->sample, &reuse, path->radiance, path->ended);
         path->alive = path->alive & !path->ended;

@@ -11,6 +11,38 @@
 #include "light/light.h"
 #include "material/interior.h"
 
+// A ray to a point of a light.
+typedef struct {
+    Ray ray;
+#ifdef STRAIGHT_SHADOWS
+    vec3 target;             // where it ends; a direction when `infinite`
+    vmask infinite;
+    Interior in;             // the media that it begins in
+#endif
+} ShadowRay;
+
+static ShadowRay shadow_none(void) {
+    ShadowRay s;
+    s.ray = ray_make(vec3_all(0.0f), vec3_all(1.0f));
+#ifdef STRAIGHT_SHADOWS
+    s.target = vec3_all(0.0f);
+    s.infinite = mask_none();
+    s.in = interior_none();
+#endif
+    return s;
+}
+
+static ShadowRay shadow_ray(const Surface* surface, const LightSample* light, const Interior* in) {
+    ShadowRay s;
+    s.ray = light_shadow_ray(surface, light);
+#ifdef STRAIGHT_SHADOWS
+    s.target = light->target;
+    s.infinite = light->infinite;
+    s.in = *in;
+#endif
+    return s;
+}
+
 #ifdef STRAIGHT_SHADOWS
 
 typedef struct {
@@ -23,16 +55,16 @@ static vmask shadow_passes(vmask straight) { return straight; }
 // What is left on the way: the rays themselves tell.
 static vec3 shadow_straight(const Scene* scene, const Interior* in, const LightSample* light, vec3 from) { return vec3_all(1.0f); }
 
-// What is left of light that comes along a shadow ray which begins in these media.
-static vec3 shadow_transmittance(const Scene* scene, const Ray* first, const LightSample* light, const Interior* around, vmask asked) {
-    Ray ray = *first;
-    Interior in = *around;
+// What is left of light that comes along a shadow ray.
+static vec3 shadow_transmittance(const Scene* scene, const ShadowRay* shadow, vmask asked) {
+    Ray ray = shadow->ray;
+    Interior in = shadow->in;
     vec3 left = choose(asked, vec3_all(1.0f), vec3_all(0.0f));
     while (lane_any(asked)) {
         const Hit hit = traverse_nearest(&scene->bvh, &ray, asked);
         const vmask found = asked & (hit.primitive != NONE);
-        const vfloat way = magnitude(ray.direction), distance = found ? hit.distance : light->infinite ? splat(FAR) : splat(1.0f);
-        const vec3 passes = interior_transmittance(scene, &in, distance * way, light->infinite & !found);
+        const vfloat way = magnitude(ray.direction), distance = found ? hit.distance : shadow->infinite ? splat(FAR) : splat(1.0f);
+        const vec3 passes = interior_transmittance(scene, &in, distance * way, shadow->infinite & !found);
         left = choose(asked, scale(mul(left, passes), passage_masked(scene, &ray, hit.distance, asked)), left);
 
         // Behind a surface that is no boundary it goes on
@@ -43,7 +75,7 @@ static vec3 shadow_transmittance(const Scene* scene, const Ray* first, const Lig
         asked = straight & (largest(left) > 0.0f);
         interior_replace(&in, crossing.beyond, asked);
         Ray behind = surface_leave(&surface, ray.direction);
-        behind.direction = choose(light->infinite, light->target, sub(light->target, behind.origin));
+        behind.direction = choose(shadow->infinite, shadow->target, sub(shadow->target, behind.origin));
         behind.limit = ray.limit;
         behind.to = ray.to;
         ray_replace(&ray, behind, asked);
@@ -51,8 +83,8 @@ static vec3 shadow_transmittance(const Scene* scene, const Ray* first, const Lig
     return left;
 }
 
-static void shadow_start(const Scene* scene, Shadows* shadows, uint packet, const Ray* ray, const LightSample* light, const Interior* in, vmask asked) {
-    shadows->left[packet] = shadow_transmittance(scene, ray, light, in, asked);
+static void shadow_start(const Scene* scene, Shadows* shadows, uint packet, const ShadowRay* shadow, vmask asked) {
+    shadows->left[packet] = shadow_transmittance(scene, shadow, asked);
 }
 static void shadow_finish(const Scene* scene, Shadows* shadows) {}
 
@@ -72,8 +104,8 @@ static vmask shadow_passes(vmask straight) { return mask_none(); }
 static vec3 shadow_straight(const Scene* scene, const Interior* in, const LightSample* light, vec3 from) {
     return interior_transmittance(scene, in, magnitude(sub(light->target, from)), light->infinite);
 }
-static void shadow_start(const Scene* scene, Shadows* shadows, uint packet, const Ray* ray, const LightSample* light, const Interior* in, vmask asked) {
-    passage_start(scene, shadows, packet, ray, asked);
+static void shadow_start(const Scene* scene, Shadows* shadows, uint packet, const ShadowRay* shadow, vmask asked) {
+    passage_start(scene, shadows, packet, &shadow->ray, asked);
 }
 static void shadow_finish(const Scene* scene, Shadows* shadows) { passage_finish(scene, shadows); }
 static vmask shadow_arrives(const Shadows* shadows, uint packet, vec3* arriving) { return passage_arrives(shadows, packet, arriving); }

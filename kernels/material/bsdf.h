@@ -133,7 +133,11 @@ static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* 
     described = described | s->attributes.textured;
 #endif
     const int any_described = lane_any(described);
+#if LANES == 1
+    Parameters p = {0};  // else those of the last surface would seem to be needed again, and keep their registers
+#else
     Parameters p;
+#endif
     if (any_described) {
         p = material_at(scene, s, direction);
 #ifdef TEXTURES

@@ -108,6 +108,7 @@ static void medium_surface(const Scene* scene, const Ray* ray, const Interior* i
     if (!lane_any(here)) return;
     s->point = choose(here, along(ray->origin, ray->direction, hit.distance), s->point);
     s->error = choose(here, vec3_all(0.0f), s->error);
+    s->clearance = here ? splat(0.0f) : s->clearance;
     s->normal = choose(here, negate(ray->direction), s->normal);
     s->shading = choose(here, negate(ray->direction), s->shading);
     s->front = s->front | here;

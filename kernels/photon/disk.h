@@ -22,7 +22,7 @@ static float disk_off_plane(float radius) { return radius * DISK_OFF_PLANE; }
 // which faces the back of the point's own. On one surface both are behind each other's planes, as on a ball, or both before them, as in a
 // corner. So far either may seem to be by rounding.
 static vfloat disk_flat(const Surface* surface, vec3 side, float radius) {
-    return fma(inner(surface->error, vec3_of(absolute(side.x), absolute(side.y), absolute(side.z))), splat(4.0f), splat(radius * 16.0f * EPSILON));
+    return fma(surface->clearance, splat(4.0f), splat(radius * 16.0f * EPSILON));
 }
 // Slivers of surface may need more points than that: then it looks a little darker.
 #define DISK_MOST_TRIES 64u

@@ -99,7 +99,7 @@ static Emission emission_sample(const Scene* scene, Sampler sampler, float4 boun
         radiance = choose(sun, scale(disc.radiance, inverse_or_one(disc.pdf)), radiance);
     }
 #endif
-    vec3 origin = choose(surface, ray_leave(from.point, from.normal, from.error, mask_none()), a);
+    vec3 origin = choose(surface, ray_leave(from.point, from.normal, ray_clearance(from.normal, from.error), mask_none()), a);
     if (lane_any(parallel))
         origin = choose(parallel, emission_from_outside(bounds, direction, u, v), origin);
     e.ray = ray_make(origin, direction);

@@ -22,6 +22,7 @@ static Surface patch_point(const Scene* scene, vuint side, vfloat u, vfloat v) {
                     splat(16.0f * EPSILON));
     const vec3 normal = unit(outer(ab, ac));
     s.normal = choose((side & 1u) != 0u, negate(normal), normal);
+    s.clearance = ray_clearance(s.normal, s.error);
     s.shading = s.normal;
     s.front = mask_all();
     s.from = s.primitive;
