@@ -344,6 +344,8 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("ETA", 6, 3, "metal: its index of refraction over that of the medium before it, real part"),
         ("K", 9, 3, "and imaginary part"),
         ("FRESNEL", 12, 3, "and the cosine-weighted average of its Fresnel term"),
+        ("DIFFUSE_TRANSMISSION", 6, 1, "principled: share of the diffuse light that leaves on the other side"),
+        ("DIFFUSE_TRANSMISSION_COLOR", 7, 3, "and its colour"),
         ("OPACITY", 15, 1, "or, where it is a texture, the value below which that is a hole; 0: it counts as it is"),
     ),
     "ATTRIBUTE": (

@@ -256,6 +256,8 @@ typedef struct {
 #define LAYER_ROW_ETA 6                 // metal: its index of refraction over that of the medium before it, real part
 #define LAYER_ROW_K 9                   // and imaginary part
 #define LAYER_ROW_FRESNEL 12            // and the cosine-weighted average of its Fresnel term
+#define LAYER_ROW_DIFFUSE_TRANSMISSION 6// principled: share of the diffuse light that leaves on the other side
+#define LAYER_ROW_DIFFUSE_TRANSMISSION_COLOR 7// and its colour
 #define LAYER_ROW_OPACITY 15            // or, where it is a texture, the value below which that is a hole; 0: it counts as it is
 
 #define ATTRIBUTE_ROW_UV 0              // triangle: texture coordinates at A, B and C

@@ -282,6 +282,8 @@ def _(material: Principled, row: _Row, _numbers: dict[str, int]) -> None:
         SHEEN_ROUGHNESS=material.sheen_roughness,
         ANISOTROPY=material.anisotropy,
         ROTATION=(material.anisotropy_rotation / 360.0) % 1.0,
+        DIFFUSE_TRANSMISSION=material.diffuse_transmission,
+        DIFFUSE_TRANSMISSION_COLOR=material.diffuse_transmission_color,
     )
 
 

@@ -37,7 +37,14 @@ _NEEDED: Final[Mapping[str, Mapping[str, Any]]] = {
     "subsurface": {"albedo": 1.0, "radius": 0.01, "ior": 1.4},
 }
 """Required keys of types."""
-_COLORS: Final = ("reflectance", "base_color", "f0", "specular_color", "sheen_color")
+_COLORS: Final = tuple(
+    dict.fromkeys(
+        name
+        for kind in MATERIAL_TYPES.values()
+        for name in kind.model_fields
+        if name in ("reflectance", "f0") or (name.endswith("_color") and name != "attenuation_color")
+    )
+)
 """Keys of colours, which do not absorb if they are 1."""
 _WHITE_METAL: Final = {"eta": (1e-3,) * 3, "k": (1000.0,) * 3}
 """A metal that reflects all but 4e-9 of the light."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 from pydantic import Field, Strict, model_validator
 
@@ -32,6 +32,8 @@ _Speed = Annotated[Finite, Field(ge=PHOTOGRAPHIC["iso"].low, le=PHOTOGRAPHIC["is
 
 class Camera(Part):
     """Camera. With an `aperture_radius` above 0, only objects at the `focus_distance` are in focus."""
+
+    late_keys: ClassVar[frozenset[str]] = frozenset({"mirrored"})
 
     type: Literal["perspective", "orthographic", "panoramic", "fisheye"] = Field(
         "perspective",

@@ -10,6 +10,7 @@ from typing import Any
 from clrender.image.exposure import PHOTOGRAPHIC
 from clrender.scene.contents import HEAD, SceneContents
 from clrender.scene.shapes import Mesh
+from clrender.scene.values import Part
 
 __all__ = ["content_sha256", "put_at"]
 
@@ -47,8 +48,7 @@ def _head(scene: SceneContents) -> dict[str, bytes]:
     content = scene.model_dump(mode="json", include=set(HEAD))
     for key in PHOTOGRAPHIC:
         content["camera"].pop(key, None)
-    if not scene.camera.mirrored:  # hashes in existing films predate this key
-        content["camera"].pop("mirrored", None)
+    _leave_out_late(scene.camera, content["camera"])
     return {name: _json(table) for name, table in content.items()}
 
 
@@ -65,8 +65,9 @@ def _contents(scene: SceneContents) -> dict[str, bytes]:
         if isinstance(shape, Mesh):
             if shape.file is not None:
                 put_at(content, (*at, "file"), scene.mesh_of(at, shape).sha256())
-            if not shape.shadow_terminator_offset:  # likewise
-                _table_at(content, at).pop("shadow_terminator_offset")
+            _leave_out_late(shape, _table_at(content, at))
+    for name, material in scene.materials.items():
+        _leave_out_late(material, content["materials"][name])
     for index, instance in scene.instances():
         if instance.file is not None:
             content["shapes"][index]["transforms"] = scene.transforms(index).sha256()
@@ -81,6 +82,13 @@ def _contents(scene: SceneContents) -> dict[str, bytes]:
         for at, texture in named:
             put_at(content, at, store.picture(texture).sha256)
     return {name: _json(table) for name, table in content.items()}
+
+
+def _leave_out_late(part: Part, table: dict[str, Any]) -> None:
+    """Take out keys at their defaults that hashes in existing films predate."""
+    for key in part.late_keys:
+        if getattr(part, key) == type(part).model_fields[key].get_default():
+            table.pop(key)
 
 
 def _json(table: Any) -> bytes:

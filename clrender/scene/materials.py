@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Field, Strict, WithJsonSchema, model_validator
 
@@ -243,6 +243,8 @@ class Conductor(_Opaque, _Microfacets):
 class Principled(_Opaque):
     """Metal, plastic, glass, cloth and blends of them: the metallic-roughness model of glTF 2.0 with its extensions."""
 
+    late_keys: ClassVar[frozenset[str]] = frozenset({"diffuse_transmission", "diffuse_transmission_color"})
+
     type: Literal["principled"]
     base_color: ReflectanceOrTexture = (1.0, 1.0, 1.0)
     metallic: ShareOrTexture = 0.0
@@ -256,6 +258,10 @@ class Principled(_Opaque):
         0.0, description="fraction of the dielectric part that transmits light, tinted by base_color"
     )
     thin: Flag = Field(False, description="transmission through a thin wall, without refraction")
+    diffuse_transmission: Share = Field(
+        0.0, description="fraction of the diffuse light that leaves on the other side, as through a leaf or paper"
+    )
+    diffuse_transmission_color: Reflectance = Field((1.0, 1.0, 1.0), description="colour of that light")
     diffuse_roughness: ShareOrTexture = Field(0.0, description="0: Lambertian; 1: maximum")
     coat: ShareOrTexture = Field(0.0, description="strength of the clear coat")
     coat_roughness: ShareOrTexture = 0.0
@@ -278,6 +284,18 @@ class Principled(_Opaque):
         if self.attenuation_color is not None and self.transmission == 0.0:
             sentence = "does nothing without transmission; give it some, or leave both out"
             raise fault("material", sentence, "attenuation_color")
+        return self
+
+    @model_validator(mode="after")
+    def _has_two_sides(self) -> Principled:
+        if self.diffuse_transmission > 0.0:
+            if self.solid:
+                sentence = (
+                    "is for sheets, but light is transmitted into a solid here; give thin = true, or leave it out"
+                )
+                raise fault("material", sentence, "diffuse_transmission")
+            if not self.two_sided:
+                raise fault("material", "needs a surface with two sides; leave two_sided out", "diffuse_transmission")
         return self
 
     @property
@@ -394,7 +412,7 @@ def passes_light(materials: Mapping[str, Material], material: Material) -> bool:
     if isinstance(material, Mix):
         return any(passes_light(materials, materials[name]) for name in material.materials)
     if isinstance(material, Principled):
-        return material.transmission != 0.0
+        return material.transmission != 0.0 or material.diffuse_transmission > 0.0
     return isinstance(material, Dielectric | Subsurface)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, StringConstraints, ValidationError
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
@@ -100,7 +100,15 @@ def number_as_triple(value: Any) -> Any:
 
 
 class Part(BaseModel):
-    """Base of every table of a scene file: frozen, unknown keys forbidden."""
+    """Base of every table of a scene file: frozen, unknown keys forbidden.
+
+    Attributes
+    ----------
+    late_keys : frozenset of str
+        Keys that there were not yet when films were first written: at their defaults they are not part of the hash.
+    """
+
+    late_keys: ClassVar[frozenset[str]] = frozenset()
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 

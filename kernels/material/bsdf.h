@@ -118,7 +118,7 @@ static void bsdf_read_rows(const Scene* scene, const Surface* s, vec3 direction,
 }
 
 static void bsdf_no_rows(Bsdf* b) {
-    b->closure.there = b->closure.glass.there = b->thin = mask_none();
+    b->closure.there = b->closure.glass.there = b->closure.diffuse.there = b->thin = mask_none();
     b->closure.albedo = vec3_all(0.0f);
 }
 #endif
@@ -191,7 +191,7 @@ static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* 
 static vmask bsdf_is_clear(const Bsdf* b) {
     vmask clear = b->kind == MATERIAL_DIELECTRIC;
 #ifdef MATERIALS
-    clear = clear | b->closure.glass.there;
+    clear = clear | closure_passes(&b->closure);
 #endif
 #ifdef MEDIA
     clear = clear | b->medium;
@@ -304,9 +304,9 @@ static vec3 bsdf_eval(const Bsdf* b, vec3 direction, vfloat* pdf) {
     f = scale(f, share);
     density = density * sampled;
 #ifdef MATERIALS
-    const vmask glass = b->closure.there & b->closure.glass.there;
-    if (lane_any(glass)) f = choose(glass, scale(f, bsdf_other_side(b, above, wi.z > 0.0f)), f);
-    vmask seen = !b->specular & ((above & (wi.z > 0.0f)) | glass);
+    const vmask passes = closure_passes(&b->closure);
+    if (lane_any(passes)) f = choose(passes, scale(f, bsdf_other_side(b, above, wi.z > 0.0f)), f);
+    vmask seen = !b->specular & ((above & (wi.z > 0.0f)) | passes);
 #else
     vmask seen = !b->specular & above;
 #endif

@@ -39,10 +39,13 @@ typedef struct {
     vfloat below;            // what coat and sheen leave of light along `wo`
     vfloat smoothest;        // alpha of the facets
     vec3 albedo;             // about the share of light along `wo` that is reflected or passes
-    // How often each way is sampled; sum 1. Back and through: what meets more than one facet
-    vfloat with_cosine, with_back, with_through, with_reflection, with_glass, with_even, with_coat;
+    // How often each way is sampled; sum 1. Back and through: what meets more than one facet; under: diffuse light on the other side
+    vfloat with_cosine, with_under, with_back, with_through, with_reflection, with_glass, with_even, with_coat;
     vfloat low2, octaves;    // of warp_low_hemisphere, for what meets more than one facet
 } Closure;
+
+// Where light goes to the other side, or comes from there.
+static vmask closure_passes(const Closure* c) { return c->there & (c->glass.there | (c->diffuse.there & (c->diffuse.passes > 0.0f))); }
 
 static vfloat closure_mean(vec3 v) { return (v.x + v.y + v.z) * (1.0f / 3.0f); }
 
@@ -116,6 +119,8 @@ static void closure_lobes(const Scene* scene, const Parameters* p, vmask front, 
     d->covered = layered;
     d->color = p->color;
     d->share = layered ? plastic : one;
+    d->passes = p->diffuse_transmission;
+    d->passes_color = p->diffuse_transmission_color;
     d->roughness = p->diffuse_roughness;
     d->f0 = f0, d->f90 = f90;
     d->passed = vec3_all(1.0f);
@@ -154,7 +159,7 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
     const vfloat none = splat(0.0f);
     const vmask once = parameters_flag(p, MATERIAL_FLAG_SINGLE_SCATTERING);
     c->smoothest = c->coat.there ? lesser(c->facets.alpha.y, c->coat.alpha) : c->facets.alpha.y;
-    vec3 reflected = vec3_all(0.0f), again = vec3_all(0.0f), spread = vec3_all(0.0f), passed = vec3_all(0.0f);
+    vec3 reflected = vec3_all(0.0f), again = vec3_all(0.0f), spread = vec3_all(0.0f), under = vec3_all(0.0f), passed = vec3_all(0.0f);
     c->with_through = none;
     c->below = c->inside ? splat(1.0f) : closure_below(c, wo.z);
     vfloat glassy = none, glass_spread = none;
@@ -178,7 +183,8 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
             const Covers over = closure_covers(c);
             diffuse_cover(&c->diffuse, &over, c->tables, c->facets.mean, splat(1.0f) - lost, all, grazing, c->below, wo.z);
             const vec3 left = choose(c->diffuse.covered, sub(vec3_all(1.0f), diffuse_layer(&c->diffuse, all, grazing)), vec3_all(1.0f));
-            spread = choose(c->diffuse.there, scale(mul(c->diffuse.color, left), c->diffuse.share), spread);
+            spread = choose(c->diffuse.there, scale(mul(c->diffuse.color, left), diffuse_share(&c->diffuse, mask_all())), spread);
+            under = choose(c->diffuse.there, scale(mul(c->diffuse.passes_color, left), diffuse_share(&c->diffuse, mask_none())), under);
         }
     }
     spread = choose(c->diffuse.there & !c->diffuse.covered, c->diffuse.color, spread);
@@ -191,6 +197,7 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
         c->with_through = share * c->glass.missing * c->glass.passes;
         passed = scale(add(vec3_of(back, back, back), scale(c->glass.color, splat(1.0f) - back)), share);
     }
+    passed = add(passed, under);
     vfloat coat = none, sheen = none;
     if (lane_any(c->coat.there)) coat = c->inside ? none : coat_albedo(&c->coat, c->tables, wo.z);
     if (lane_any(c->sheen.there)) {
@@ -212,10 +219,12 @@ static void closure_prepare(Closure* c, const Parameters* p, vec3 wo) {
     c->with_through = c->with_through * c->below;
     c->with_back = (closure_mean(again) + glass_spread) * c->below;
     c->with_cosine = diffuse * (splat(1.0f) - even);
-    const vfloat sum = c->with_coat + c->with_even + c->with_reflection + c->with_glass + c->with_through + c->with_back + c->with_cosine;
+    c->with_under = closure_mean(under) * c->below;
+    const vfloat sum = c->with_coat + c->with_even + c->with_reflection + c->with_glass + c->with_through + c->with_back + c->with_cosine + c->with_under;
     const vfloat inverse = inverse_or_one(sum);
     c->with_coat = c->with_coat * inverse, c->with_even = c->with_even * inverse, c->with_reflection = c->with_reflection * inverse;
     c->with_glass = c->with_glass * inverse, c->with_through = c->with_through * inverse, c->with_back = c->with_back * inverse;
+    c->with_under = c->with_under * inverse;
     c->low2 = c->octaves = splat(1.0f);
     if (lane_any((c->with_back > 0.0f) | (c->with_through > 0.0f))) {
         // Within glass of an index near 1 most light is lost near the horizon; metals lose it more evenly
@@ -241,7 +250,7 @@ static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
     const vec3 up = vec3_of(wi.x, wi.y, cosine);
     const vfloat again = above ? c->with_back : c->with_through;
     vec3 f = vec3_all(0.0f);
-    vfloat density = warp_cosine_hemisphere_pdf(cosine) * (above ? c->with_cosine : splat(0.0f)), one;
+    vfloat density = warp_cosine_hemisphere_pdf(cosine) * (above ? c->with_cosine : c->with_under), one;
     if (lane_any(again > 0.0f)) density = fma(again, warp_low_hemisphere_pdf(cosine, c->low2, c->octaves), density);
 
     vec3 m = up;
@@ -282,8 +291,10 @@ static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
             density = above ? fma(c->with_coat, one, density) : density;
         }
     }
-    if (lane_any(c->diffuse.there))
-        f = choose(above, add(f, diffuse_eval(&c->diffuse, c->tables, wo, up, all, grazing, c->inside ? splat(1.0f) : other)), f);
+    if (lane_any(c->diffuse.there)) {
+        const vec3 spread = diffuse_eval(&c->diffuse, c->tables, wo, up, above, all, grazing, c->inside ? splat(1.0f) : other);
+        f = choose(above | (c->diffuse.passes > 0.0f), add(f, spread), f);
+    }
     *pdf = density;
     return f;
 }
@@ -308,9 +319,11 @@ static vec3 closure_sample(const Closure* c, vec3 wo, vfloat u, vfloat v, vfloat
     const vmask reflection = closure_takes(&open, &u, c->with_reflection), coat = closure_takes(&open, &u, c->with_coat);
     const vmask glass = closure_takes(&open, &u, c->with_glass), even = closure_takes(&open, &u, c->with_even);
     const vmask through = closure_takes(&open, &u, c->with_through), back = closure_takes(&open, &u, c->with_back);
+    const vmask under = closure_takes(&open, &u, c->with_under);
     u = open & (c->with_cosine > 0.0f) ? quotient(u, c->with_cosine > 0.0f ? c->with_cosine : splat(1.0f)) : u;
     u = bounded(u, 0.0f, 0.99999994f);
     vec3 wi = warp_cosine_hemisphere(u, v);
+    wi.z = under ? -wi.z : wi.z;
     if (lane_any(back | through)) {
         wi = choose(back | through, warp_low_hemisphere(u, v, c->low2, c->octaves), wi);
         wi.z = through ? -wi.z : wi.z;

@@ -18,6 +18,8 @@ typedef struct {
     vfloat diffuse_roughness, coat, coat_roughness;
     vec3 sheen_color;
     vfloat sheen_roughness, anisotropy, rotation;
+    vfloat diffuse_transmission;
+    vec3 diffuse_transmission_color;
     vec3 eta, k, fresnel;
 #ifdef TEXTURES
     vec3 shading;                  // the shading normal, on the front side
@@ -64,7 +66,7 @@ static vmask parameters_unmix(const Scene* scene, const Surface* s, vmask has_ro
 
 // Where an image is mirrored and nothing passes.
 static vmask parameters_glossy(const Parameters* p) {
-    const vmask opaque = (p->kind == MATERIAL_PRINCIPLED) & (p->transmission == 0.0f);
+    const vmask opaque = (p->kind == MATERIAL_PRINCIPLED) & (p->transmission == 0.0f) & (p->diffuse_transmission == 0.0f);
     return opaque | (p->kind == MATERIAL_MIRROR) | (p->kind == MATERIAL_CONDUCTOR);
 }
 
@@ -119,6 +121,8 @@ static Parameters material_at(const Scene* scene, const Surface* s, vec3 directi
     p.eta = vec3_row(b, LAYER_ROW_ETA);
     p.k = vec3_row(b, LAYER_ROW_K);
     p.fresnel = vec3_row(b, LAYER_ROW_FRESNEL);
+    p.diffuse_transmission = p.kind == MATERIAL_PRINCIPLED ? b[LAYER_ROW_DIFFUSE_TRANSMISSION] : splat(0.0f);
+    p.diffuse_transmission_color = vec3_row(b, LAYER_ROW_DIFFUSE_TRANSMISSION_COLOR);
 #ifdef TEXTURES
     parameters_texture(scene, s, has_row ? row : vfloat_bits(s->attributes.row[ATTRIBUTE_ROW_SLOTS]), direction, &p);
 #endif

@@ -342,6 +342,28 @@ def test_extensions_of_materials(tmp_path: Path) -> None:
     assert made.attenuation_color == (0.001, 0.5, 1.0) and made.attenuation_distance == 2.0
 
 
+def test_a_leaf_lets_diffuse_light_through(tmp_path: Path) -> None:
+    leaf = {"diffuseTransmissionFactor": 0.6, "diffuseTransmissionColorFactor": [0.2, 0.4, 0.8]}
+    made = material(tmp_path, {"extensions": {"KHR_materials_diffuse_transmission": leaf}})
+    assert made.diffuse_transmission == 0.6
+    assert made.diffuse_transmission_color == (0.2, 0.4, 0.8)
+    assert not made.solid
+
+
+def test_what_has_an_inside_is_no_leaf(tmp_path: Path) -> None:
+    extensions = {
+        "KHR_materials_diffuse_transmission": {"diffuseTransmissionFactor": 0.6},
+        "KHR_materials_transmission": {"transmissionFactor": 0.9},
+        "KHR_materials_volume": {"thicknessFactor": 1.0},
+    }
+    model = Model()
+    model.extend(*extensions)
+    model.node(mesh=model.quad(model.add("materials", {"extensions": extensions})))
+    scene = loaded(tmp_path, model)
+    assert scene.materials["material 0"].model_dump()["diffuse_transmission"] == 0.0
+    assert any("KHR_materials_diffuse_transmission was left out" in note for note in scene.notes)
+
+
 def test_glass_without_thickness_is_thin(tmp_path: Path) -> None:
     glass: dict[str, Any] = {"KHR_materials_transmission": {"transmissionFactor": 1.0}}
     assert material(tmp_path, {"extensions": glass}).thin

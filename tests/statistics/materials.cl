@@ -26,7 +26,7 @@ __kernel void material_sample(__global const float* bits, __global const float* 
     if (at >= count) return;
     const Bsdf bsdf = material_bsdf(material_rows, albedo_tables, ior, front, vec3_from(wo));
     const BsdfSample s = bsdf_sample(&bsdf, vfloat_bits(lane_load(bits + at)), vfloat_bits(lane_load(bits + count + at)));
-    const vfloat world = inner(s.direction, bsdf.side), squeezed = world < 0.0f ? splat(1.0f) / (bsdf.eta * bsdf.eta) : splat(1.0f);
+    const vfloat squeezed = splat(1.0f) / bsdf_index_squared(&bsdf, s.direction);
     const vfloat out[8] = {s.direction.x, s.direction.y, s.direction.z, s.weight.x, s.weight.y, s.weight.z, s.pdf, squeezed};
     for (int k = 0; k < 8; ++k) lane_save(out[k], results + (size_t)k * count + at);
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 from collections.abc import Sequence
 from typing import Any, TypeAlias, TypeVar
@@ -282,6 +283,12 @@ def material(draw: Draw, kind: str | None = None) -> Json:
     if kind in ("lambert", "mirror", "oren_nayar", "conductor", "principled") and not draw.white:
         made |= {"two_sided": draw.chance(0.5)} if draw.chance(0.3) else {}
     solid = kind in ("dielectric", "subsurface") or made.get("transmission", 0.0) != 0.0
+    if kind == "principled" and not solid and made.get("two_sided", True):
+        aside = Draw(json.dumps(made), draw.white)  # apart, so that all else of the scenes stays as it was
+        if aside.chance(0.3):
+            made["diffuse_transmission"] = aside.one((1.0, aside.between(0.1, 0.9)))
+            if not aside.white and aside.chance(0.7):
+                made["diffuse_transmission_color"] = aside.color()
     if (not solid or made.get("thin")) and draw.chance(0.25):
         made["opacity"] = _share(draw, 0.1, 1.0)
         if draw.chance(0.4):

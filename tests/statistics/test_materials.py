@@ -62,6 +62,11 @@ WHOLE: dict[str, dict[str, Any]] = {
     **{f"beckmann glass {a}": dielectric(a, **BECKMANN) for a in (0.01, 0.1, 0.5, 1.0)},
     **{f"beckmann glass 0.3, {ior}": dielectric(0.3, ior, **BECKMANN) for ior in (1.05, 2.5)},
     **{f"thin beckmann {a}": dielectric(a, thin=True, **BECKMANN) for a in (0.1, 1.0)},
+    "sheet 0.6": principled(0.3, diffuse_transmission=0.6),
+    "rough sheet": principled(0.05, diffuse_transmission=1.0, diffuse_roughness=1.0, ior=2.5),
+    "cloth sheet": principled(
+        0.3, diffuse_transmission=0.5, sheen_color=WHITE, sheen_roughness=0.4, specular=0.0, diffuse_roughness=0.5
+    ),
 }
 """White materials that lose nothing, within 1e-3."""
 BOUNDED = {
@@ -91,9 +96,15 @@ RECIPROCAL = {**WHOLE, **BOUNDED, **ANISOTROPIC, "clear": principled(0.3, transm
 FEW = ("coat", "blend", "sheen 0.4")
 
 
+def passes_light(material: dict[str, Any]) -> bool:
+    return material["type"] == "dielectric" or any(
+        material.get(key) for key in ("transmission", "diffuse_transmission")
+    )
+
+
 def furnace(device: Device, material: dict[str, Any], seed: int, count: int = 2**18) -> list[tuple[str, float, float]]:
     """How much light comes back for one that arrives, and its standard error, from several angles and both sides."""
-    sides = (True, False) if material["type"] == "dielectric" or material.get("transmission") else (True,)
+    sides = (True, False) if passes_light(material) else (True,)
     results = []
     for i, (front, angle) in enumerate((f, a) for f in sides for a in ANGLES):
         _, weight, _ = sampled(device, material, towards(angle), 1000 * seed + i, count, front=front)
@@ -105,7 +116,7 @@ def furnace(device: Device, material: dict[str, Any], seed: int, count: int = 2*
 
 FAST = (
     *("oren_nayar 1.0", "conductor 0.1", "conductor 1.0", "glass 0.5", "thin 0.1", "cloth 0.4", "coat 0.1 on metal"),
-    *("beckmann 0.5", "beckmann glass 1.0", "thin beckmann 1.0"),
+    *("beckmann 0.5", "beckmann glass 1.0", "thin beckmann 1.0", "sheet 0.6", "rough sheet"),
 )
 
 
@@ -279,8 +290,9 @@ def test_reciprocity(device: Device, name: str) -> None:
     forth, _, _ = evaluated(device, material, wo, wi)
     back, _, _ = evaluated(device, material, wi, wo)
     np.testing.assert_allclose(forth / wi[:, 2:], back / wo[:, 2:], rtol=1e-4)
-    if material["type"] == "dielectric" or material.get("transmission"):
-        turned, squared = np.array([1.0, 1.0, -1.0]), 1.0 if material.get("thin") else material.get("ior", 1.5) ** 2
+    if passes_light(material):
+        bends = not (material.get("thin") or material.get("diffuse_transmission"))
+        turned, squared = np.array([1.0, 1.0, -1.0]), material.get("ior", 1.5) ** 2 if bends else 1.0
         forth, _, _ = evaluated(device, material, wo, wi * turned)
         # Seen from behind, z points to there
         back, _, _ = evaluated(device, material, wi, wo * turned, front=False)
@@ -295,6 +307,7 @@ def test_reciprocity(device: Device, name: str) -> None:
         "oren_nayar 1.0",
         "conductor 0.25",
         "conductor 1.0",
+        "sheet 0.6",
         *(
             pytest.param(n, marks=pytest.mark.slow)
             for n in (

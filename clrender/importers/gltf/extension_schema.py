@@ -51,6 +51,13 @@ MATERIAL_EXTENSIONS: Final[Mapping[str, Rule]] = dict(
             clearcoatRoughnessTexture=TEXTURE_INFO,
             clearcoatNormalTexture=_NORMAL,
         ),
+        _material(
+            "diffuse_transmission",
+            diffuseTransmissionFactor=_SHARE,
+            diffuseTransmissionTexture=TEXTURE_INFO,
+            diffuseTransmissionColorFactor=_COLOR,
+            diffuseTransmissionColorTexture=TEXTURE_INFO,
+        ),
         _material("emissive_strength", emissiveStrength=number(0.0)),
         _material("ior", ior=number(0.0)),
         _material(

@@ -129,6 +129,7 @@ class _Material:
             return self.made_of
         self._base_layer(base)
         self._glass()
+        self._sheet()
         self._dielectric()
         self._layers()
         self._emission()
@@ -191,6 +192,21 @@ class _Material:
         if distance < 1e12 and min(color) < 1.0:
             self.made_of["attenuation_color"] = [max(share, _LEAST_LEFT) for share in color]
             self.made_of["attenuation_distance"] = max(distance, 1e-9)
+
+    def _sheet(self) -> None:
+        """KHR_materials_diffuse_transmission: of a sheet, such as a leaf; what has an inside is not one."""
+        sheet, at = self._extension("diffuse_transmission"), "/extensions/KHR_materials_diffuse_transmission"
+        factor = sheet.get("diffuseTransmissionFactor", 0.0)
+        if not factor:
+            return
+        if self.made_of.get("transmission") and not self.made_of.get("thin"):
+            self._note(f"{at} was left out: light is transmitted into a solid here (KHR_materials_volume)")
+            return
+        for name in ("diffuseTransmissionTexture", "diffuseTransmissionColorTexture"):
+            if name in sheet:
+                self._note(f"{at}/{name} was left out: its factor counts everywhere")
+        self.made_of["diffuse_transmission"] = factor
+        self.made_of["diffuse_transmission_color"] = sheet.get("diffuseTransmissionColorFactor", [1.0] * 3)
 
     def _dielectric(self) -> None:
         """KHR_materials_ior and KHR_materials_specular."""

@@ -17,6 +17,8 @@ typedef struct {
     vmask there;
     vec3 color;
     vfloat share;            // of the surface
+    vfloat passes;           // of that, the share of light that leaves on the other side
+    vec3 passes_color;       // and its colour
     vfloat roughness;        // r of EON
     vmask covered;           // there is such a layer
     vec3 f0, f90;            // of the layer
@@ -80,11 +82,15 @@ static void diffuse_cover(Diffuse* d, const Covers* over, __global const float* 
     d->passed = choose(d->covered, passed, one);
 }
 
-// f in 1/sr; `all`, `grazing` of the layer along `wi`, and `left` by sheen and coat.
-static vec3 diffuse_eval(const Diffuse* d, __global const float* tables, vec3 wo, vec3 wi, vfloat all, vfloat grazing, vfloat left) {
+// The share of the surface whose light leaves on this side (`above`) or the other.
+static vfloat diffuse_share(const Diffuse* d, vmask above) { return d->share * (above ? splat(1.0f) - d->passes : d->passes); }
+
+// f in 1/sr; `all`, `grazing` of the layer along `wi`, and `left` by sheen and coat. Light leaves a sheet on its other side as it leaves on
+// this one: `wi` is the mirror image of the direction there. Both sides are covered alike, so that the same is lost on the way.
+static vec3 diffuse_eval(const Diffuse* d, __global const float* tables, vec3 wo, vec3 wi, vmask above, vfloat all, vfloat grazing, vfloat left) {
     vec3 below = scale(sub(vec3_all(1.0f), diffuse_layer(d, all, grazing)), left);
     if (lane_any(d->bends)) below = choose(d->bends, add(below, mul(below, diffuse_bent(d, tables, wi.z))), below);
-    const vec3 f = scale(eon_eval(d->color, d->roughness, wo, wi), d->share);
+    const vec3 f = scale(eon_eval(choose(above, d->color, d->passes_color), d->roughness, wo, wi), diffuse_share(d, above));
     return choose(d->there, choose(d->covered, mul(f, mul(d->passed, below)), f), vec3_all(0.0f));
 }
 
