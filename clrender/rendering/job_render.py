@@ -114,6 +114,7 @@ class JobRender:
         self._film: Film | None = None
         self._found: Convergence | None = None
         self._apart_bytes = MOST_BYTES
+        self._compiled = 0.0
         self._resumed: Mapping[str, int] = dict.fromkeys(("samples", "rays", "shadow_rays", "max_depth"), 0)
 
     @property
@@ -128,7 +129,32 @@ class JobRender:
             self._residency.tell(line)
         flat, memory = self._flat()
         with self._memory_held():
-            return self._image(flat, memory, keep_film, denoiser)
+            self._film = film = self._new_film(flat)
+            self._check_devices()
+            first = self._timed_layers(flat)
+            taken = self._samples(flat, film)
+            if first and taken.wrong and not taken.tally.all_failed:
+                first = self._timed_layers(flat)  # they may be wrong too
+            self._check_progress(taken.tally, film)
+            image = self._image(flat, memory, film, first, taken, keep_film, denoiser)
+            if taken.tally.all_failed and not taken.tally.complete:
+                raise IncompleteRender(str(taken.tally.failures[-1]), image) from taken.tally.failures[-1]
+            self._tell_outcome(flat, taken.tally, image)
+        return image
+
+    def developed(self) -> RenderedImage:
+        """The image of the film that was begun, without further samples; see `Session.develop`."""
+        flat, memory = self._flat()
+        self._film = film = self._new_film(flat)
+        lacking = self._plan.samples > 0
+        self._want(Ledger(film.width, film.height))
+        self._check_devices()
+        first = self._timed_layers(flat)
+        self._note_setup(time.perf_counter())
+        taken = self._nothing_taken()
+        image = self._image(flat, memory, film, first, taken, True, None, lacking)
+        self._tell_outcome(flat, taken.tally, image)
+        return image
 
     @contextmanager
     def _memory_held(self) -> Iterator[None]:
@@ -143,47 +169,54 @@ class JobRender:
                 self._residency.tell(line)
             yield
 
+    def _check_devices(self) -> None:
+        """Open the devices, and note how long their compilers have run before."""
+        check_lanes(self._settings, self._devices)
+        self._compiled = sum(device.compile_seconds for device in self._devices)
+
+    def _timed_layers(self, flat: FlatScene) -> _Arrays:
+        with self._timed("aov_seconds"):
+            return self._layers(flat)
+
+    def _note_setup(self, end: float) -> None:
+        self._seconds["setup_seconds"] = end - self._begin - self._seconds["aov_seconds"]
+
+    def _samples(self, flat: FlatScene, film: Film) -> _Taken:
+        """Take the samples of the plan, after the integrator's preparation, until the error is as small as wanted."""
+        devices = self._devices
+        prepared = self._prepared(flat) if self._plan.samples and self._cluster is None else None
+        self._note_setup(time.perf_counter())
+        cpu = time.process_time()
+        taken = self._run(flat, prepared, film, self._settings.error is not None)
+        if self._started is not None:
+            self._note_setup(self._started)
+        wrong = self._cluster is None and self._dismissed(devices, taken.tally)
+        return dataclasses.replace(taken, cpu_seconds=time.process_time() - cpu, wrong=wrong)
+
     def _image(
         self,
         flat: FlatScene,
         memory: Mapping[str, float],
+        film: Film,
+        first: _Arrays,
+        taken: _Taken,
         keep_film: bool,
         denoiser: Denoiser | None,
-        take: bool = True,
+        lacking: bool = False,
     ) -> RenderedImage:
-        job, settings, residency = self._job, self._settings, self._residency
-        self._film = film = self._new_film(flat)
-        left_out = 0 if take else self._plan.samples
-        if left_out:
-            self._want(Ledger(film.width, film.height))
-        devices = self._devices
-        check_lanes(settings, devices)
-        compiled = sum(device.compile_seconds for device in devices)
-        with self._timed("aov_seconds"):
-            first = self._layers(flat)
-        prepared = self._prepared(flat) if self._plan.samples and self._cluster is None else None
-        self._seconds["setup_seconds"] = time.perf_counter() - self._begin - self._seconds["aov_seconds"]
-        cpu = time.process_time()
-        sharing = self._devices
-        taken = self._run(flat, prepared, film, take and settings.error is not None)
-        tally, members = taken.tally, taken.members
-        if self._cluster is None and self._dismissed(sharing, tally) and first and not tally.all_failed:
-            with self._timed("aov_seconds"):  # the layers may be wrong too
-                first = self._layers(flat)
-        self._check_progress(tally, film)
-        if self._started is not None:
-            self._seconds["setup_seconds"] = self._started - self._begin - self._seconds["aov_seconds"]
+        """The image of a film, with layers and statistics; `lacking`: samples were left out on purpose."""
+        job, tally, members = self._job, taken.tally, taken.members
         errors = self._found.errors if self._found else standard_error(film) if film.replicate_spp else None
         linear = film.mean() if keep_film else film.develop()
-        first |= film_layers(film, errors, self._found)
+        layers = first | film_layers(film, errors, self._found)
         measured = {
             "load_seconds": self._seconds["read_seconds"] + self._seconds["flatten_seconds"],
             **self._seconds,
             **memory,
-            "compile_seconds": sum(member.compile_seconds for member in members) - compiled,
+            "compile_seconds": sum(member.compile_seconds for member in members) - self._compiled,
             "build_seconds": max((member.build_seconds for member in members), default=0.0),
             "render_seconds": taken.finished - (self._started or taken.finished),
-            "render_cpu_seconds": time.process_time() - cpu,
+            "render_cpu_seconds": taken.cpu_seconds,
             "write_seconds": 0.0,
             "wall_seconds": time.perf_counter() - self._begin,
         }
@@ -191,25 +224,26 @@ class JobRender:
         stats = render_stats(job, flat, film, linear, tally, members, measured, resumed, checkpoint) | dict(taken.told)
         if errors is not None:
             stats |= error_stats(job, film, errors, self._found, tally.complete)
-        denoised = self._denoised(denoiser, linear, first, stats) if denoiser else None
-        layers = {name: first[name] for name in job.aov if name in first}
-        mattes = {name: names for name, names in matte_names(job.scene).items() if name in layers} if job.aov else {}
-        image = RenderedImage(linear, stats, film, not tally.complete or left_out > 0, denoised, layers, mattes)
-        if tally.all_failed and not tally.complete:
-            raise IncompleteRender(str(tally.failures[-1]), image) from tally.failures[-1]
+        denoised = self._denoised(denoiser, linear, layers, stats) if denoiser else None
+        wanted = {name: layers[name] for name in job.aov if name in layers}
+        mattes = {name: names for name, names in matte_names(job.scene).items() if name in wanted} if job.aov else {}
+        return RenderedImage(linear, stats, film, not tally.complete or lacking, denoised, wanted, mattes)
+
+    def _tell_outcome(self, flat: FlatScene, tally: Tally, image: RenderedImage) -> None:
+        """Say which devices failed, which samples were lost, and why an image is black."""
         for line in failures_told(tally):
-            residency.tell(line)
+            self._residency.tell(line)
+        stats = image.stats
         if lost := stats["nonfinite_samples"]:
-            residency.tell(
+            self._residency.tell(
                 f"warning: {lost} of {stats['samples']} samples were not finite, or brighter than 2^43, and are left "
                 "out: the image is too dark where they were"
             )
-        elif (flat.light_count or flat.environment != layout.NONE) and stats["samples"] and not linear.any():
-            residency.tell(
+        elif (flat.light_count or flat.environment != layout.NONE) and stats["samples"] and not image.linear.any():
+            self._residency.tell(
                 "warning: every pixel is black: no light reaches the camera. A shape emits light from its front only, "
                 "on which its corners are in counter-clockwise order"
             )
-        return image
 
     def part(self, wanted: Ledger, check: Callable[[Mapping[str, Any]], None]) -> Film:
         """Render only some samples of some blocks of pixels.
@@ -261,11 +295,6 @@ class JobRender:
         flat, _ = self._flat()
         return self._layers(flat)
 
-    def developed(self) -> RenderedImage:
-        """The image of the film that was begun, without further samples; see `Session.develop`."""
-        flat, memory = self._flat()
-        return self._image(flat, memory, keep_film=True, denoiser=None, take=False)
-
     def _flat(self) -> tuple[FlatScene, dict[str, float]]:
         """The scene as arrays, and the memory that reading and flattening it took."""
         with self._timed("read_seconds"):
@@ -309,19 +338,22 @@ class JobRender:
 
     def _run(self, flat: FlatScene, prepared: Prepared | None, film: Film, until_good: bool = False) -> _Taken:
         """Take the samples of the plan; prepare the integrator first if `prepared` is None."""
-        if not self._plan.samples:
-            if until_good:
-                _, self._found = run_until_good(self._plan, [], film, self._settings)
-            names = [WorkerTally(device.info.title) for device in self._devices]
-            members = [member(device) for device in self._devices]
-            taken = _Taken(Tally(complete=True, workers=names), members, time.perf_counter(), {})
-        else:
+        if self._plan.samples:
             with self._team(flat, prepared) as team:
                 tally = self._take(team, film, until_good)
                 taken = _Taken.of(tally, team, time.perf_counter())
+        else:
+            if until_good:
+                _, self._found = run_until_good(self._plan, [], film, self._settings)
+            taken = self._nothing_taken()
         if self._checkpoint is not None:
             self._checkpoint.finish()
         return taken
+
+    def _nothing_taken(self) -> _Taken:
+        names = [WorkerTally(device.info.title) for device in self._devices]
+        members = [member(device) for device in self._devices]
+        return _Taken(Tally(complete=True, workers=names), members, time.perf_counter(), {})
 
     def _take(self, team: Team, film: Film, until_good: bool) -> Tally:
         """Have a team take the samples of the plan, or fewer if the error criterion is met earlier."""
@@ -484,12 +516,18 @@ class _Taken:
         Time of the last result, by `time.perf_counter`.
     told : mapping
         Further entries of the statistics.
+    cpu_seconds : float
+        Of this process.
+    wrong : bool
+        Whether a device computed wrong results.
     """
 
     tally: Tally
     members: list[Member]
     finished: float
     told: Mapping[str, Any]
+    cpu_seconds: float = 0.0
+    wrong: bool = False
 
     @classmethod
     def of(cls, tally: Tally, team: Team, finished: float) -> _Taken:
