@@ -43,7 +43,7 @@ _HOMES = {
     "Session": "clrender.rendering.session",
     "UsageError": "clrender.errors",
     "View": "clrender.view.notebook",
-    "devices": "clrender.device",
+    "devices": "clrender.drivers",
     "load": "clrender.importers",
     "render": "clrender.api",
     "verify": "clrender.verification",

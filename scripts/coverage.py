@@ -20,7 +20,7 @@ import clrender
 from clrender.film.convergence import judge
 from clrender.film.replicates import image_error, replicate_counts
 from clrender.settings import RenderSettings
-from clrender.statistics.student import critical_value
+from clrender.statistics.student_t import critical_value
 
 SCENES: Final = {"room": 0.6, "lens": 0.4, "candles": 0.8, "textures": 0.1, "haze": 0.8}
 """Scenes and the error at which they end: after about 500 samples of each pixel."""

@@ -165,7 +165,7 @@ install_extra() {
 finds_device() {
     "$venv/bin/python" -c '
 import sys
-from clrender.device import select
+from clrender.drivers import select
 from clrender.errors import ClrenderError
 try:
     select("auto", notify=lambda line: print("clrender set-up:", line, file=sys.stderr))

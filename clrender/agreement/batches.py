@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from clrender.agreement.significance import has_outlier, holm, welch
 from clrender.agreement.verdict import Verdict, verdict
-from clrender.statistics.student import critical_value
+from clrender.statistics.student_t import critical_value
 
 if TYPE_CHECKING:
     from clrender.scene import Scene

@@ -12,7 +12,7 @@ from clrender.errors import UsageError
 from clrender.film import Film
 from clrender.film.replicates import image_error, pooled, replicate_counts, standard_error
 from clrender.integrators import INTEGRATORS
-from clrender.statistics.student import p_value
+from clrender.statistics.student_t import p_value
 
 __all__ = ["LEVEL", "compare_films"]
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from clrender.agreement.batches import LEVEL, Batches, Pair, compare_batches, tile_means
 from clrender.errors import RenderError, UsageError
-from clrender.flatten.taken import check_materials
+from clrender.flatten.supported import check_materials
 from clrender.integrators import INTEGRATORS
 from clrender.rendering.rendered_image import Progress, RenderedImage
 from clrender.rendering.session import Session

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from clrender.statistics.student import SMALLEST, p_value
+from clrender.statistics.student_t import SMALLEST, p_value
 
 __all__ = ["Welch", "has_outlier", "holm", "welch"]
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from clrender.cli.last_words import LastWords
+from clrender.cli.crash_message import CrashMessage
 from clrender.files.access import remove_temporaries
 
 __all__ = ["INTERRUPTED", "TERMINATED", "Interrupt", "Terminated", "interruptible", "terminable"]
@@ -39,7 +39,7 @@ class Interrupt:
         middle of a compilation.
     exit_code : int
         Exit code of a program that ends because of the first signal.
-    last_words : LastWords
+    crash_message : CrashMessage
         Printed if a driver kills the process.
     """
 
@@ -47,7 +47,7 @@ class Interrupt:
         self.has_picture = threading.Event()
         self.exit_code = INTERRUPTED
         self._wanted = threading.Event()
-        self.last_words = LastWords()
+        self.crash_message = CrashMessage()
 
     def wanted(self) -> bool:
         """True from the first signal on."""
@@ -70,10 +70,10 @@ class Interrupt:
         """Exit at once, whatever the main thread is doing."""
         remove_temporaries()
         # Not imported here: the main thread may be importing it right now.
-        leave = getattr(sys.modules.get("clrender.device.compiled"), "leave", None)
+        leave = getattr(sys.modules.get("clrender.device.program_cache"), "leave", None)
         if leave is not None:
             leave()
-        self.last_words.cancel()
+        self.crash_message.cancel()
         sys.stderr.write(f"\nerror: {message}\n")
         sys.stderr.flush()
         os._exit(self.exit_code)
@@ -109,7 +109,7 @@ def interruptible() -> Iterator[Interrupt]:
         try:
             yield interrupt
         finally:
-            interrupt.last_words.cancel()
+            interrupt.crash_message.cancel()
         return
     reader, writer = socket.socketpair()
     writer.setblocking(False)
@@ -135,7 +135,7 @@ def interruptible() -> Iterator[Interrupt]:
             signal.signal(number, handler)
         signal.set_wakeup_fd(previous_descriptor)
         interrupt.has_picture.set()
-        interrupt.last_words.cancel()
+        interrupt.crash_message.cancel()
         writer.close()
         listener.join()
         reader.close()

@@ -7,8 +7,8 @@ import hashlib
 import warnings
 from typing import TYPE_CHECKING, Any
 
-from clrender.device.compiled import load_binary, store_binary
 from clrender.device.driver_settings import driver_settings
+from clrender.device.program_cache import load_binary, store_binary
 from clrender.errors import DeviceError
 
 if TYPE_CHECKING:

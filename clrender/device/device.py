@@ -15,15 +15,15 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from clrender.device.compiled import Sentinel, leave
 from clrender.device.compiler import build, program_key, store
 from clrender.device.forked import refuse_forked
 from clrender.device.info import DeviceInfo
+from clrender.device.program_cache import Sentinel, leave
 from clrender.device.registers import register_options
 from clrender.device.source import Source, load_source
 from clrender.errors import DeviceError, DeviceFailure, MemoryRefused, RenderError
+from clrender.process.exclusive import Turn
 from clrender.process.huge_pages import LARGE_BYTES, prefer_large_pages, withdraw_preference
-from clrender.process.turn import Turn
 
 if TYPE_CHECKING:
     import pyopencl as cl

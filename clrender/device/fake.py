@@ -13,7 +13,7 @@ import numpy.typing as npt
 from clrender.device.device import BUSY, Buffer, Device, Program, Reading
 from clrender.device.info import DeviceInfo
 from clrender.errors import DeviceError, RenderError
-from clrender.process.turn import Turn
+from clrender.process.exclusive import Turn
 
 __all__ = ["FakeDevice", "FakeKernel"]
 

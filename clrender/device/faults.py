@@ -11,8 +11,8 @@ from typing import Any, Final, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from clrender.device.compiled import Sentinel
 from clrender.device.device import Buffer, Device
+from clrender.device.program_cache import Sentinel
 
 __all__ = ["CALLS", "Fault", "FaultyDevice", "Lie"]
 

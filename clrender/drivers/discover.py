@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from clrender.device import cache, compiled
+from clrender.device import cache, program_cache
 from clrender.device.driver_settings import CACHES, DEFAULTS, PLACES, driver_settings
 from clrender.device.forked import driver_loads, refuse_forked
 from clrender.drivers import vendor_libraries
@@ -137,7 +137,7 @@ def driver_variables() -> dict[str, str]:
 
 
 def _pocl_folder() -> Path | None:
-    folder = compiled.compiler_folder()
+    folder = program_cache.compiler_folder()
     if folder is None:
         return None
     try:

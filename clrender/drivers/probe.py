@@ -22,7 +22,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final
 
-from clrender.device import cache, compiled
+from clrender.device import cache, program_cache
 from clrender.device.info import DeviceInfo
 from clrender.device.source import kernels_sha256
 from clrender.drivers.discover import Driver, driver_variables, drivers, fingerprint
@@ -170,7 +170,7 @@ def _running(command: Sequence[str], changes: dict[str, str] | None = None) -> I
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             if process.returncode is not None:
-                compiled.Sentinel.drop(process.pid)  # its programs are judged by the child's answer
+                program_cache.Sentinel.drop(process.pid)  # its programs are judged by the child's answer
 
 
 def _answer(process: subprocess.Popen[bytes], errors: IO[bytes], seconds: float) -> Answer:
@@ -412,7 +412,7 @@ def probe(info: DeviceInfo, *, again: bool = False, notify: Callable[[str], None
         detail += "; CLRENDER_PROBE_SECONDS allows more"
     if verdict == "crashed" and not _scarce(detail):
         verdict, detail = _without_cache(request, verdict, detail)
-    compiled.limit_compiler_folder()  # done here because few processes probe
+    program_cache.limit_compiler_folder()  # done here because few processes probe
     if verdict == "ok" or not (verdict == "timeout" or _scarce(detail) or _limited()):
         cache.write_json(_verdict_name(info, driver), {"probe": verdict, "detail": detail, "device": info.title})
     return replace(info, probe=verdict, detail=detail)
@@ -434,7 +434,7 @@ def _without_cache(request: dict[str, Any], verdict: str, detail: str) -> tuple[
         return verdict, detail
     if second[0] == "crashed":
         return verdict, detail
-    compiled.renew_compiler_folder()
+    program_cache.renew_compiler_folder()
     return second
 
 

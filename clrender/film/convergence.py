@@ -20,7 +20,7 @@ from clrender.film.film import Film
 from clrender.film.replicates import pooled, replicate_counts, standard_error
 from clrender.image.tone_map import LUMINANCE
 from clrender.settings import FIRST_LOOK, SETTINGS, RenderSettings
-from clrender.statistics.student import critical_value
+from clrender.statistics.student_t import critical_value
 
 __all__ = ["Convergence", "interval_of_mean", "judge", "level", "looks"]
 

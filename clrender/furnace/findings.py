@@ -17,7 +17,7 @@ import numpy as np
 
 from clrender.furnace.energy import COPIES, Energy
 from clrender.furnace.measure import Measured
-from clrender.statistics.student import critical_value
+from clrender.statistics.student_t import critical_value
 
 __all__ = ["ALARM", "ALLOWED", "RECIPROCAL", "Finding", "corrected", "findings"]
 

@@ -15,7 +15,7 @@ from clrender.exact.matrices import length
 from clrender.flatten.bounds import scene_bounds
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
-from clrender.importers.sharing import share_meshes
+from clrender.importers.instancing import share_meshes
 from clrender.importers.studio import studio_light
 from clrender.scene import EnvironmentLight, Mesh, Scene
 from clrender.scene.frozen import frozen

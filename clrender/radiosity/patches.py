@@ -14,8 +14,8 @@ from clrender.exact.matrices import inner
 from clrender.flatten.assembly import written_out
 from clrender.flatten.flat_scene import FlatScene, flatten, scene_origin
 from clrender.flatten.lamps import AT_POINT
+from clrender.flatten.supported import check_materials
 from clrender.flatten.surfaces import flat_surfaces
-from clrender.flatten.taken import check_materials
 from clrender.meshes.data import MeshData
 from clrender.radiosity.tessellate import disk_triangles, sphere_triangles
 from clrender.radiosity.textured import patch_coordinates, patch_reflectance, textured_shapes

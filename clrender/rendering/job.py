@@ -14,7 +14,7 @@ from clrender.aov import ERRORS, check_aovs
 from clrender.device.source import kernels_sha256
 from clrender.errors import UsageError
 from clrender.files.package_data import kernels_folder
-from clrender.flatten.taken import check_materials
+from clrender.flatten.supported import check_materials
 from clrender.integrators import INTEGRATORS, Integrator
 from clrender.scene import Scene
 from clrender.scene.portable import scene_from_portable, scene_to_portable

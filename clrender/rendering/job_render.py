@@ -46,7 +46,7 @@ from clrender.scheduling.member import Member
 from clrender.scheduling.policy import Plan
 from clrender.scheduling.run import Tally, WorkerTally, run
 from clrender.scheduling.tally import failures_told
-from clrender.scheduling.until_good import run_until_good
+from clrender.scheduling.until_converged import run_until_converged
 
 if TYPE_CHECKING:
     from clrender.settings import RenderSettings
@@ -336,15 +336,15 @@ class JobRender:
         self._plan = dataclasses.replace(self._plan, wanted=wanted)
         self._total = self._plan.samples
 
-    def _run(self, flat: FlatScene, prepared: Prepared | None, film: Film, until_good: bool = False) -> _Taken:
+    def _run(self, flat: FlatScene, prepared: Prepared | None, film: Film, until_converged: bool = False) -> _Taken:
         """Take the samples of the plan; prepare the integrator first if `prepared` is None."""
         if self._plan.samples:
             with self._team(flat, prepared) as team:
-                tally = self._take(team, film, until_good)
+                tally = self._take(team, film, until_converged)
                 taken = _Taken.of(tally, team, time.perf_counter())
         else:
-            if until_good:
-                _, self._found = run_until_good(self._plan, [], film, self._settings)
+            if until_converged:
+                _, self._found = run_until_converged(self._plan, [], film, self._settings)
             taken = self._nothing_taken()
         if self._checkpoint is not None:
             self._checkpoint.finish()
@@ -355,7 +355,7 @@ class JobRender:
         members = [member(device) for device in self._devices]
         return _Taken(Tally(complete=True, workers=names), members, time.perf_counter(), {})
 
-    def _take(self, team: Team, film: Film, until_good: bool) -> Tally:
+    def _take(self, team: Team, film: Film, until_converged: bool) -> Tally:
         """Have a team take the samples of the plan, or fewer if the error criterion is met earlier."""
         take = partial(
             run,
@@ -364,9 +364,9 @@ class JobRender:
             limits=team.limits,
             apart_bytes=self._apart_bytes,
         )
-        if not until_good:
+        if not until_converged:
             return take(self._plan, team.candidates, film, self._advance)
-        tally, self._found = run_until_good(self._plan, team.candidates, film, self._settings, take, self._advance)
+        tally, self._found = run_until_converged(self._plan, team.candidates, film, self._settings, take, self._advance)
         return tally
 
     def _team(self, flat: FlatScene, prepared: Prepared | None) -> AbstractContextManager[Team]:

@@ -20,9 +20,9 @@ from clrender.film import Film
 from clrender.film.checkpoint import Checkpoint
 from clrender.film.ledger import Ledger
 from clrender.film.running import RunningFilm
+from clrender.process.exclusive import Turn
 from clrender.process.shield import Call
 from clrender.process.stages import Stages
-from clrender.process.turn import Turn
 from clrender.rendering.job import RenderJob
 from clrender.rendering.job_render import JobRender
 from clrender.rendering.rendered_image import Progress, RenderedImage

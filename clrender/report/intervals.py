@@ -7,7 +7,7 @@ import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from clrender.statistics.student import critical_value
+from clrender.statistics.student_t import critical_value
 
 __all__ = ["Interval", "mean_interval", "power_law", "ratio_interval", "scaled"]
 

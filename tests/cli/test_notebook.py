@@ -36,7 +36,7 @@ CELLS = (
     """
 import clrender
 import clrender.view.notebook
-from clrender.device import select
+from clrender.drivers import select
 (device,) = select("{device}")
 before = device.buffers
 scene = clrender.load("scene.toml")

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 import OpenEXR
-import rival_scenes
+import peer_scenes
 from gltf_files import Model
 from serialized_files import serialized
 
@@ -138,8 +138,8 @@ def originals(folder: Path, ending: str) -> list[bytes]:
     if ending in (".gltf", ".glb"):
         return [glTF().glb() if ending == ".glb" else glTF().gltf()]
     if ending in (".xml", ".pbrt"):
-        rival_scenes.write_parts(folder)
-        texts = [rival_scenes.PBRT] if ending == ".pbrt" else [rival_scenes.MITSUBA, rival_scenes.MITSUBA_06]
+        peer_scenes.write_parts(folder)
+        texts = [peer_scenes.PBRT] if ending == ".pbrt" else [peer_scenes.MITSUBA, peer_scenes.MITSUBA_06]
         return [text.encode() for text in texts]
     if ending == ".serialized":
         points = np.arange(15).reshape(5, 3) * 0.3

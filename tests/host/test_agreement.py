@@ -21,7 +21,7 @@ from clrender.errors import UsageError
 from clrender.integrators import BETWEEN_DIFFUSE, CAUSTICS, ENVIRONMENT_ON_DIFFUSE, INTEGRATORS, SOFT_SHADOWS
 from clrender.integrators.descriptor import Pipeline
 from clrender.scene import Scene, load
-from clrender.statistics.student import critical_value, p_value
+from clrender.statistics.student_t import critical_value, p_value
 
 Floats = npt.NDArray[np.float64]
 
@@ -69,7 +69,7 @@ def test_the_default_install_is_enough() -> None:
         import sys
         sys.modules.update(dict.fromkeys(("scipy", "matplotlib")))
         import clrender.agreement.integrators, clrender.report.runs, clrender.report.verdicts
-        print(clrender.statistics.student.p_value(0.0, 3.0))
+        print(clrender.statistics.student_t.p_value(0.0, 3.0))
     """
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "1.0\n"
 

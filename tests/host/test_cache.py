@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from clrender.device import cache, compiled
+from clrender.device import cache, program_cache
 from clrender.drivers import discover
 from clrender.drivers.discover import Driver
 from clrender.errors import DeviceError
@@ -48,8 +48,8 @@ def planted(folder: Path) -> None:
     """Somebody's binary, checksum and all."""
     before = os.environ["XDG_CACHE_HOME"]
     os.environ["XDG_CACHE_HOME"] = str(folder.parent / "of-another")
-    compiled.store_binary("key", b"evil")
-    assert compiled.load_binary("key") == b"evil"
+    program_cache.store_binary("key", b"evil")
+    assert program_cache.load_binary("key") == b"evil"
     os.environ["XDG_CACHE_HOME"] = before
     shutil.rmtree(folder, ignore_errors=True)  # a thread of an earlier test may just have made it
     (folder.parent / "of-another" / "clrender").rename(folder)
@@ -59,8 +59,8 @@ def test_a_folder_of_ones_own_takes_the_place_of_one_that_cannot_be_written(temp
     folder = cache.cache_folder()
     assert folder == temporary / f"clrender-cache-{os.geteuid()}"
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
-    compiled.store_binary("key", b"mine")
-    assert compiled.load_binary("key") == b"mine"
+    program_cache.store_binary("key", b"mine")
+    assert program_cache.load_binary("key") == b"mine"
 
 
 @pytest.mark.parametrize("mode", [0o777, 0o770, 0o702])
@@ -69,7 +69,7 @@ def test_nothing_is_loaded_from_a_folder_that_others_may_write(temporary: Path, 
     planted(folder)
     folder.chmod(mode)
     assert cache.cache_folder() is None
-    assert compiled.load_binary("key") is None
+    assert program_cache.load_binary("key") is None
 
 
 def test_nothing_is_loaded_from_a_folder_of_another_user(temporary: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,14 +78,14 @@ def test_nothing_is_loaded_from_a_folder_of_another_user(temporary: Path, monkey
     planted(folder)
     monkeypatch.setattr(os, "geteuid", lambda: another)
     assert cache.cache_folder() is None
-    assert compiled.load_binary("key") is None
+    assert program_cache.load_binary("key") is None
 
 
 def test_nothing_is_loaded_through_a_link(temporary: Path) -> None:
     planted(temporary / "elsewhere")
     (temporary / f"clrender-cache-{os.geteuid()}").symlink_to(temporary / "elsewhere")
     assert cache.cache_folder() is None
-    assert compiled.load_binary("key") is None
+    assert program_cache.load_binary("key") is None
 
 
 @pytest.mark.parametrize(("mode", "fits"), [(0o777, False), (0o775, False), (0o1777, True), (0o755, True)])
@@ -118,12 +118,12 @@ def test_without_room_nothing_is_kept_and_nothing_fails(temporary: Path, monkeyp
     monkeypatch.setattr(cache, "ROOM_BYTES", 1 << 62)
     cache.process_folder.cache_clear()
     assert cache.cache_folder() is None
-    compiled.store_binary("key", b"binary")
+    program_cache.store_binary("key", b"binary")
     cache.write_json("drivers/x.json", {})
-    assert compiled.load_binary("key") is None
+    assert program_cache.load_binary("key") is None
     assert cache.read_json("drivers/x.json") is None
-    compiled.limit_compiler_folder()
-    sentinel = compiled.Sentinel()
+    program_cache.limit_compiler_folder()
+    sentinel = program_cache.Sentinel()
     sentinel.put("key")
     sentinel.take()
     assert "POCL_CACHE_DIR" not in discover.driver_variables()
@@ -133,7 +133,7 @@ def test_without_room_nothing_is_kept_and_nothing_fails(temporary: Path, monkeyp
 
 
 def test_a_folder_that_another_process_removes_meanwhile_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = compiled.compiler_folder()
+    folder = program_cache.compiler_folder()
     assert folder is not None
     (folder / "pocl" / "goes").mkdir(parents=True)
     scan = os.scandir
@@ -144,7 +144,7 @@ def test_a_folder_that_another_process_removes_meanwhile_is_passed_over(monkeypa
         return scan(path)
 
     monkeypatch.setattr(os, "scandir", late)
-    compiled.limit_compiler_folder()
+    program_cache.limit_compiler_folder()
     assert not (folder / "pocl" / "goes").exists()
 
 
@@ -152,8 +152,8 @@ def test_without_a_cache_what_is_compiled_lies_in_a_folder_of_the_process(tempor
     (temporary / f"clrender-cache-{os.geteuid()}").symlink_to(temporary)
     code = (
         f"import sys; sys.path.insert(0, {ROOT!r})\n"
-        "from clrender.device import cache, compiled\ncache._TEMPORARY_PLACES = ()\n"
-        "folder = compiled.compiler_folder()\nassert folder.is_dir() and cache.is_private(folder)\nprint(folder)\n"
+        "from clrender.device import cache, program_cache\ncache._TEMPORARY_PLACES = ()\n"
+        "folder = program_cache.compiler_folder()\nassert folder.is_dir() and cache.is_private(folder)\nprint(folder)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert Path(done.stdout.strip()).parent == temporary
@@ -174,18 +174,18 @@ def test_folders_of_killed_processes_go_when_the_next_is_made(temporary: Path) -
 
 
 def test_a_kept_binary_with_one_wrong_byte_is_not_used() -> None:
-    compiled.store_binary("key", b"binary")
-    assert compiled.load_binary("key") == b"binary"
+    program_cache.store_binary("key", b"binary")
+    assert program_cache.load_binary("key") == b"binary"
     path = folder_of_compiled() / "programs" / "key"
     data = bytearray(path.read_bytes())
     data[-1] ^= 1
     path.write_bytes(bytes(data))
-    assert compiled.load_binary("key") is None
+    assert program_cache.load_binary("key") is None
     assert not path.exists()
 
 
 def folder_of_compiled() -> Path:
-    folder = compiled.compiler_folder()
+    folder = program_cache.compiler_folder()
     assert folder is not None
     return folder
 
@@ -204,26 +204,26 @@ def die(how: str) -> None:
     """End a process that compiles what is kept as ``mine``."""
     code = (
         f"import os, sys; sys.path.insert(0, {ROOT!r})\n"
-        f"from clrender.device import compiled\ncompiled.Sentinel().put('mine')\n{how}\n"
+        f"from clrender.device import program_cache\nprogram_cache.Sentinel().put('mine')\n{how}\n"
     )
     subprocess.run([sys.executable, "-c", code], check=False)
 
 
 KILLED = "os.kill(os.getpid(), 9)"
-INTERRUPTED = "compiled.leave(); os._exit(130)"
+INTERRUPTED = "program_cache.leave(); os._exit(130)"
 
 
 @pytest.mark.parametrize("how", [KILLED, INTERRUPTED, "os.abort()"])
 def test_a_process_that_ends_while_it_compiles_costs_what_it_compiled_and_no_more(how: str) -> None:
     before = folder_of_compiled()
-    compiled.store_binary("mine", b"half")
-    compiled.store_binary("other", b"whole")
+    program_cache.store_binary("mine", b"half")
+    program_cache.store_binary("other", b"whole")
     now = time.time()
     old, loaded, written = (pocl_program(*each) for each in (("old", 0, 0), ("loaded", 0, now), ("written", now, now)))
     die(how)
     assert folder_of_compiled() == before
-    assert compiled.load_binary("mine") is None
-    assert compiled.load_binary("other") == b"whole"
+    assert program_cache.load_binary("mine") is None
+    assert program_cache.load_binary("other") == b"whole"
     assert [old.exists(), written.exists()] == [True, False]
     # One that was loaded may be what it died of, unless somebody wanted it to end.
     assert loaded.exists() == (how == INTERRUPTED)
@@ -247,13 +247,13 @@ def test_what_another_process_runs_is_kept(how: str) -> None:
 
 
 def test_a_process_that_ends_well_costs_nothing() -> None:
-    compiled.store_binary("mine", b"whole")
+    program_cache.store_binary("mine", b"whole")
     die("")
-    assert compiled.load_binary("mine") == b"whole"
+    assert program_cache.load_binary("mine") == b"whole"
 
 
 def test_two_devices_have_a_sentinel_each() -> None:
-    first, second = compiled.Sentinel(), compiled.Sentinel()
+    first, second = program_cache.Sentinel(), program_cache.Sentinel()
     first.put("mine")
     second.put("other")
     busy = folder_of_compiled().parent / "busy"
@@ -266,18 +266,18 @@ def test_two_devices_have_a_sentinel_each() -> None:
 
 
 def test_nothing_is_removed_while_another_process_compiles() -> None:
-    sentinel = compiled.Sentinel()
+    sentinel = program_cache.Sentinel()
     sentinel.put("other")
-    compiled.store_binary("mine", b"half")
+    program_cache.store_binary("mine", b"half")
     die(KILLED)
-    assert compiled.load_binary("mine") == b"half"
+    assert program_cache.load_binary("mine") == b"half"
     sentinel.take()
-    assert compiled.load_binary("mine") is None
+    assert program_cache.load_binary("mine") is None
 
 
 def test_nobody_begins_to_compile_while_something_is_removed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Else what a compiler has just written would be gone before it reads it."""
-    folder, sentinel, purge = folder_of_compiled(), compiled.Sentinel(), compiled._purge
+    folder, sentinel, purge = folder_of_compiled(), program_cache.Sentinel(), program_cache._purge
     (folder / "pocl").mkdir()
     die(KILLED)
     written = threading.Event()
@@ -288,12 +288,12 @@ def test_nobody_begins_to_compile_while_something_is_removed(monkeypatch: pytest
         written.set()
 
     def purge_meanwhile(base: Path, record: dict[str, Any]) -> None:
-        monkeypatch.setattr(compiled, "_purge", purge)
+        monkeypatch.setattr(program_cache, "_purge", purge)
         threading.Thread(target=compile_something).start()
         written.wait(0.3)
         purge(base, record)
 
-    monkeypatch.setattr(compiled, "_purge", purge_meanwhile)
+    monkeypatch.setattr(program_cache, "_purge", purge_meanwhile)
     folder_of_compiled()
     assert written.wait(10.0)
     assert (folder / "pocl" / "tempfile").exists()
@@ -304,7 +304,7 @@ def test_nobody_begins_to_compile_while_something_is_removed(monkeypatch: pytest
 def test_a_sentinel_that_says_nothing_costs_all(content: bytes) -> None:
     """One of this process's number, too, that is none of its own: numbers come again."""
     before = folder_of_compiled()
-    sentinel = compiled.Sentinel()
+    sentinel = program_cache.Sentinel()
     sentinel.put("key")
     (file,) = (before.parent / "busy").iterdir()
     sentinel.take()
@@ -316,7 +316,7 @@ def test_a_sentinel_that_says_nothing_costs_all(content: bytes) -> None:
 def test_ctrl_c_says_that_nothing_crashed() -> None:
     code = (
         f"import os, signal, sys, time; sys.path.insert(0, {ROOT!r})\n"
-        "from clrender.cli.interrupt import interruptible\nfrom clrender.device.compiled import Sentinel\n"
+        "from clrender.cli.interrupt import interruptible\nfrom clrender.device.program_cache import Sentinel\n"
         "Sentinel().put('mine')\n"
         "with interruptible():\n    os.kill(os.getpid(), signal.SIGINT)\n    time.sleep(30)\n"
     )

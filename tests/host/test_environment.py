@@ -160,7 +160,7 @@ def test_an_environment_for_a_scene_that_has_none(tmp_path: Path) -> None:
 
 
 def test_a_picture_that_is_too_large_takes_no_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("clrender.scene.environment.PIXEL_LIMIT", 14)
+    monkeypatch.setattr("clrender.scene.environment._PIXEL_LIMIT", 14)
     for ending in (".hdr", ".exr", ".png"):
         write_image(tmp_path / f"a{ending}", np.ones((3, 5, 3), np.float32))
         with pytest.raises(SceneError, match="5 x 3 pixels are not between 1 and 14"):

@@ -195,7 +195,7 @@ def test_instances_have_the_matrices_of_nodes(tmp_path: Path) -> None:
 def test_a_million_instances_are_one_array(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of both primitives in one group; the places are those of the shapes written out."""
     some = loaded(tmp_path, crowd(500, name="leaf", scale=[2, 1, 1]), "some.glb").shapes
-    monkeypatch.setattr("clrender.importers.sharing._WORTH", 1000)
+    monkeypatch.setattr("clrender.importers.instancing._WORTH", 1000)
     model = crowd(500, name="leaf", scale=[2, 1, 1])
     model.node(mesh=0)
     scene = loaded(tmp_path, model)

@@ -20,7 +20,7 @@ from clrender.flatten.bounds import scene_bounds
 from clrender.flatten.flat_scene import flatten
 from clrender.flatten.instances import NUMBER_LIMIT
 from clrender.importers.draft import Draft
-from clrender.importers.sharing import share_meshes
+from clrender.importers.instancing import share_meshes
 from clrender.scene import MeshData, Scene, load
 from clrender.scene.groups import TransformArray
 from clrender.scene.portable import scene_from_portable, scene_to_portable

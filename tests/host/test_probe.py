@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from clrender.device import cache, compiled
+from clrender.device import cache, program_cache
 from clrender.device.info import DeviceInfo
 from clrender.drivers import discover
 from clrender.drivers import probe as probe_module
@@ -356,18 +356,18 @@ def test_a_damaged_listing_is_asked_for_again(fake_driver: list[list[str]], dama
 
 def test_a_crash_that_an_empty_cache_cures_costs_the_cache_and_no_verdict(fake_driver: list[list[str]]) -> None:
     info = inventory()[0]
-    before = compiled.compiler_folder()
+    before = program_cache.compiler_folder()
     fake_driver[:] = [script(before="import os; os.abort()"), script({"hash": GOOD, "differences": []})]
     assert probe(info).probe == "ok"
-    assert compiled.compiler_folder() != before
+    assert program_cache.compiler_folder() != before
 
 
 def test_a_crash_that_stays_is_a_crash(fake_driver: list[list[str]]) -> None:
     info = inventory()[0]
-    before = compiled.compiler_folder()
+    before = program_cache.compiler_folder()
     fake_driver[:] = [script(before="import os; os.abort()")]
     assert probe(info).probe == "crashed"
-    assert compiled.compiler_folder() == before
+    assert program_cache.compiler_folder() == before
 
 
 def test_a_driver_that_crashes_when_listed_is_a_fault_with_a_cure(fake_driver: list[list[str]]) -> None:
@@ -445,15 +445,15 @@ def test_compiled_kernels_do_not_pile_up(
     fake_driver: list[list[str]], monkeypatch: pytest.MonkeyPatch, most: int, renews: bool
 ) -> None:
     """A probe looks after them. A generation stays for the processes that use it, and goes with the next."""
-    monkeypatch.setattr(compiled, "_MOST_BYTES", most)
+    monkeypatch.setattr(program_cache, "_MOST_BYTES", most)
     info = inventory()[0]
     fake_driver[:] = [script({"hash": GOOD, "differences": []})]
-    before = compiled.compiler_folder()
-    compiled.store_binary("key", bytes(92_000))  # and a checksum
+    before = program_cache.compiler_folder()
+    program_cache.store_binary("key", bytes(92_000))  # and a checksum
     assert probe(info).probe == "ok"
-    assert (compiled.compiler_folder() != before) == renews
+    assert (program_cache.compiler_folder() != before) == renews
     assert before is not None and before.exists()
-    compiled.renew_compiler_folder()
+    program_cache.renew_compiler_folder()
     assert before.exists() != renews
 
 

@@ -29,7 +29,7 @@ from clrender.process.memory import ERROR_BYTES
 from clrender.scheduling.policy import Plan, Remaining
 from clrender.scheduling.run import run
 from clrender.scheduling.tally import Tally
-from clrender.scheduling.until_good import run_until_good
+from clrender.scheduling.until_converged import run_until_converged
 from clrender.scheduling.worker import Candidate
 from clrender.settings import RenderSettings
 
@@ -327,7 +327,7 @@ def test_what_a_wrong_device_did_for_earlier_looks_is_done_again(before: int) ->
     def take(part: Plan, able: list[Candidate], receiver: Film, on_progress: Callable[[int, int], None]) -> Tally:
         return run(part, able, receiver, on_progress, check_share=next(shares, 1.0))
 
-    tally, _ = run_until_good(plan, candidates, film, wanted, take)
+    tally, _ = run_until_converged(plan, candidates, film, wanted, take)
     assert tally.complete and [each.state for each in tally.workers] == ["wrong", "ok"]
     assert same(film, film_of(values, 8, 8, [256], REQUEST))
     assert tally.workers[0].samples == 0 and tally.samples == 64 * (256 - before)
@@ -339,7 +339,7 @@ def stopped_at(values: Floats, film: Film, limit: int | None = None, **more: Any
     plan = Plan(8, 8, 0, wanted.spp, 8, whole=SIZE, short_units=True)
     candidates = [Candidate(f"painter {k}", lambda: Painter(values, 8, 8)) for k in range(2)]
     take = partial(run, should_stop=lambda: limit is not None and film.ledger.samples >= limit)
-    tally, found = run_until_good(plan, candidates, film, wanted, take)
+    tally, found = run_until_converged(plan, candidates, film, wanted, take)
     assert tally.complete is (limit is None)
     assert found.reached or limit is not None or film.ledger.holds(0, wanted.spp)
     return int(film.ledger.taken().max())

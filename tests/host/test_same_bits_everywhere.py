@@ -18,7 +18,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 from gltf_files import Model
-from rival_scenes import MITSUBA, MITSUBA_06, PBRT, write_parts
+from peer_scenes import MITSUBA, MITSUBA_06, PBRT, write_parts
 
 from clrender.exact import angles, elementary, matrices
 from clrender.image.tone_map import srgb_decode

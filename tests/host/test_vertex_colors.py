@@ -11,7 +11,7 @@ import pytest
 
 from clrender.errors import SceneError
 from clrender.flatten.flat_scene import flatten
-from clrender.flatten.taken import check_materials
+from clrender.flatten.supported import check_materials
 from clrender.image.tone_map import srgb_decode
 from clrender.meshes.read import read_mesh
 from clrender.rendering.job import RenderJob

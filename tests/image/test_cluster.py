@@ -204,7 +204,7 @@ def test_an_address_that_is_silent_is_a_failure(monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.parametrize(
     ("preload", "words"),
     [
-        ("import clrender.rendering.job\nclrender.job.__version__ = 'another'\n", "version differ here"),
+        ("import clrender.rendering.job\nclrender.rendering.job.__version__ = 'another'\n", "version differ here"),
         ("import sys\nsys.modules['clrender.cluster.remote'] = None\n", "cannot load clrender ("),
         ("import os\nos.environ['CLRENDER_DEVICE'] = 'none such'\n", "none such"),
     ],

@@ -175,11 +175,10 @@ def test_a_session_goes_on_without_a_device_that_hung(device: Device, expected: 
 
 HANGS: Final = """
 import sys, clrender
-from clrender.device import select
 from clrender.device.faults import Fault, FaultyDevice
 from clrender.scheduling import run
 from clrender.scheduling.watchdog import TimeLimits
-import clrender.rendering.session
+import clrender.rendering.residency
 run.TIME_LIMITS = TimeLimits(call=1.0, compile=4.0)
 real = clrender.rendering.residency.select
 def faulty(*given, **more):
@@ -193,7 +192,6 @@ main()
 
 
 def test_a_program_with_a_thread_that_hangs_ends(device: Device, tmp_path: Path) -> None:
-    begun = time.monotonic()
     done = subprocess.run(
         [sys.executable, "-c", HANGS, str(tmp_path / "a.png")],
         env={**os.environ, "PYTHONPATH": str(ROOT)},
@@ -205,7 +203,6 @@ def test_a_program_with_a_thread_that_hangs_ends(device: Device, tmp_path: Path)
     assert done.returncode == 0, done.stderr
     assert "bad (" in done.stderr and "hangs" in done.stderr
     assert (tmp_path / "a.png").stat().st_size > 1000
-    assert time.monotonic() - begun < 60.0
 
 
 # --- devices that lie ------------------------------------------------------------------------------------------------

@@ -234,7 +234,7 @@ def test_instances_of_a_gltf_node(device: Device, tmp_path: Path, monkeypatch: p
     }
     model.node(mesh=model.quad(), extensions={"EXT_mesh_gpu_instancing": {"attributes": attributes}})
     shapes = clrender.load(model.write(tmp_path / "m.glb"))
-    monkeypatch.setattr("clrender.importers.sharing._WORTH", 1)
+    monkeypatch.setattr("clrender.importers.instancing._WORTH", 1)
     group = clrender.load(tmp_path / "m.glb")
     assert (len(shapes.shapes), len(group.shapes)) == (60, 1)
     one, other = render(group, device), render(shapes, device)

@@ -26,7 +26,7 @@ from clrender.importers.gltf.meshes import Meshes, Part
 from clrender.importers.gltf.nodes import Nodes
 from clrender.importers.gltf.textures import Textures
 from clrender.importers.gltf.validator import validate
-from clrender.importers.sharing import place_group
+from clrender.importers.instancing import place_group
 from clrender.scene.values import NAME_LIMIT, SHAPE_LIMIT
 
 __all__ = ["read"]

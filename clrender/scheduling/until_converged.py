@@ -17,10 +17,10 @@ from clrender.scheduling.worker import Candidate
 if TYPE_CHECKING:
     from clrender.settings import RenderSettings
 
-__all__ = ["run_until_good"]
+__all__ = ["run_until_converged"]
 
 
-def run_until_good(
+def run_until_converged(
     plan: Plan,
     candidates: Sequence[Candidate],
     film: Film,

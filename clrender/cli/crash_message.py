@@ -7,7 +7,7 @@ import os
 import subprocess
 from typing import Final
 
-__all__ = ["LastWords"]
+__all__ = ["CrashMessage"]
 
 _SENTENCE: Final = (
     "error: the process was terminated by a crash in an OpenCL driver, by lack of memory or by another process; no "
@@ -18,7 +18,7 @@ _SENTENCE: Final = (
 _WAIT: Final = 'trap "" INT TERM HUP; read -r word || printf "\\n%s\\n" "$0" >&2'
 
 
-class LastWords:
+class CrashMessage:
     """A shell that waits for the end of this process and then prints a message, unless it was cancelled before.
 
     A driver is native code: if it crashes, no Python code runs any more.

@@ -6,8 +6,8 @@ import re
 import time
 from pathlib import Path
 
+import peer_scenes
 import pytest
-import rival_scenes
 
 from clrender.errors import SceneError
 from clrender.importers import load
@@ -179,7 +179,7 @@ def test_what_the_scene_names_may_be_allowed(tmp_path: Path) -> None:
     inner, outer = tmp_path / "inner", tmp_path / "outer"
     inner.mkdir()
     outer.mkdir()
-    rival_scenes.write_parts(outer)
+    peer_scenes.write_parts(outer)
     (inner / "a.xml").write_text(
         '<scene version="3.0.0"><shape type="ply"><string name="filename" value="../outer/part.ply"/></shape></scene>'
     )

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import peer_scenes
 import pytest
-import rival_scenes
 
 from clrender.flatten.flat_scene import flatten
 from clrender.importers import load
@@ -160,7 +160,7 @@ def test_fronts_of_mitsubas_rectangles(tmp_path: Path, steps: str, flip: str, ex
 def test_the_winding_of_a_mesh_without_normals_decides_and_a_mirror_turns_it(
     tmp_path: Path, mirrored: str, expected: Any
 ) -> None:
-    rival_scenes.write_parts(tmp_path)
+    peer_scenes.write_parts(tmp_path)
     name, flat = '<string name="filename" value="part.ply"/>', '<boolean name="face_normals" value="true"/>'
     steps = f'<transform name="to_world"><scale x="{mirrored}"/></transform>'
     scene = mitsuba(tmp_path, f'<shape type="ply">{name}{flat}{steps}{AREA}</shape>')
@@ -353,7 +353,7 @@ def test_instances_are_written_out(tmp_path: Path) -> None:
 
 
 def test_pictures_stand_on_their_heads_in_mitsuba_3(tmp_path: Path) -> None:
-    rival_scenes.write_parts(tmp_path)
+    peer_scenes.write_parts(tmp_path)
     steps = (
         '<transform name="to_uv"><scale x="2" y="3"/><rotate z="1" angle="25"/><translate x="0.2" y="0.1"/></transform>'
     )
@@ -411,11 +411,11 @@ def test_meshes_without_normals_are_smooth_by_angles() -> None:
 
 
 def test_all_that_is_known_is_read_without_a_word_of_what_is_not(tmp_path: Path) -> None:
-    rival_scenes.write_parts(tmp_path)
+    peer_scenes.write_parts(tmp_path)
     for name, text in (
-        ("a.xml", rival_scenes.MITSUBA),
-        ("b.xml", rival_scenes.MITSUBA_06),
-        ("c.pbrt", rival_scenes.PBRT),
+        ("a.xml", peer_scenes.MITSUBA),
+        ("b.xml", peer_scenes.MITSUBA_06),
+        ("c.pbrt", peer_scenes.PBRT),
     ):
         (tmp_path / name).write_text(text, encoding="utf-8")
         scene = load(tmp_path / name)
