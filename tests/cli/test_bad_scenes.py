@@ -578,6 +578,7 @@ def test_one_sentence(bad: Bad, tmp_path: Path) -> None:
     assert "\n" not in message and len(message) < 6000 and message.isprintable()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("bad", [bad for bad in ALL if bad.cli], ids=lambda bad: bad.name)
 def test_command_line(bad: Bad, tmp_path: Path) -> None:
     path = _write(bad, tmp_path / "scene")
@@ -587,6 +588,7 @@ def test_command_line(bad: Bad, tmp_path: Path) -> None:
     assert done.stderr.startswith("error: ") and done.stderr.count("\n") == 1, done.stderr
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
@@ -620,6 +622,7 @@ def test_check_allows_paths(tmp_path: Path) -> None:
     assert "triangles            1\n" in done.stdout and done.stderr == ""
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["scene.yaml", "room.usd"])
 def test_another_format_is_answered_with_those_that_are_read(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text("")
@@ -678,6 +681,7 @@ def test_of_thousands_of_problems_a_few_are_explained(tmp_path: Path, monkeypatc
     assert len(looked) < 20
 
 
+@pytest.mark.thorough
 def test_what_is_left_out_of_a_file_is_a_note_wherever_it_is_told(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     small = ("--size", "8x8", "--spp", "1")
@@ -688,6 +692,7 @@ def test_what_is_left_out_of_a_file_is_a_note_wherever_it_is_told(tmp_path: Path
         assert done.returncode == 0 and len(told) == 1 and told[0].startswith("note: a.obj: "), done.stderr
 
 
+@pytest.mark.thorough
 def test_list_and_schema(tmp_path: Path) -> None:
     done = run("scenes", folder=tmp_path)
     assert done.returncode == 0 and done.stderr == ""

@@ -53,6 +53,7 @@ def test_help_lists_every_command() -> None:
         assert re.search(rf"^  {name} +{re.escape(line.split()[0])}", result.stdout, re.MULTILINE)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_exists_and_has_help(name: str) -> None:
     result = run(name, "-h")
@@ -205,6 +206,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", BAD_COMMAND_LINES)
 def test_bad_command_lines_are_refused_in_one_sentence(case: str, folder: Path) -> None:
     line, words = BAD_COMMAND_LINES[case]

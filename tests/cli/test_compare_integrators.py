@@ -50,6 +50,7 @@ def test_path_agrees_with_itself_and_differs_from_direct_as_it_must(device: Devi
     assert len(list((tmp_path / "out").iterdir())) == 3 * 2 + 3 + 1
 
 
+@pytest.mark.thorough
 def test_json_is_printed_and_the_same_command_prints_it_again(device: Device) -> None:
     size = ("--size", "44x36", "--spp", "8", "--batches", "8", "--quiet")
     line = ("--integrators", "direct,direct", "cornell", *size, "-d", str(device.info.index), "--json")
@@ -83,6 +84,7 @@ BAD = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", BAD)
 def test_bad_command_lines_are_refused_in_one_sentence(case: str, tmp_path: Path) -> None:
     line, words = BAD[case]

@@ -74,6 +74,7 @@ assert dict(os.environ) == before, set(os.environ.items()) ^ set(before.items())
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("quiet", ["", "-"], ids=["told", "quiet"])
 def test_one_driver_after_another_in_one_process(all_devices: list[Device], quiet: str) -> None:
     """Whatever else is asked for; and the process keeps its environment."""

@@ -120,6 +120,7 @@ def ran(arguments: list[str]) -> tuple[int, str]:
     return inside.exit_code, inside.output
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("page", RUN)
 def test_the_commands_of_a_page_do_what_it_says(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

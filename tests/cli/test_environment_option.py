@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 from cli_support import run
 
 from clrender.image.files import read_image, write_image
@@ -13,6 +14,7 @@ from clrender.image.files import read_image, write_image
 SCENE = "[camera]\nposition = [0, 0, 0]\ntarget = [0, 0, 1]\nvertical_fov = 1.0\n"
 
 
+@pytest.mark.thorough
 def test_it_is_what_the_scene_would_say(tmp_path: Path) -> None:
     (tmp_path / "skies").mkdir()
     pixels = np.zeros((4, 8, 3), np.float32)

@@ -6,12 +6,14 @@ import json
 import re
 from pathlib import Path
 
+import pytest
 from cli_support import run
 
 SMALL = ("--size", "24x20", "--quiet")
 ASKED = ("--error", "0.3", "--confidence", "0.9", "--share", "0.9")
 
 
+@pytest.mark.thorough
 def test_a_render_stops_and_says_what_is_left(tmp_path: Path) -> None:
     done = run(
         "render", "cornell", *SMALL, *ASKED, "-o", "a.exr", "-o", "a.film", "--aov", "stderr,unconverged",

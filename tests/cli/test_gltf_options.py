@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from cli_support import run
 from gltf_files import Model
 from PIL import Image
@@ -14,6 +15,7 @@ from PIL import Image
 from clrender.image.files import read_image
 
 
+@pytest.mark.thorough
 def test_moments_variants_and_pictures_beside_the_file(tmp_path: Path) -> None:
     """A quad that shows a picture on its way to the right, or in a variant a colour."""
     Image.new("RGB", (1, 1), (255, 0, 0)).save(tmp_path / "a b.png")

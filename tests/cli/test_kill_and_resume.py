@@ -101,6 +101,7 @@ def survive(folder: Path, kills: int, spp: int, size: str, longest: float) -> No
     print(f"{kills} kills: at most {worst:.2f} s lost, {held / once['samples']:.0%} resumed")
 
 
+@pytest.mark.thorough
 def test_a_few_kills(tmp_path: Path) -> None:
     survive(tmp_path, 3, 30_000, "33x26", 0.3)
 
@@ -129,6 +130,7 @@ def test_ten_seconds_are_lost_at_most(tmp_path: Path) -> None:
     assert worst <= 10.0
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_leaves_a_checkpoint_of_every_sample(tmp_path: Path, number: signal.Signals) -> None:
     with child(tmp_path, 1000.0, "-o", "a.film.exr", "-o", "b.film", "--size", "64x48", "--spp", "1000000") as process:
@@ -143,6 +145,7 @@ def test_a_signal_leaves_a_checkpoint_of_every_sample(tmp_path: Path, number: si
     assert checkpoint.mean().tobytes() == output.mean().tobytes()
 
 
+@pytest.mark.thorough
 def test_a_second_process_on_the_same_checkpoint_is_refused(tmp_path: Path) -> None:
     with child(tmp_path, 0.1, "-o", "a.exr", "--size", "64x48", "--spp", "1000000") as process:
         while not (tmp_path / "a.film").exists():
@@ -155,6 +158,7 @@ def test_a_second_process_on_the_same_checkpoint_is_refused(tmp_path: Path) -> N
         assert process.poll() is None and not (tmp_path / "b.exr").exists()
 
 
+@pytest.mark.thorough
 def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:
     how = ("-d", DEVICE, "--size", "16x12", "--spp", "4", "--quiet")
     assert run("render", "room", "-o", "a.exr", "--checkpoint", "a.film", *how, folder=tmp_path).returncode == 0

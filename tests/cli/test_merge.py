@@ -33,6 +33,7 @@ def shards(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("order", list(itertools.permutations("123")), ids="".join)
 def test_shards_in_any_order_are_the_render(shards: Path, order: tuple[str, ...]) -> None:
     output = f"merged-{''.join(order)}.film"
@@ -56,6 +57,7 @@ def test_numbers_that_make_no_sense_do_not_count(shards: Path, tmp_path: Path, n
     assert {name: merged.provenance[name] for name in names} == {name: other[name] for name in names}
 
 
+@pytest.mark.thorough
 def test_images_of_merged_shards_are_those_of_the_render(shards: Path) -> None:
     """In every format, from any number of films at once; they can be verified as a render's can."""
     assert run("render", "room", *SIZE, *outputs("whole"), folder=shards).returncode == 0
@@ -79,6 +81,7 @@ def outputs(name: str) -> list[str]:
     return [part for ending in ("exr", "npy", "hdr", "png") for part in ("-o", f"{name}.{ending}")]
 
 
+@pytest.mark.thorough
 def test_the_image_of_one_film_is_for_display_or_linear(shards: Path, tmp_path: Path) -> None:
     """As by `tonemap`, with the options of a photograph; the image of a shard knows its samples."""
     tone = ("--tone-map", "agx", "--exposure", "1.5", "--f-stop", "4", "--shutter", "1/60", "--iso", "400")
@@ -108,6 +111,7 @@ def refused(folder: Path, *arguments: str) -> str:
     return done.stderr
 
 
+@pytest.mark.thorough
 def test_what_does_not_go_together_is_refused_with_both_names(shards: Path) -> None:
     assert "1.film and 1.film overlap: samples 0 to 1" in refused(shards, "1.film", "1.film")
     assert "2.film and whole.film overlap" in refused(shards, "2.film", "whole.film")
@@ -129,6 +133,7 @@ def test_what_does_not_go_together_is_refused_with_both_names(shards: Path) -> N
     assert "damaged.film: not a whole clrender film" in refused(shards, "1.film", "damaged.film")
 
 
+@pytest.mark.thorough
 def test_bad_uses_of_merge(shards: Path) -> None:
     for arguments in (
         ("1.film",),

@@ -238,6 +238,7 @@ def test_what_is_exported_is_seen_without_a_network(executed: tuple[Any, Path]) 
             page.screenshot(path=FAILURES / "notebook.png", full_page=True)
 
 
+@pytest.mark.thorough
 def test_the_example_of_the_documentation_runs(execute: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     example = nbformat.read(Path(__file__).parents[2] / "docs" / "notebook.ipynb", 4)
     smaller = {"(640, 360)": "(48, 27)", "(320, 180)": "(48, 27)", "spp=64": "spp=4", "spp=256": "spp=64"}
@@ -278,6 +279,7 @@ def test_a_view_that_no_output_shows_any_more_ends(execute: Callable[..., Any]) 
     execute(CELLS[:2], talk)
 
 
+@pytest.mark.thorough
 def test_what_is_wrong_is_one_sentence_and_leaves_nothing_behind(execute: Callable[..., Any]) -> None:
     wrong = """
 import threading

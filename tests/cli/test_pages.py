@@ -110,6 +110,7 @@ def test_a_comparison_shows_both_images_and_their_differences(tmp_path: Path, pa
     assert border["type"] == "range" and border["aria-label"] == "Border between A and B"
 
 
+@pytest.mark.thorough
 def test_equal_black_and_tiny_images_have_a_page(tmp_path: Path) -> None:
     for shape in ((1, 1, 3), (1, 50, 3), (3, 2, 3)):
         black = np.zeros(shape, np.float32)
@@ -174,6 +175,7 @@ def test_a_benchmark_beside_peers_plots_all_of_them() -> None:
     assert "S1  mitsuba" in page and "30.000" in page and "S1  embree" not in page
 
 
+@pytest.mark.thorough
 def test_sentences_fit_the_width_of_a_phone(tmp_path: Path) -> None:
     words = "a sentence of many words, which is wider than the page of a phone is, and goes on"
     numbers = Table(words, ["name"] + [f"column {i}" for i in range(30)], [["x"] + ["0.123456"] * 30])

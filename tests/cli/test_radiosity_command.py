@@ -28,6 +28,7 @@ def test_a_frame_is_a_picture_and_a_line(device: Device, tmp_path: Path) -> None
     assert "frame-0000.png: 100.0% of" in lines[0] and "frame-0001.png: " in lines[1] and "full solution" in lines[2]
 
 
+@pytest.mark.thorough
 def test_a_scene_may_read_from_folders_that_are_named(device: Device, tmp_path: Path) -> None:
     (tmp_path / "meshes").mkdir()
     (tmp_path / "scene").mkdir()
@@ -58,6 +59,7 @@ BAD = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", BAD)
 def test_bad_command_lines_are_refused_in_one_sentence(case: str, tmp_path: Path) -> None:
     line, words = BAD[case]

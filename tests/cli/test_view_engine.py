@@ -54,6 +54,7 @@ def rendered(device: Device, scene: Any = "room", **settings: Any) -> str:
     return digest
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("scene", "settings"),
     [
@@ -257,6 +258,7 @@ class _File:
         return [self.path]
 
 
+@pytest.mark.thorough
 def test_a_scene_file_that_changes_is_read_again_and_a_broken_one_is_told(
     opened: Callable[..., Any], device: Device, tmp_path: Path
 ) -> None:

@@ -76,6 +76,7 @@ def _orbit(view: view_of, across: int, down: int) -> None:
     view.page.mouse.up()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "plain", [pytest.param(False, id="webgl"), pytest.param(True, id="canvas", marks=pytest.mark.slow)]
 )
@@ -125,6 +126,7 @@ def test_orbit_pan_zoom_and_keys_change_the_image_and_reset_brings_it_back(brows
         view.page.keyboard.up("w")
 
 
+@pytest.mark.thorough
 def test_controls_change_what_they_say(browser: Any, server: Server) -> None:
     with view_of(browser, server, "controls") as view:
         view.wait_until_done()
@@ -150,6 +152,7 @@ def test_controls_change_what_they_say(browser: Any, server: Server) -> None:
         assert page.get_by_label("Samples", exact=True).input_value() == "16"
 
 
+@pytest.mark.thorough
 def test_a_material_is_changed_where_it_is_picked(browser: Any, server: Server) -> None:
     with view_of(browser, server, "material") as view:
         view.wait_until_done()
@@ -172,6 +175,7 @@ def test_a_material_is_changed_where_it_is_picked(browser: Any, server: Server) 
         assert (_image(view)[45, 80] == middle).all()
 
 
+@pytest.mark.thorough
 def test_the_probe_says_the_numbers_of_the_film(browser: Any, server: Server, tmp_path: Path) -> None:
     with view_of(browser, server, "probe") as view:
         view.wait_until_done()
@@ -309,6 +313,7 @@ def test_saving_and_downloading(browser: Any, server: Server, scene: Path) -> No
             assert (np.asarray(picture.convert("RGB")) == shown).all()
 
 
+@pytest.mark.thorough
 def test_a_changed_scene_file_is_read_again_and_a_broken_one_told_of(browser: Any, server: Server, scene: Path) -> None:
     with view_of(browser, server, "reload") as view:
         view.wait_until_done()
@@ -344,6 +349,7 @@ def test_a_black_image_has_a_hint_how_to_get_back(browser: Any, server: Server) 
         hint.wait_for(state="hidden")
 
 
+@pytest.mark.thorough
 def test_a_compiler_is_shown_only_where_it_takes_long(browser: Any, server: Server) -> None:
     with view_of(browser, server, "compiling") as view:
         short, begun, long, done, series = view.run("""
@@ -417,6 +423,7 @@ def test_a_camera_is_sent_at_once_and_then_once_a_screen_frame(browser: Any, ser
         assert before < at_once[0] == at_once[1] == at_once[2] < later == still
 
 
+@pytest.mark.thorough
 def test_a_slow_browser_slows_nobody(browser: Any, server: Server) -> None:
     with view_of(browser, server, "fast") as fast, view_of(browser, server, "slow") as slow:
         slow.wait("view.picture.frame() !== undefined")
@@ -577,6 +584,7 @@ def test_everything_has_a_name_and_is_reached_by_tab(browser: Any, server: Serve
         assert view.page.locator(".cv-canvas[aria-live], .cv-strip [aria-live]").count() == 0  # not for every frame
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("scheme", ["dark", pytest.param("light", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("width", [360, pytest.param(1280, marks=pytest.mark.slow)])
 def test_it_fits_its_width(browser: Any, server: Server, width: int, scheme: str) -> None:

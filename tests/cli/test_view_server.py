@@ -226,6 +226,7 @@ def test_too_many_pages_are_refused(server: Server) -> None:
     assert renders(server)
 
 
+@pytest.mark.thorough
 def test_two_pages_see_the_same_and_one_that_does_not_read_slows_nobody(server: Server) -> None:
     with Page(server.address) as page, Page(server.address, max_queue=1), Page(server.address) as third:
         for number in range(100):
@@ -237,6 +238,7 @@ def test_two_pages_see_the_same_and_one_that_does_not_read_slows_nobody(server: 
         page.until_done()
 
 
+@pytest.mark.thorough
 def test_downloads_are_the_image(server: Server, tmp_path: Path) -> None:
     files = (("image.png", b"\x89PNG"), ("image.exr", b"\x76\x2f\x31\x01"), ("image.film", b""))
     with Page(server.address) as page:
@@ -265,6 +267,7 @@ def test_downloads_are_the_image(server: Server, tmp_path: Path) -> None:
         page.until_done()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 0), (signal.SIGTERM, 143)])
 @pytest.mark.parametrize("looking", [False, True])
 def test_a_signal_ends_it(cache_folder: Path, number: int, code: int, looking: bool) -> None:
@@ -283,6 +286,7 @@ def test_a_signal_ends_it(cache_folder: Path, number: int, code: int, looking: b
             assert "bye" in kinds
 
 
+@pytest.mark.thorough
 def test_bytes_that_are_no_text_end_that_page_without_a_traceback(cache_folder: Path) -> None:
     with Server(*ARGUMENTS) as running:
         address = running.address.replace("http://", "ws://").replace("/?", "/socket?")
@@ -300,6 +304,7 @@ def test_bytes_that_are_no_text_end_that_page_without_a_traceback(cache_folder: 
     assert "Traceback" not in errors, errors
 
 
+@pytest.mark.thorough
 def test_files_are_written_where_the_command_line_says(cache_folder: Path, tmp_path: Path) -> None:
     with Server(*ARGUMENTS, "-o", "a.png", folder=tmp_path) as running, Page(running.address) as page:
         page.until_done()
@@ -311,6 +316,7 @@ def test_files_are_written_where_the_command_line_says(cache_folder: Path, tmp_p
         assert running.end()[0] == 0
 
 
+@pytest.mark.thorough
 def test_an_open_address_is_warned_of(cache_folder: Path) -> None:
     with Server(*ARGUMENTS, "--host", "0.0.0.0") as running:
         assert running.get(f"/?token={running.token}")[0] == 200
@@ -320,6 +326,7 @@ def test_an_open_address_is_warned_of(cache_folder: Path) -> None:
         assert "warning: 0.0.0.0 can be reached from other machines" in err
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
@@ -349,6 +356,7 @@ def test_a_port_that_is_taken_is_told(server: Server) -> None:
     assert f"port {server.port}" in done.stderr
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("missing", ["starlette", "uvicorn", "websockets"])
 def test_without_the_extra_there_is_one_clear_error(cache_folder: Path, missing: str) -> None:
     code = f"import sys; sys.modules[{missing!r}] = None; from clrender.__main__ import main; main()"

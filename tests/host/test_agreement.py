@@ -112,6 +112,7 @@ def test_fireflies_are_found_and_normal_noise_has_none() -> None:
 # --- many tests at once ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_integrators_that_agree_raise_alarms_as_rarely_as_promised(cornell: Scene) -> None:
     level, trials = 0.05, 120
     alarms = {"equal noise": 0, "five times the noise": 0}

@@ -300,6 +300,7 @@ def fail(error: BaseException) -> Callable[..., Any]:
     return failing
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("error", [FULL, READ_ONLY], ids=["full", "read-only"])
 @pytest.mark.parametrize(
     "where", ["clrender.files.access.os.open", "clrender.film.file._write_member", "os.fsync", "rename"]

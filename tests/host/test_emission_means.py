@@ -86,6 +86,7 @@ def plain_mean(pixels: Floats, triangle: Floats, wraps: tuple[str, str], nearest
     return total / steps**2
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("wrap", [("repeat", "clamp"), ("mirror", "repeat"), ("clamp", "mirror")], ids="-".join)
 @pytest.mark.parametrize("filter_", ["nearest", "linear"])
 def test_means_are_those_of_the_definition(tmp_path: Path, wrap: tuple[str, str], filter_: str) -> None:

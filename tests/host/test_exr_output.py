@@ -41,6 +41,7 @@ def held(path: Path) -> tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]:
         return dict(file.header()), {name: np.array(channel.pixels) for name, channel in file.channels().items()}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("tile", [None, 16, 64])
 @pytest.mark.parametrize("compression", [name for name, lossy in COMPRESSIONS.items() if not lossy])
 def test_every_bit_of_every_layer(tmp_path: Path, compression: str, tile: int | None) -> None:
@@ -147,6 +148,7 @@ print(peak_rss() - before)
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("kind", "tile", "most"), [("float", 0, 8), ("float", 64, 8), ("half", 64, 100)])
 def test_memory_of_writing(tmp_path: Path, kind: str, tile: int, most: int) -> None:
     """206 MiB of image and layers: nothing of it is copied as float, and 86 MiB as half."""

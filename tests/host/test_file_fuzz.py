@@ -26,6 +26,7 @@ def answers(folder: Path, count: int, seed: int, endings: list[str]) -> None:
     assert files == count * len(endings) and read < files and memory < MEMORY, summary
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("ending", [*FILES, *SCENES])
 def test_mutated_files(tmp_path: Path, ending: str) -> None:
     answers(tmp_path, 60, 1, [ending])

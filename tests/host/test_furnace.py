@@ -50,6 +50,7 @@ def test_right_materials_have_no_faults() -> None:
     assert faults(through=0.5, eta=1.5) == {}
 
 
+@pytest.mark.thorough
 def test_energy_is_named_with_how_much() -> None:
     assert faults(energy=1.02) == {"gain": pytest.approx(0.02, abs=1e-4)}
     assert faults(energy=1.1, through=0.5, eta=1.5) == {"gain": pytest.approx(0.1, abs=1e-4)}

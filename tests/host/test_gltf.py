@@ -192,6 +192,7 @@ def test_instances_have_the_matrices_of_nodes(tmp_path: Path) -> None:
         assert one.model_dump() == other.model_dump() and one.transform.matrix is not None
 
 
+@pytest.mark.thorough
 def test_a_million_instances_are_one_array(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of both primitives in one group; the places are those of the shapes written out."""
     some = loaded(tmp_path, crowd(500, name="leaf", scale=[2, 1, 1]), "some.glb").shapes

@@ -211,6 +211,7 @@ def many(count: int, places: int = 2, *shapes: dict[str, Any]) -> Scene:
     return Scene.model_validate({"camera": CAMERA, "materials": MATERIALS, "groups": groups, "shapes": instances})
 
 
+@pytest.mark.thorough
 def test_many_small_groups_are_written_out() -> None:
     """Of more than 64; what can be told apart in an image stays what it was."""
     kept, written = assemble(many(64)), assemble(many(65))
@@ -234,6 +235,7 @@ def test_large_groups_keep_their_trees(places: int, shapes: tuple[dict[str, Any]
     assert len(assembly.groups) == 65 and assembly.own_shapes == 0 and len(assembly.group_of) == 65 * places
 
 
+@pytest.mark.thorough
 def test_too_many_primitives_are_told() -> None:
     faces = [[0, 1, 2]] * 1000
     mesh = {"type": "mesh", "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": faces}

@@ -430,6 +430,7 @@ while True:
 """
 
 
+@pytest.mark.thorough
 def test_a_killed_writer_leaves_whole_files(tmp_path: Path) -> None:
     # kill -9 at 50 random moments of writing: whatever lies there under its own name is complete.
     rng = random.Random(8)

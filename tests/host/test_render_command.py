@@ -335,6 +335,7 @@ main(["render", "scene.toml", "-o", "a.npy"])
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("done", "signals"), [(0, 1), (5, 2)])
 def test_a_stuck_device_does_not_hold_the_user(renderer: FakeRenderer, done: int, signals: int) -> None:
     with subprocess.Popen(

@@ -236,6 +236,7 @@ def test_intervals_are_those_of_scipy() -> None:
     assert power.high - power.value == pytest.approx(fit.stderr * scipy.stats.t.ppf(0.975, 4), rel=1e-9)
 
 
+@pytest.mark.thorough
 def test_ratio_intervals_hold_the_truth_as_often_as_they_say() -> None:
     """4000 intervals of 95 %: 3800 ± 14 hold it, five standard deviations allowed, and a little more for Welch."""
     random = np.random.default_rng(1)

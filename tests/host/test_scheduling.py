@@ -324,6 +324,7 @@ def test_slots_of_a_tile_are_those_of_the_kernels(tile: int) -> None:
 # --- doing it --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("count", [1, 2, 3, 7])
 @pytest.mark.parametrize(("width", "height", "spp", "tile"), SIZES)
 def test_any_number_of_workers_gives_the_same_film(width: int, height: int, spp: int, tile: int, count: int) -> None:
@@ -601,6 +602,7 @@ def test_an_exception_of_whoever_watches_ends_all_threads() -> None:
 # --- memory ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_workers_wait_for_a_film_that_is_slower_than_they(monkeypatch: pytest.MonkeyPatch) -> None:
     """Results that wait to be added take memory: a fast device must not pile up a whole image of them."""
     plan, before = plan_for(64, 64, 4, 4), threading.active_count()

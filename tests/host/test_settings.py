@@ -149,6 +149,7 @@ def outcome(scene: Scene, given_settings: Mapping[str, Any]) -> RenderSettings |
 # --- every value, everywhere -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @MANY
 @given(chosen=some(JUNK, ODD))
 def test_a_call_takes_what_the_table_allows_and_refuses_the_rest(chosen: dict[str, Any]) -> None:

@@ -531,6 +531,7 @@ def test_compilers_have_time_unless_all_others_wait() -> None:
     assert watch.silent(set(), waited_for=True) == []
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("others", [0, 1])
 def test_a_call_that_never_returns_does_not_hold_up_the_render(hasty: None, others: int) -> None:
     plan, film, before = plan_for(30, 22, 6, 8), Film(30, 22), threading.active_count()

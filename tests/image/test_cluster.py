@@ -61,6 +61,7 @@ def mesh_scene(folder: Path, frequency: int) -> clrender.Scene:
     return clrender.load(folder / "a.json")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "settings",
     [
@@ -102,6 +103,7 @@ def test_a_session_without_a_device_uses_a_cluster(local: DaskCluster) -> None:
         assert not session.render(clrender.load("room"), spp=16, size=SIZE, cluster=local).interrupted
 
 
+@pytest.mark.thorough
 def test_each_worker_gets_the_files_of_a_scene_once(tmp_path: Path, local: DaskCluster, here: Session) -> None:
     scene = mesh_scene(tmp_path, 64)
     first = here.render(scene, spp=16, size=SIZE, cluster=local).stats
@@ -130,6 +132,7 @@ def test_it_stops_when_asked_and_keeps_what_is_done(local: DaskCluster, here: Se
     assert image.film.ledger.samples == image.stats["samples"]
 
 
+@pytest.mark.thorough
 def test_a_time_limit_holds(local: DaskCluster, here: Session) -> None:
     image = here.render(clrender.load("room"), spp=100_000, size=(400, 400), cluster=local, time_limit=3.0)
     assert image.interrupted and image.stats["samples"] > 0
@@ -201,6 +204,7 @@ def test_an_address_that_is_silent_is_a_failure(monkeypatch: pytest.MonkeyPatch)
             pass
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("preload", "words"),
     [
@@ -252,6 +256,7 @@ DeviceWorker.render = lying
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("fault", "state"), [(HANGS, "hung"), (LIES, "wrong")], ids=["hangs", "lies"])
 def test_what_holds_for_devices_holds_for_workers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, here: Session, fault: str, state: str
@@ -284,6 +289,7 @@ def test_a_hundred_megabytes_go_to_each_worker_once(tmp_path: Path, local: DaskC
     assert first["sent_bytes"] + later["sent_bytes"] < 2 * (first["asset_bytes"] + 40_000)
 
 
+@pytest.mark.thorough
 def test_a_worker_joins(tmp_path: Path) -> None:
     with machines(tmp_path, 1) as running, open_cluster(running.address) as cluster:
         threading.Timer(0.5, lambda: running.add(wait=False)).start()
@@ -293,6 +299,7 @@ def test_a_worker_joins(tmp_path: Path) -> None:
     assert all(each["samples"] > 0 for each in image.stats["devices"])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("gone", ["workers", "scheduler"])
 def test_all_workers_or_the_scheduler_gone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, local: DaskCluster, here: Session, gone: str
@@ -337,6 +344,7 @@ def test_a_client_that_has_closed_itself(local: DaskCluster) -> None:
         assert line.lost == 1
 
 
+@pytest.mark.thorough
 def test_encrypted_and_with_certificates(tmp_path: Path, here: Session) -> None:
     """`tls://` with what Dask's configuration says; whoever has no certificate is turned away."""
     pytest.importorskip("cryptography")
@@ -429,6 +437,7 @@ def survive(running: Machines, runs: int, kinds: tuple[str, ...], seed: int, exp
     return hits
 
 
+@pytest.mark.thorough
 def test_workers_killed_and_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, here: Session) -> None:
     monkeypatch.setattr(connection, "ANSWER_SECONDS", 2.0)
     expected = hash_of(here.render(clrender.load("room"), spp=3000, size=SIZE))

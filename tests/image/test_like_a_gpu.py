@@ -37,6 +37,7 @@ def gpu(device: Device) -> Iterator[LikeGpu]:
     like.close()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("scene", "settings"),
     [

@@ -31,6 +31,7 @@ def same(a: Film, b: Film) -> bool:
     return a.ledger == b.ledger and np.array_equal(a.counts, b.counts) and all(np.array_equal(x, y) for x, y in pairs)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "settings",
     [
@@ -50,6 +51,7 @@ def test_no_cut_changes_a_bit(all_devices: list[Device], settings: dict[str, Any
     assert same(render("room", all_devices[:1], cutting, **asked).film, whole)
 
 
+@pytest.mark.thorough
 def test_devices_change_nothing(all_devices: list[Device]) -> None:
     whole = render("room", all_devices[:1], spp=16, replicate_spp=4).film
     for device in all_devices[1:]:
@@ -125,6 +127,7 @@ def test_errors_are_as_large_as_they_say(device: Device) -> None:
     assert float(np.median(distance[known] / errors[known])) == pytest.approx(0.6745, abs=0.09)
 
 
+@pytest.mark.thorough
 def test_a_render_ends_by_its_error(device: Device, tmp_path: Path) -> None:
     room, path = clrender.load("cornell"), tmp_path / "a.film"
     how: dict[str, Any] = {"size": (24, 20), "error": 0.2, "share": 0.9, "replicate_spp": 4}

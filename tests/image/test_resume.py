@@ -54,6 +54,7 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", CASES)
 def test_the_image_is_that_of_one_render(device: Device, tmp_path: Path, case: str) -> None:
     scene, first, then = CASES[case]

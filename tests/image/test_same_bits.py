@@ -84,6 +84,7 @@ FEW = ("room", "bumpy", "S4")
 # --- how work is cut -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("cutting", covering(), ids=str)
 def test_every_pair_of_choices(all_devices: list[Device], expected: Hashes, cutting: Cutting) -> None:
     for scene in FEW:
@@ -105,6 +106,7 @@ def test_every_combination(all_devices: list[Device], expected: Hashes, lanes: i
                 assert sha(scene, [device], cutting) == expected[scene], f"{scene}, {cutting}, {device.info.title}"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "settings",
     [
@@ -125,6 +127,7 @@ def test_every_kind_of_path(all_devices: list[Device], scene: str, settings: dic
     assert sha(scene, all_devices[:1], one, **settings) == sha(scene, all_devices[:1], **settings)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "settings",
     [
@@ -182,6 +185,7 @@ def test_pixel_filters_in_every_number_of_lanes(all_devices: list[Device], scene
                 assert sha(scene, [device], cutting, filter=name) == wanted, f"{name}, {cutting}, {device.info.title}"
 
 
+@pytest.mark.thorough
 def test_a_filter_is_another_image(all_devices: list[Device], expected: Hashes) -> None:
     hashes = {sha("room", all_devices[:1], filter=name) for name in FILTERS}
     assert len(hashes | {expected["room"]}) == len(FILTERS) + 1
@@ -196,6 +200,7 @@ def test_lamps_that_a_tree_picks(all_devices: list[Device], lanes: int) -> None:
     assert by_tree == sha("lamps", all_devices[:1], light_sampler="bvh")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("packets", [1, 3])
 def test_packets_that_take_turns(all_devices: list[Device], expected: Hashes, packets: int) -> None:
     """Other numbers of them than devices choose, where rays part or paths are sorted by material.
@@ -220,6 +225,7 @@ def test_packets_that_take_turns(all_devices: list[Device], expected: Hashes, pa
     assert (path.pipeline.entry, packets) in defined
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("scene", ["room", "bumpy"])
 @pytest.mark.parametrize("size", [(1, 1), (1, 70), (130, 1), (3, 5)], ids=str)
 def test_odd_sizes(all_devices: list[Device], scene: str, size: tuple[int, int]) -> None:
@@ -239,6 +245,7 @@ def test_another_seed_or_scene_or_size_is_another_image(all_devices: list[Device
 # --- drivers and devices ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_several_rays_on_every_driver(all_devices: list[Device]) -> None:
     """Each shadow ray of a vertex has the sampler that the vertex has, also where a compiler shares parameters."""
     assert len({sha("room", [device], size=(16, 16), spp=2, shadow_rays=3) for device in all_devices}) == 1
@@ -248,6 +255,7 @@ SELDOM = {"haze", "candles", "lamps", "sundial"}
 """Programs that take long to build for every driver, and whose parts other tests have."""
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("scene", [pytest.param(s, marks=pytest.mark.slow) if s in SELDOM else s for s in SCENES])
 def test_every_driver(all_devices: list[Device], expected: Hashes, scene: str) -> None:
     """Each device as it would render by itself; those that carry lanes also with other numbers of them."""
@@ -495,6 +503,7 @@ def test_an_interrupted_render_ended_later(all_devices: list[Device], expected: 
     assert image_sha256(film.mean()) == expected["bumpy"]
 
 
+@pytest.mark.thorough
 def test_shards_on_two_drivers_merge_to_the_image(all_devices: list[Device], expected: Hashes) -> None:
     job = clrender.RenderJob.of(clrender.load("room"), size=WIDTH_HEIGHT, spp=SPP)
     films = []

@@ -65,6 +65,7 @@ def test_peak_memory_is_counted(device: Device) -> None:
     assert device.allocated_bytes >= before + 2**20
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not Path("/sys/kernel/mm/transparent_hugepage").exists(), reason="this system has no large pages")
 def test_large_buffers_ask_for_large_pages(device: Device) -> None:
     """The system marks memory of which that was asked. A new process has none that was marked for somebody else."""

@@ -207,6 +207,7 @@ def judge(case: Case, hits: Hits) -> str:
 EPS_ONCE = 2 * reference.EPS
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", CASES)
 def test_hits_agree_with_double_precision(device: Device, name: str) -> None:
     """The bounds are derived in reference.py."""
@@ -239,6 +240,7 @@ def same(hits: Hits, others: Hits) -> bool:
     )
 
 
+@pytest.mark.thorough
 def test_every_way_through_the_tree_gives_the_same_bits(device: Device, mixed: Case) -> None:
     """Lanes 1, 4, 8, 16; in packets that never part, part early, or as the kernels have it; and each ray alone."""
     with tree_on(device, mixed.flat()) as tree:

@@ -73,6 +73,7 @@ def test_every_kernel_on_a_small_scene(device: Device, tmp_path: Path) -> None:
     assert launched == every_kernel()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.slow) for n in RENDERS])
 def test_every_way_to_render(device: Device, tmp_path: Path, name: str) -> None:
     check(device, [name], tmp_path)
@@ -85,6 +86,7 @@ __kernel void unwritten(__global uint* a) { uint b[2]; b[0] = 1; if (b[get_globa
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kernel", ["beyond", "race", "unwritten"])
 def test_oclgrind_does_complain(tmp_path: Path, kernel: str) -> None:
     """Of each of the three, or its silence would say nothing."""

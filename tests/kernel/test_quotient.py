@@ -138,6 +138,7 @@ def found_by(device: Device, a: Floats, b: Floats, lanes: int, error: int) -> li
     return found
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("lanes", [1, 16])
 @pytest.mark.parametrize("name", INPUTS)
 def test_corrected_results_are_those_of_the_standard(device: Device, name: str, lanes: int) -> None:

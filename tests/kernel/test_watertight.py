@@ -55,6 +55,7 @@ def leaks(device: Device, name: str, place: str, count: int, seed: int) -> tuple
     return escaped, sent
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", CLOSED)
 def test_nothing_escapes_in_ten_million_rays(device: Device, name: str) -> None:
     total = 0

@@ -35,6 +35,7 @@ def test_every_long_path_may_end(device: Device, roulette: str) -> None:
     assert reached.sum() < 6.1 * LONG, "the mean length, where nothing is absorbed"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("roulette", ROULETTES, ids=str)
 @pytest.mark.parametrize("material", ["mirror", "lambert"])
 @pytest.mark.parametrize("integrator", ["path", "direct", "whitted", "reuse"])

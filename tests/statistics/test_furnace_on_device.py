@@ -32,6 +32,7 @@ def subject(**materials: dict[str, Any]) -> Subject:
     return Subject("test", what, tuple(what.materials), {})
 
 
+@pytest.mark.thorough
 def test_right_materials_have_no_faults(device: Device) -> None:
     """False alarms: 1 %, by a fixed seed."""
     clay, gold, glass = measure(subject(clay=CLAY, gold=GOLD, glass=GLASS), device, side=16)
@@ -52,6 +53,7 @@ def test_right_materials_have_no_faults(device: Device) -> None:
     assert (numbers["chi2_tests"], numbers["chi2_p_min"], numbers["reciprocity_max"]) == (0, 1.0, 0.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("fault", "kinds"),
     [
@@ -76,6 +78,7 @@ def test_a_fault_of_5_percent_is_found_and_named(device: Device, fault: str, kin
     assert "°" in sentence or "%" in sentence
 
 
+@pytest.mark.thorough
 def test_lanes_and_order_change_nothing(device: Device) -> None:
     what, rng = subject(gold=GOLD, clay=CLAY).scene, np.random.default_rng(650)
     numbers = jittered(rng, 1, 16).reshape(2, -1)

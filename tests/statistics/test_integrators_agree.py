@@ -33,6 +33,7 @@ def judged(pairs: list[Pair], in_tile: float, in_mean: float) -> None:
         assert pair.numbers["visible_in_tile"] < in_tile and pair.numbers["visible_in_mean"] < in_mean
 
 
+@pytest.mark.thorough
 def test_all_integrators_agree(device: Device) -> None:
     """A small picture, few patches and photons; the chance of a false alarm is 1 %, for all pairs together."""
     settings = {"size": (64, 64), "spp": 96, "batches": 8, "patches": 1000, "patch_rays": 48, "photons": 8192}

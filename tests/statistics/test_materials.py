@@ -120,6 +120,7 @@ FAST = (
 )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", [n if n in FAST else pytest.param(n, marks=pytest.mark.slow) for n in WHOLE])
 def test_white_surfaces_send_all_light_back(device: Device, name: str) -> None:
     """Within 1e-3, which the tables of albedos cost, and four standard errors."""
@@ -159,6 +160,7 @@ def what_layers_lose(device: Device, material: dict[str, Any], wo: Floats, seed:
     return together
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", [n if n in FEW else pytest.param(n, marks=pytest.mark.slow) for n in BOUNDED])
 def test_layers_lose_what_the_lesser_of_both_ways_does_not_pass(device: Device, name: str) -> None:
     """No more, and no less, within 1e-3 and four standard errors: the loss is that of the model alone."""
@@ -187,6 +189,7 @@ DIFFUSE = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", DIFFUSE)
 def test_a_diffuse_base_returns_what_layers_leave(device: Device, name: str) -> None:
     """Lambert's all of it, and EON, of which two orders count, all but 1e-3: by a grid, without noise.
@@ -228,6 +231,7 @@ NEAR_CRITICAL = (
 """Alpha, index and cosine of light within rough glass where tables that are coarse there err most, by up to 0.5 %."""
 
 
+@pytest.mark.thorough
 def test_rough_glass_keeps_its_light_near_total_reflection(device: Device) -> None:
     for i, (alpha, ior, cosine) in enumerate(NEAR_CRITICAL[:5]):
         check_glass(device, alpha, ior, cosine, 585_000 + i)
@@ -283,6 +287,7 @@ def test_smooth_metals_send_all_light_back_at_grazing_angles(device: Device, alp
         assert 1.0 - 1e-3 <= energy <= 1.0 + 1e-4, (ratio, way)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", RECIPROCAL)
 def test_reciprocity(device: Device, name: str) -> None:
     """Also through glass, where f is over the square of the index on the side of the light."""
@@ -300,6 +305,7 @@ def test_reciprocity(device: Device, name: str) -> None:
         np.testing.assert_allclose(forth * squared / wi[:, 2:], back / wo[:, 2:], rtol=1e-4, atol=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("angle", [0.0, 40.0, 75.0])
 @pytest.mark.parametrize(
     "name",
@@ -369,6 +375,7 @@ def test_the_tables_of_albedos() -> None:
         assert table[row, column] == pytest.approx(made["albedo"](direction, made["alike"](alpha))[0], abs=1e-5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("beckmann", [False, True])
 def test_the_tables_of_rough_glass(beckmann: bool) -> None:
     """As kernels interpolate them, against integrals over other facets: within 1e-3 for indices from 1.05 to 2.5."""
@@ -433,6 +440,7 @@ def test_metals_reflect_by_fresnel(device: Device, metal: str) -> None:
         np.testing.assert_allclose(out[:3], (wo * [-1, -1, 1])[:, None] + np.zeros((3, 256)), atol=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["oren_nayar 1.0", "conductor 0.5", "glass 0.5", "plastic 0.25"])
 def test_a_white_sphere_in_white_light_is_invisible(device: Device, name: str) -> None:
     """Every way of sampling sees the environment through it; 1e-3 as above."""
@@ -450,6 +458,7 @@ def test_a_white_sphere_in_white_light_is_invisible(device: Device, name: str) -
         assert abs(mean - 1.0) <= 1e-3 + 4.0 * error
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("integrator", ["path", "direct", "whitted"])
 @pytest.mark.parametrize("name", ["oren_nayar 0.5", "conductor 0.1", "plastic 0.25"])
 def test_a_point_light_over_a_plane(device: Device, name: str, integrator: str) -> None:

@@ -75,6 +75,7 @@ def told(found: list[Comparison]) -> str:
     return "\n".join(f"{each.scene}: {each.way}: {each.text}, chance {each.chance:.2g}" for each in found)
 
 
+@pytest.mark.thorough
 def test_a_few_mixed_scenes(oracle: Oracle) -> None:
     scenes = [mixed_scene(kind, number) for kind, numbers in FEW.items() for number in numbers]
     made = [comparison for mixed in scenes for comparison in oracle.judged(mixed)]
@@ -101,6 +102,7 @@ def cut(session: clrender.Session, folder: Path, mixed: Mixed, *cuts: dict[str, 
 IN_PIECES: dict[str, Any] = {"tile": 16, "samples_per_pass": 1}
 
 
+@pytest.mark.thorough
 def test_mixed_scenes_have_the_same_bits_however_they_are_cut(session: clrender.Session, folder: Path) -> None:
     """Other paths lie side by side then, and what one of them has met must not matter to another."""
     scenes = [mixed_scene(kind, number) for kind, numbers in SIDE_BY_SIDE.items() for number in numbers]
@@ -114,6 +116,7 @@ def test_mixed_scenes_have_the_same_bits_in_all_lanes(session: clrender.Session,
     assert [mixed.name for mixed in scenes if len(cut(session, folder, mixed, *ways)) != 1] == []
 
 
+@pytest.mark.thorough
 def test_a_wrong_image_is_found(oracle: Oracle, monkeypatch: pytest.MonkeyPatch) -> None:
     """Lights that are 10 % brighter in one of two images, 2 % of a white furnace, and a room without walls."""
 

@@ -40,6 +40,7 @@ def sheet(z: float, material: str = "sheet") -> dict[str, Any]:
 # --- transmittance ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("opacity", [0.0, 0.1, 0.5, 1.0])
 def test_what_is_seen_through_sheets(evidence: Evidence, studio: Studio, opacity: float) -> None:
     """Of a lamp behind three of them (1 - opacity)^3; the lamp is sampled by what is seen alone."""

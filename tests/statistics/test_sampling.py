@@ -152,6 +152,7 @@ def test_mirror(device: Device, toward: str) -> None:
     assert not pdf.any() and not f.any() and not evaluated.any()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("front", [True, False])
 @pytest.mark.parametrize("ior", [1.5, 2.4, 0.75])
 @pytest.mark.parametrize("degrees", [0.0, 30.0, 41.0, 56.3, 80.0, 89.5])
@@ -192,6 +193,7 @@ def agree(first: Floats, second: Floats, usable: npt.NDArray[np.bool_]) -> None:
     np.testing.assert_allclose(first[usable], second[usable], rtol=2e-4)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("origin", ORIGINS, ids=str)
 def test_triangle_light(evidence: Evidence, device: Device, origin: tuple[float, ...]) -> None:
     a, b, c = TRIANGLE

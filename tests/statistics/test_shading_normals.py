@@ -81,6 +81,7 @@ BEHIND = {
 AHEAD = {"position": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0], "vertical_fov": 24.0}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("material", ["metal", "plastic", "rough"])
 def test_ways_agree_on_a_normal_that_looks_away(
     evidence: Evidence, studio: Studio, tmp_path: Path, material: str

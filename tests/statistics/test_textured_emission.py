@@ -76,6 +76,7 @@ def placed(what: Scene, folder: Path) -> Scene:
 # --- to the bit -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "integrator",
     ["path", "whitted", *(pytest.param(name, marks=pytest.mark.slow) for name in ("direct", "reuse", "photon"))],
@@ -129,6 +130,7 @@ def test_emission_of_a_material_is_that_of_its_shapes(device: Device) -> None:
     assert made[0] == made[1]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("integrator", ["path", pytest.param("photon", marks=pytest.mark.slow)])
 def test_the_same_bits_in_any_lanes(device: Device, tmp_path: Path, integrator: str) -> None:
     emissions = [{"texture": "p.exr"}, {"checker": HALVES}, {"ramp": [0.0, [1, 2, 3]]}, [1.0, 0.5, 0.25]]
@@ -332,6 +334,7 @@ def test_lights_are_chosen_by_their_mean_power(tmp_path: Path) -> None:
         np.testing.assert_allclose(row["radiance"][number, :3], exact, atol=0.02)
 
 
+@pytest.mark.thorough
 def test_a_small_bright_region_is_found(studio: Studio, tmp_path: Path) -> None:
     """Chosen by power it makes little noise; chosen alike, much."""
     bright = np.full((16, 16, 3), 1e-3, np.float32)
@@ -349,6 +352,7 @@ def test_a_small_bright_region_is_found(studio: Studio, tmp_path: Path) -> None:
 # --- photons ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_photons_carry_the_power_of_the_texture(evidence: Evidence, device: Device) -> None:
     """Inside a sphere that shines inwards nothing is lost: the deposits hold its power, in each channel."""
     checker = {"checker": HALVES, "size": 0.25}
