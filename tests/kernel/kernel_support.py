@@ -21,7 +21,18 @@ if TYPE_CHECKING:
     from clrender.device import Device
     from clrender.device.device import Buffer
 
-__all__ = ["FOLDER", "Hits", "Rays", "Tree", "analytic_rows", "flat_scene", "trace", "trace_every_leaf", "tree_on"]
+__all__ = [
+    "FOLDER",
+    "Hits",
+    "Rays",
+    "Tree",
+    "analytic_rows",
+    "flat_scene",
+    "trace",
+    "trace_by_reference",
+    "trace_every_leaf",
+    "tree_on",
+]
 
 FOLDER = Path(__file__).resolve().parent
 WORK_GROUP = 16
@@ -205,6 +216,11 @@ def trace(tree: Tree, rays: Rays, lanes: int = 16, single: bool = False, parts: 
     if tree.bvh.stack_entries > STACK:
         defines["BVH_STACK"] = tree.bvh.stack_entries
     return _launch(tree, rays, "trace", defines, [])
+
+
+def trace_by_reference(tree: Tree, rays: Rays) -> Hits:
+    """Nearest hit and any hit by the reference, ``kernels/geometry/bvh_reference.h``."""
+    return _launch(tree, rays, "trace_by_reference", {"LANES": 1}, [])
 
 
 def trace_every_leaf(tree: Tree, rays: Rays) -> Hits:

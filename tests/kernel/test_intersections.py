@@ -9,7 +9,17 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import reference
-from kernel_support import FAR, Hits, Rays, analytic_rows, flat_scene, trace, trace_every_leaf, tree_on
+from kernel_support import (
+    FAR,
+    Hits,
+    Rays,
+    analytic_rows,
+    flat_scene,
+    trace,
+    trace_by_reference,
+    trace_every_leaf,
+    tree_on,
+)
 
 from clrender import layout
 
@@ -238,6 +248,11 @@ def same(hits: Hits, others: Hits) -> bool:
         and np.array_equal(hits.primitives, others.primitives)
         and np.array_equal(hits.occluded, others.occluded)
     )
+
+
+def test_the_reference_finds_what_the_traversals_find(device: Device, mixed: Case) -> None:
+    with tree_on(device, mixed.flat()) as tree:
+        assert same(trace_by_reference(tree, mixed.rays), trace(tree, mixed.rays, 16))
 
 
 @pytest.mark.thorough

@@ -1,4 +1,5 @@
 // Given rays through a given tree: what the traversals find, and what a loop over every leaf finds.
+#include "geometry/bvh_reference.h"
 #include "geometry/traverse.h"
 
 static Ray trace_load(__global const float* rays, __global const uint* ends, uint count, size_t at) {
@@ -36,6 +37,26 @@ __kernel void trace(__global const float* nodes, __global const float* triangle_
     ray.to = lane_load(ends + count + at);
     const vmask blocked = traverse_occluded(&bvh, &ray, active);
     lane_save(blocked ? splat_uint(1u) : splat_uint(0u), hits + count + at);
+}
+
+// The same by the reference. For LANES = 1.
+__kernel void trace_by_reference(__global const float* nodes, __global const float* triangle_packs,
+                                 __global const float* analytic_packs, __global const float* rays, __global const uint* ends,
+                                 uint count, __global float* distances, __global uint* hits) {
+#if LANES == 1
+    const size_t at = get_global_id(0);
+    if (at >= count) return;
+    const Bvh bvh = trace_tree(nodes, triangle_packs, analytic_packs);
+    Ray ray = trace_load(rays, ends, count, at);
+    PacketRay nearest = packet_ray(&ray, ray.limit >= 0.0f);
+    bvh_reference(&bvh, &nearest, 0);
+    distances[at] = nearest.nearest;
+    hits[at] = nearest.primitive;
+    ray.to = ends[count + at];
+    PacketRay any = packet_ray(&ray, ray.limit >= 0.0f);
+    bvh_reference(&bvh, &any, 1);
+    hits[count + at] = ray.limit >= 0.0f && any.nearest < 0.0f;
+#endif
 }
 
 // The definition, without a tree: every primitive of every leaf whose box the ray enters (geometry/box.h). For LANES = 1.
