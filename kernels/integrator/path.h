@@ -187,7 +187,7 @@ typedef struct {
     vec3 arriving[PACKETS];  // as far as nothing is in the way; 0 where no shadow ray is needed
 } Direct;
 
-static vmask direct_asks(const Direct* direct, uint packet) { return largest(direct->arriving[packet]) > 0.0f; }
+static vmask path_asks(const Direct* direct, uint packet) { return largest(direct->arriving[packet]) > 0.0f; }
 
 // For all packets choose a light, and a point of it: each pixel's light sample number `m`.
 static void path_sample_light(const Scene* scene, const Path* path, const Vertex* vertex, uint m, Direct* direct, PoolStats* stats) {
@@ -204,7 +204,7 @@ static void path_sample_light(const Scene* scene, const Path* path, const Vertex
             direct->arriving[k] = choose(asked[k], path_direct(scene, &path[k], &vertex[k], &light, &in), vec3_all(0.0f));
             direct->shadow[k] = shadow_ray(surface, &light, &in);
         }
-        asked[k] = direct_asks(direct, k);
+        asked[k] = path_asks(direct, k);
         stats->shadow_rays += lane_count(asked[k]);
         stats->deepest = pool_deepest(stats->deepest, path[k].depth + 1u, asked[k]);
     }
@@ -213,10 +213,10 @@ static void path_sample_light(const Scene* scene, const Path* path, const Vertex
 // Trace the shadow rays to the lights, and add what arrives.
 static void path_add_light(const Scene* scene, Path* path, Direct* direct) {
     Shadows shadows;
-    EACH_PACKET(k) shadow_start(scene, &shadows, k, &direct->shadow[k], direct_asks(direct, k));
+    EACH_PACKET(k) shadow_start(scene, &shadows, k, &direct->shadow[k], path_asks(direct, k));
     shadow_finish(scene, &shadows);
     EACH_PACKET(k) {
-        const vmask asked = direct_asks(direct, k), arrives = asked & shadow_arrives(&shadows, k, &direct->arriving[k]);
+        const vmask asked = path_asks(direct, k), arrives = asked & shadow_arrives(&shadows, k, &direct->arriving[k]);
         path[k].radiance = choose(arrives, add(path[k].radiance, direct->arriving[k]), path[k].radiance);
     }
 }
@@ -248,7 +248,7 @@ static void path_sample_direct(const Scene* scene, Path* path, const Vertex* ver
 static void path_add_direct(const Scene* scene, Path* path, Direct* direct) {
 #ifndef SEVERAL_SHADOW_RAYS
     int any = 0;
-    EACH_PACKET(k) any |= lane_any(direct_asks(direct, k));
+    EACH_PACKET(k) any |= lane_any(path_asks(direct, k));
     if (any) path_add_light(scene, path, direct);
 #endif
 }

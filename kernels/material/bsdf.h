@@ -119,6 +119,7 @@ static void bsdf_read_rows(const Scene* scene, const Surface* s, vec3 direction,
 
 static void bsdf_no_rows(Bsdf* b) {
     b->closure.there = b->closure.glass.there = b->closure.diffuse.there = b->thin = mask_none();
+    b->closure.diffuse.passes = splat(0.0f);
     b->closure.albedo = vec3_all(0.0f);
 }
 #endif
