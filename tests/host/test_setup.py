@@ -112,7 +112,7 @@ def test_who_may_install_system_packages(machine: Machine, user: int, told: str,
 
 @pytest.mark.parametrize(("user", "told", "installs"), [(1000, "", False), (1000, "1", True), (0, "", True)])
 def test_who_may_install_a_driver_that_is_not_free(machine: Machine, user: int, told: str, installs: bool) -> None:
-    machine.environment('#!/bin/bash\n[[ "$*" == *clrender.device* ]] && exit 3\necho "ran python $*"\n')
+    machine.environment('#!/bin/bash\n[[ "$*" == *clrender.drivers* ]] && exit 3\necho "ran python $*"\n')
     code, lines = machine.run("ensure_device", user, CLRENDER_INSTALL=told)
     assert code == 1
     log = (machine.root / ".venv" / "install.log").read_text()
@@ -124,7 +124,7 @@ def test_who_may_install_a_driver_that_is_not_free(machine: Machine, user: int, 
 def test_a_probe_that_ran_out_of_time_gets_more_before_other_drivers(
     machine: Machine, seconds: dict[str, Any], tries: int
 ) -> None:
-    asked = '[[ "$*" == *clrender.device* ]] && { echo "probed in ${CLRENDER_PROBE_SECONDS:-240}" >&2; exit %s; }'
+    asked = '[[ "$*" == *clrender.drivers* ]] && { echo "probed in ${CLRENDER_PROBE_SECONDS:-240}" >&2; exit %s; }'
     machine.environment("#!/bin/bash\n" + asked % "$([[ ${CLRENDER_PROBE_SECONDS:-0} -gt 1000 ]] && echo 0 || echo 4)")
     code, lines = machine.run("ensure_device", CLRENDER_INSTALL="0", **seconds)
     probes = [line for line in lines if line.startswith("probed in")]
