@@ -219,7 +219,7 @@ def trace(tree: Tree, rays: Rays, lanes: int = 16, single: bool = False, parts: 
 
 
 def trace_by_reference(tree: Tree, rays: Rays) -> Hits:
-    """Nearest hit and any hit by the reference, ``kernels/geometry/bvh_reference.h``."""
+    """Nearest hit and any hit by the reference, `bvh_reference` of ``trace.cl``."""
     return _launch(tree, rays, "trace_by_reference", {"LANES": 1}, [])
 
 
