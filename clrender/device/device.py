@@ -213,14 +213,14 @@ class Device:
             del self._programs[next(iter(self._programs))]
         return program
 
-    def _build(self, source: Source, register_options: str) -> Program:
+    def _build(self, source: Source, more_options: str) -> Program:
         begin = time.perf_counter()
         self._set_compiling(True)
         try:
             try:
-                program = self._built(source, f"{self.options} {register_options}".strip())
+                program = self._built(source, f"{self.options} {more_options}".strip())
             except DeviceError:
-                if not register_options:
+                if not more_options:
                     raise
                 program = self._built(source, self.options)  # an older driver does not know them
         finally:

@@ -100,6 +100,7 @@ def tiled_picture(stored: StoredPicture, tiles: NDArray[np.uint8]) -> Picture:
 
 
 def tile_count(picture: Picture) -> int:
+    """Number of tiles that an image takes."""
     across, down = _shape(picture)
     return -(-picture.width // across) * -(-picture.height // down)
 
