@@ -52,7 +52,7 @@ from clrender import layout
 
 FILE = Path(__file__).resolve().parent.parent / "clrender" / "flatten" / "albedo_tables.npz"
 LEAST_ALPHA = 1e-5
-LEAST_TURNED = 1e-3  # the smallest alpha that is not a delta: CLOSURE_SMOOTH of kernels/material/closure.h
+LEAST_TURNED = 1e-3  # the smallest alpha that is not a delta: LAYERING_SMOOTH of kernels/material/layering.h
 
 _Floats = NDArray[np.float64]
 

@@ -91,10 +91,6 @@ class PrimitiveSamples:
     def told_apart(self, flat: FlatScene) -> npt.NDArray[np.uint32]:
         """`numbers`, overwritten with the objects of `FlatInstances.seen` in place of primitives.
 
-        Parameters
-        ----------
-        flat : FlatScene
-
         Returns
         -------
         (pixels, samples) uint32

@@ -150,10 +150,6 @@ def build(device: Device, source: SourceArrays, among: npt.NDArray[np.bool_] | N
     among : (triangle_count + analytic_count,) bool, optional
         Primitives to include, all or none of each shape; they keep their numbers.
 
-    Returns
-    -------
-    Bvh
-
     Raises
     ------
     RenderError
@@ -169,11 +165,6 @@ def build(device: Device, source: SourceArrays, among: npt.NDArray[np.bool_] | N
 
 def triangle_units(device: Device, source: SourceArrays) -> Numbers:
     """The units of triangles in a BVH: one for each triangle, or for two that form a parallelogram.
-
-    Parameters
-    ----------
-    device : Device
-    source : SourceArrays
 
     Returns
     -------
@@ -215,10 +206,6 @@ def build_over(
     round_ones : (R,) uint32
         Spheres and disks, numbered from 0.
     instances : InstanceBoxes, optional
-
-    Returns
-    -------
-    Bvh
 
     Raises
     ------

@@ -241,10 +241,6 @@ class DeviceWorker:
         should_stop : callable, optional
             Called between slices. If it returns True, the result so far is returned.
 
-        Returns
-        -------
-        UnitSums
-
         Raises
         ------
         RenderError
@@ -434,10 +430,6 @@ def probe_hash(device: Device) -> str:
     """SHA-256 of a small tile of a fixed scene, rendered with the real kernels and the device's default configuration.
 
     The scene is the built-in room: triangles, spheres, every material, area lights, indirect light of any depth.
-
-    Parameters
-    ----------
-    device : Device
 
     Returns
     -------

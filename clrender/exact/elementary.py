@@ -106,12 +106,7 @@ def power_two_fifths(x: _Floats) -> _Floats:
 
 
 def degrees_of(y: float, x: float) -> float:
-    """Angle from the x axis towards the y axis, -180 to 180 degrees; 0 if both are 0.
-
-    Parameters
-    ----------
-    y, x : float
-    """
+    """Angle from the x axis towards the y axis, -180 to 180 degrees; 0 if both are 0."""
     largest = max(abs(x), abs(y))
     if largest == 0.0:
         return 0.0

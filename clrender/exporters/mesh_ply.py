@@ -22,13 +22,7 @@ _CORNERS: Final = (
 
 
 def write_ply(file: IO[bytes], mesh: MeshData) -> None:
-    """Write a mesh: positions and normals in their own precision, all else as face lists.
-
-    Parameters
-    ----------
-    file : binary file
-    mesh : MeshData
-    """
+    """Write a mesh: positions and normals in their own precision, all else as face lists."""
     vectors = [(names, array) for names, array in (("x y z", mesh.vertices), ("nx ny nz", mesh.normals))]
     fields: list[tuple[str, Any]] = []
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(mesh.vertices)}"]

@@ -68,10 +68,6 @@ class Assembly:
 def assemble(scene: Scene) -> Assembly:
     """Resolve a scene's instances.
 
-    Parameters
-    ----------
-    scene : Scene
-
     Raises
     ------
     SceneError
@@ -154,10 +150,6 @@ def _triangles(scene: Scene, at: tuple[str | int, ...], shape: AnyShape) -> int:
 
 def written_out(scene: Scene) -> Scene:
     """A copy of the scene in which each instance is replaced by the shapes of its group.
-
-    Parameters
-    ----------
-    scene : Scene
 
     Raises
     ------

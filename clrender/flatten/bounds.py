@@ -17,10 +17,6 @@ __all__ = ["scene_bounds"]
 def scene_bounds(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Bounding box of all shapes, world space, metres.
 
-    Parameters
-    ----------
-    scene : Scene
-
     Returns
     -------
     low, high : (3,) float64

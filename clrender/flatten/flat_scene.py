@@ -134,10 +134,6 @@ def scene_origin(camera: Camera) -> Vector:
     It is the point nearest to the camera of a cubic grid whose spacing is 64 to 1024 times the distance from the camera
     to its target. So it is the world origin for a camera near it, and most camera moves do not change it.
 
-    Parameters
-    ----------
-    camera : Camera
-
     Returns
     -------
     (3,) float
@@ -171,10 +167,6 @@ def flatten(
     compensated : bool
         MIS compensation: light sampling of the environment leaves the parts darker than its mean to BSDF sampling; see
         `clrender.flatten.environment.environment_table`.
-
-    Returns
-    -------
-    FlatScene
 
     Raises
     ------

@@ -81,10 +81,6 @@ class LampTables:
 def lamp_tables(scene: Scene) -> LampTables:
     """The tables of all IES files that a scene names, and of its sun.
 
-    Parameters
-    ----------
-    scene : Scene
-
     Raises
     ------
     SceneError
@@ -114,12 +110,7 @@ def lamp_tables(scene: Scene) -> LampTables:
 
 
 def lamp_table(profile: IesProfile) -> LampTable:
-    """Table of one IES file.
-
-    Parameters
-    ----------
-    profile : IesProfile
-    """
+    """Table of one IES file."""
     horizontal, candela = profile.horizontal, profile.candela
     if len(horizontal) == 1:
         horizontal, candela = np.array([0.0, 360.0]), np.repeat(candela, 2, axis=1)

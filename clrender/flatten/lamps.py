@@ -116,12 +116,7 @@ def _ies(light: IesLight, tables: LampTables) -> Lamp:
 
 
 def lamp_directions(light: IesLight) -> tuple[Vector, Vector, Vector]:
-    """Unit vectors of the file's vertical angle 0, and of its horizontal angles 0 and 90.
-
-    Parameters
-    ----------
-    light : IesLight
-    """
+    """Unit vectors of the file's vertical angle 0, and of its horizontal angles 0 and 90."""
     axis = _unit(light.direction)
     side = _unit(cross(_unit(light.zero), axis))
     return axis, _unit(cross(axis, side)), side

@@ -101,10 +101,6 @@ def light_tree(emitters: Emitters) -> LightTree:
     ----------
     emitters : Emitters
         At least two.
-
-    Returns
-    -------
-    LightTree
     """
     groups = [np.flatnonzero(some) for some in (~emitters.infinite, emitters.infinite) if some.any()]
     depth = max(int(len(group) - 1).bit_length() for group in groups)

@@ -117,10 +117,6 @@ def flat_lights(
     choice : str
         A light sampler of `clrender.settings`.
 
-    Returns
-    -------
-    FlatLights
-
     Raises
     ------
     SceneError

@@ -69,12 +69,7 @@ class MaterialArrays:
 
 
 def has_row(material: Material) -> bool:
-    """Whether a material needs more numbers than a colour and an index.
-
-    Parameters
-    ----------
-    material : Material
-    """
+    """Whether a material needs more numbers than a colour and an index."""
     if material.masked:
         return True
     if isinstance(material, Lambert | Mirror):
@@ -86,10 +81,6 @@ def has_row(material: Material) -> bool:
 
 def material_numbers(scene: Scene) -> dict[Solid, int]:
     """Rows of `MaterialArrays.materials`: one for each material, then for each other pair that shapes name.
-
-    Parameters
-    ----------
-    scene : Scene
 
     Returns
     -------

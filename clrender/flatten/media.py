@@ -82,12 +82,7 @@ class Media:
 
 
 def solid_of(shape: Shape) -> Solid:
-    """A shape's material and interior.
-
-    Parameters
-    ----------
-    shape : Shape
-    """
+    """A shape's material and interior."""
     return shape.material, shape.interior
 
 
@@ -96,10 +91,6 @@ def scene_media(scene: Scene) -> Media:
 
     Those without a priority come first, then the others by priority; of equal priorities, the first in the scene has
     precedence. Shapes that agree in priority, index, absorption and scattering share a medium.
-
-    Parameters
-    ----------
-    scene : Scene
 
     Raises
     ------

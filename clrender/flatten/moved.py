@@ -19,13 +19,7 @@ __all__ = ["moved"]
 
 
 def moved(surfaces: FlatSurfaces, moves: Moves) -> FlatSurfaces:
-    """The surfaces with each primitive where `moves` has it; copies come next to each other.
-
-    Parameters
-    ----------
-    surfaces : FlatSurfaces
-    moves : Moves
-    """
+    """The surfaces with each primitive where `moves` has it; copies come next to each other."""
     if not moves.any:
         return surfaces
     count = len(surfaces.triangles)

@@ -22,10 +22,6 @@ _BOX_TRIANGLES = [
 def polyhedron(shape: Quad | Triangle | Box | Tetrahedron) -> MeshData:
     """Vertices and triangles of a shape with flat faces, before its transform.
 
-    Parameters
-    ----------
-    shape : Quad, Triangle, Box or Tetrahedron
-
     Returns
     -------
     MeshData

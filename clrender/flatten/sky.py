@@ -65,12 +65,7 @@ class Sun:
 
 
 def scene_sun(scene: Scene) -> Sun | None:
-    """The sun of a scene; None if there is none, or it is black.
-
-    Parameters
-    ----------
-    scene : Scene
-    """
+    """The sun of a scene; None if there is none, or it is black."""
     light = scene.sky
     if light is None:
         return None
@@ -85,10 +80,6 @@ def scene_sun(scene: Scene) -> Sun | None:
 
 def sky_picture(light: SunSkyLight) -> EnvironmentPicture | None:
     """Environment map of sky and ground, with the sun's azimuth in the middle column; None if all is black.
-
-    Parameters
-    ----------
-    light : SunSkyLight
 
     Returns
     -------

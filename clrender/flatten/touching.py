@@ -121,13 +121,7 @@ def moves(scene: Scene, surfaces: FlatSurfaces, own: int, assembly: Assembly | N
 
 
 def undecided(scene: Scene, found: Moves) -> list[str]:
-    """Sentences about what coincides without a rule that decides.
-
-    Parameters
-    ----------
-    scene : Scene
-    found : Moves
-    """
+    """Sentences about what coincides without a rule that decides."""
     texts = []
     for pairs, text in (
         (found.boundaries, "faces of two dielectrics or media coincide, and what is seen through them is wrong; {}"),

@@ -61,11 +61,6 @@ class _Runs:
 def read(path: Path, files: AssetFiles) -> Draft:
     """The scene of an OBJ file.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-    files : AssetFiles
-
     Raises
     ------
     SceneError

@@ -21,11 +21,6 @@ _LISTED: Final = 8
 def read(path: Path, files: AssetFiles) -> Draft:
     """The scene of a PLY file.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-    files : AssetFiles
-
     Raises
     ------
     SceneError

@@ -12,13 +12,7 @@ __all__ = ["read"]
 
 
 def read(path: Path, files: AssetFiles) -> Draft:
-    """The scene of an STL file; the mesh is read later, like those that scenes name.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-    files : AssetFiles
-    """
+    """The scene of an STL file; the mesh is read later, like those that scenes name."""
     del files
     draft = Draft()
     draft.description["materials"]["no material"] = {"type": "lambert", "reflectance": [GREY] * 3}

@@ -29,12 +29,7 @@ _KEY_PLACE: Final = (-0.55, 0.65, 0.8)
 
 
 def studio_light(camera: Camera) -> EnvironmentPicture:
-    """Environment map for a scene without light, relative to its camera; 128 x 64 pixels.
-
-    Parameters
-    ----------
-    camera : Camera
-    """
+    """Environment map for a scene without light, relative to its camera; 128 x 64 pixels."""
     x, y, z = (a - b for a, b in zip(camera.target, camera.position, strict=True))
     forward = _unit((x, y, z))
     right = _unit(cross(forward, _unit(camera.up)))

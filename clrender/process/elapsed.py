@@ -76,10 +76,6 @@ def processor_seconds(threads: Callable[[], Collection[threading.Thread]]) -> Ca
     ----------
     threads : callable
         Python threads that count, because they call a driver.
-
-    Returns
-    -------
-    callable
     """
 
     def seconds() -> float:
@@ -98,16 +94,7 @@ def _seconds_of_thread(number: int | None) -> float:
 
 
 def processor_seconds_of(pid: int) -> float:
-    """Processor seconds of another process and of its children that have ended; 0 if the system does not say.
-
-    Parameters
-    ----------
-    pid : int
-
-    Returns
-    -------
-    float
-    """
+    """Processor seconds of another process and of its children that have ended; 0 if the system does not say."""
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
         return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")

@@ -41,10 +41,6 @@ def effort_told(job: RenderJob) -> str | None:
 
     It counts paths and knows nothing about the machine, so it is the same everywhere.
 
-    Parameters
-    ----------
-    job : RenderJob
-
     Returns
     -------
     str or None

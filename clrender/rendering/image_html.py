@@ -77,14 +77,6 @@ def image_html(image: ShownImage) -> str:
 
     It uses no scripts, so that it works in exported notebooks and where scripts are not run. Images are reduced to
     `IMAGE_SIDE` and layers to `LAYER_SIDE` pixels; the caption says so.
-
-    Parameters
-    ----------
-    image : ShownImage
-
-    Returns
-    -------
-    str
     """
     name = f"clrender-{secrets.token_hex(6)}"
     shown = [("image", "Image", _radiance(image.picture, image, IMAGE_SIDE), "")]

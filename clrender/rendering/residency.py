@@ -110,29 +110,11 @@ class Residency:
         self._uploaded, self._scratch, self._flat, self._devices = {}, {}, None, None
 
     def has_read(self, scene: Scene) -> bool:
-        """Whether all files of a scene have been read, as only its camera differs from the last one.
-
-        Parameters
-        ----------
-        scene : Scene
-
-        Returns
-        -------
-        bool
-        """
+        """Whether all files of a scene have been read, as only its camera differs from the last one."""
         return self._flat is not None and self._flat[0].scene.shares_contents(scene)
 
     def flat(self, job: RenderJob) -> FlatScene:
-        """The job's scene as arrays. If only the camera differs from the last job, its arrays are reused.
-
-        Parameters
-        ----------
-        job : RenderJob
-
-        Returns
-        -------
-        FlatScene
-        """
+        """The job's scene as arrays. If only the camera differs from the last job, its arrays are reused."""
         geometry = _Geometry.of(job)
         if self._flat is None or not self._flat[0].same(geometry):
             with self.stages.during("flattening"):
@@ -163,10 +145,6 @@ class Residency:
             How the work is divided into launches.
         on_device : callable, optional
             Called with the worker; prepares what its integrator needs on the device.
-
-        Returns
-        -------
-        DeviceWorker
         """
         begin, before = time.perf_counter(), device.buffers
         with ExitStack() as failed:
@@ -195,23 +173,13 @@ class Residency:
         device.release_but(before)
 
     def restart(self, device: Device) -> None:
-        """Reset a device that failed, so that it can be tried again: everything on it is released.
-
-        Parameters
-        ----------
-        device : Device
-        """
+        """Reset a device that failed, so that it can be tried again: everything on it is released."""
         self._forget(device, self._before[device])
         if device not in self.borrowed:
             device.reopen()
 
     def dismiss(self, device: Device) -> None:
-        """Exclude a device from now on, because it hangs or its results are wrong.
-
-        Parameters
-        ----------
-        device : Device
-        """
+        """Exclude a device from now on, because it hangs or its results are wrong."""
         self._dismissed.add(device)
 
 

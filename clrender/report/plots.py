@@ -60,12 +60,7 @@ class Series:
 
 
 def plots(results: Results) -> list[Plot]:
-    """All plots of the report.
-
-    Parameters
-    ----------
-    results : Results
-    """
+    """All plots of the report."""
     return [_time(results), _noise(results), _shadow(results)]
 
 

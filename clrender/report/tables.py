@@ -15,12 +15,7 @@ __all__ = ["noise_table", "times_table", "verdict_table"]
 
 
 def times_table(results: Results) -> Table:
-    """The report's Table 1, next to our times.
-
-    Parameters
-    ----------
-    results : Results
-    """
+    """The report's Table 1, next to our times."""
     header = (
         "Test", "Samples", "Shadow rays", "Cores", "Deepest path: report", "Deepest path: ours", "Absorption",
         "Time: report", "Time: ours", "CPU time", "Ratio: report", "Ratio: ours",
@@ -54,12 +49,7 @@ def times_table(results: Results) -> Table:
 
 
 def noise_table(results: Results) -> Table:
-    """Work, error and efficiency of every setting.
-
-    Parameters
-    ----------
-    results : Results
-    """
+    """Work, error and efficiency of every setting."""
     header = (
         "Roulette", "Samples", "Shadow rays", "Runs", "Paths, M", "Rays, M", "Shadow rays, M", "Deepest path", "Time",
         "relMSE", "Display error", "Median pixel", "Efficiency",

@@ -48,12 +48,7 @@ class Verdict:
 
 
 def verdicts(results: Results) -> list[Verdict]:
-    """All verdicts, in the order of the report, except those whose rows are missing.
-
-    Parameters
-    ----------
-    results : Results
-    """
+    """All verdicts, in the order of the report, except those whose rows are missing."""
     judges: dict[str, Callable[[Results], tuple[str, str] | None]] = {
         "time": _time,
         "noise": _noise,

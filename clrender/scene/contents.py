@@ -196,10 +196,6 @@ class SceneContents(Head):
         index : int
             Index of a mesh in `shapes`.
 
-        Returns
-        -------
-        MeshData
-
         Raises
         ------
         SceneError
@@ -217,10 +213,6 @@ class SceneContents(Head):
         at : tuple of str or int
             Location of the mesh, for error messages.
         shape : Mesh
-
-        Returns
-        -------
-        MeshData
         """
         if shape.file is None:
             return inline_mesh(shape.vertices, shape.faces, shape.uvs, shape.uvs_1, shape.colors)
@@ -233,10 +225,6 @@ class SceneContents(Head):
         ----------
         index : int
             Index of an instance in `shapes`.
-
-        Returns
-        -------
-        TransformArray
 
         Raises
         ------

@@ -29,12 +29,7 @@ class ContentsMemo:
         return ContentsMemo, ()
 
     def holds(self, contents: tuple[object, ...]) -> bool:
-        """Whether the values belong to these contents.
-
-        Parameters
-        ----------
-        contents : tuple of object
-        """
+        """Whether the values belong to these contents."""
         same = len(contents) == len(self._contents)
         return same and all(a is b for a, b in zip(contents, self._contents, strict=True))
 

@@ -50,10 +50,6 @@ def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) ->
     allow_paths : sequence of str or pathlib.Path
         Folders, besides the scene's own, from which these may be read.
 
-    Returns
-    -------
-    Scene
-
     Raises
     ------
     SceneError

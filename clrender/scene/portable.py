@@ -34,10 +34,6 @@ _Asset = TypeVar("_Asset", MeshData, EnvironmentPicture, IesProfile, TransformAr
 def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
     """A scene as JSON-able data, and its assets.
 
-    Parameters
-    ----------
-    scene : Scene
-
     Returns
     -------
     description : dict

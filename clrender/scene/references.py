@@ -29,10 +29,6 @@ __all__ = ["check_references"]
 def check_references(scene: SceneContents) -> None:
     """Raise an error for the first name that is undefined or incompatible.
 
-    Parameters
-    ----------
-    scene : SceneContents
-
     Raises
     ------
     pydantic_core.PydanticCustomError

@@ -19,10 +19,6 @@ _DIGITS: Final = 4
 def parsed_time(text: str) -> datetime:
     """Parse an ISO 8601 date and time with offset from UTC, such as ``2026-06-21T18:30:00+02:00``.
 
-    Parameters
-    ----------
-    text : str
-
     Raises
     ------
     ValueError

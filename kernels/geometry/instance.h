@@ -19,7 +19,7 @@
 typedef struct {
     vuint row;               // of a primitive in the tables of the scene
 #ifdef INSTANCES
-    vmask there;             // it is one of an instance
+    vmask present;           // it is one of an instance
     vfloat instance[16];     // INSTANCE_ROW_*
     vfloat placement[16];    // PLACEMENT_ROW_*
 #endif
@@ -57,17 +57,17 @@ static vuint instance_of(const Scene* scene, vuint primitive, vmask asked) {
 static Placed placed_at(const Scene* scene, vuint primitive) {
     Placed p;
     p.row = primitive;
-    p.there = instance_owns(scene, primitive);
-    if (!lane_any(p.there)) {
+    p.present = instance_owns(scene, primitive);
+    if (!lane_any(p.present)) {
         for (int k = 0; k < 16; ++k) p.instance[k] = p.placement[k] = splat(0.0f);
         return p;
     }
-    const vuint instance = instance_of(scene, primitive, p.there);
+    const vuint instance = instance_of(scene, primitive, p.present);
     lane_rows(scene->instance_rows, instance * 2u, p.instance);
     lane_rows(scene->instance_rows, instance * 2u + 1u, p.placement);
     const vmask analytic = primitive >= vfloat_bits(p.placement[PLACEMENT_ROW_FIRST_ANALYTIC]);
     const vuint offset = vfloat_bits(analytic ? p.instance[INSTANCE_ROW_ANALYTIC_OFFSET] : p.instance[INSTANCE_ROW_TRIANGLE_OFFSET]);
-    p.row = p.there ? primitive - offset : primitive;
+    p.row = p.present ? primitive - offset : primitive;
     return p;
 }
 
@@ -89,12 +89,12 @@ static vec3 placed_turned(const Placed* p, vec3 v) {
 
 // The geometry in a primitive's row, carried into the world; of a sphere or disk, which only similarities place, where `round` holds.
 static void placed_geometry(const Placed* p, vmask round, vfloat row[16]) {
-    if (!lane_any(p->there)) return;
+    if (!lane_any(p->present)) return;
     const vfloat* m = p->placement + PLACEMENT_ROW_TO_WORLD;
-    const vmask flat = p->there & !round, curved = p->there & round;
+    const vmask flat = p->present & !round, curved = p->present & round;
     const vec3 normal = vec3_row(row, PRIMITIVE_ROW_NORMAL);
     const vec3 a = vec3_row(row, PRIMITIVE_ROW_A), b = vec3_row(row, PRIMITIVE_ROW_B), c = vec3_row(row, PRIMITIVE_ROW_C);
-    vec3_row_put(row, PRIMITIVE_ROW_A, choose(p->there, placed_point(m, a), a));       // of what is round the centre
+    vec3_row_put(row, PRIMITIVE_ROW_A, choose(p->present, placed_point(m, a), a));       // of what is round the centre
     vec3_row_put(row, PRIMITIVE_ROW_B, choose(flat, placed_point(m, b), b));
     vec3_row_put(row, PRIMITIVE_ROW_C, choose(flat, placed_point(m, c), c));
     if (!lane_any(curved)) return;
@@ -106,7 +106,7 @@ static void placed_geometry(const Placed* p, vmask round, vfloat row[16]) {
 
 // The normal of a triangle's corners points to its front, but for those that are mirrored.
 static vec3 placed_front(const Placed* p, vec3 normal) {
-    const vmask mirrored = p->there & (p->placement[PLACEMENT_ROW_FACING] < 0.0f);
+    const vmask mirrored = p->present & (p->placement[PLACEMENT_ROW_FACING] < 0.0f);
     return choose(mirrored, negate(normal), normal);
 }
 
@@ -114,20 +114,20 @@ static vec3 placed_front(const Placed* p, vec3 normal) {
 static vec3 placed_normal(const Placed* p, vec3 n) {
     const vfloat* m = p->instance + INSTANCE_ROW_TO_OBJECT;
     const vec3 x = vec3_of(m[0], m[1], m[2]), y = vec3_of(m[4], m[5], m[6]), z = vec3_of(m[8], m[9], m[10]);
-    return choose(p->there, along(along(scale(z, n.z), y, n.y), x, n.x), n);
+    return choose(p->present, along(along(scale(z, n.z), y, n.y), x, n.x), n);
 }
 
 // The axes of a sphere's or disk's textures.
 static void placed_axes(const Placed* p, vmask round, vfloat row[16]) {
-    const vmask curved = p->there & round;
+    const vmask curved = p->present & round;
     if (!lane_any(curved)) return;
     for (int k = 0; k < 9; k += 3) vec3_row_put(row, k, choose(curved, placed_turned(p, vec3_row(row, k)), vec3_row(row, k)));
 }
 
 // A direction along a triangle; what is to its left and right changes places in a mirror.
 static vec3 placed_tangent(const Placed* p, vec3 tangent, vfloat* sign) {
-    *sign = p->there ? *sign * p->placement[PLACEMENT_ROW_FACING] : *sign;
-    return choose(p->there, placed_vector(p->placement + PLACEMENT_ROW_TO_WORLD, tangent), tangent);
+    *sign = p->present ? *sign * p->placement[PLACEMENT_ROW_FACING] : *sign;
+    return choose(p->present, placed_vector(p->placement + PLACEMENT_ROW_TO_WORLD, tangent), tangent);
 }
 
 static vec3 placed_sizes(const vfloat m[12], vec3 p) {
@@ -139,10 +139,10 @@ static vec3 placed_sizes(const vfloat m[12], vec3 p) {
 // How far from a point of the surface, by component, a ray that leaves it may find the surface: the way into the group's space and back
 // rounds each number a few times, and those of the map into it are carried back by the other (PBR 4ed, 6.8.6).
 static vec3 placed_error(const Placed* p, vec3 point, vec3 error) {
-    if (!lane_any(p->there)) return error;
+    if (!lane_any(p->present)) return error;
     const vec3 inside = placed_sizes(p->instance + INSTANCE_ROW_TO_OBJECT, point);
     const vec3 outside = placed_sizes(p->placement + PLACEMENT_ROW_TO_WORLD, inside);
-    return choose(p->there, along(error, outside, splat(8.0f * EPSILON)), error);
+    return choose(p->present, along(error, outside, splat(8.0f * EPSILON)), error);
 }
 
 #else

@@ -3,6 +3,7 @@
 #define GEOMETRY_RAY_H
 
 #include "core/exact.h"
+#include "core/invariant.h"
 #include "geometry/box.h"
 #include "types.h"
 
@@ -67,5 +68,10 @@ static vec3 ray_end(vec3 origin, vec3 point, vec3 normal, vec3 error) {
     const vec3 unsure = along(error, vec3_of(absolute(to.x), absolute(to.y), absolute(to.z)), splat(8.0f * EPSILON));
     return ray_leave(point, normal, ray_clearance(normal, unsure), inner(to, normal) > 0.0f);
 }
+
+#ifdef INVARIANTS
+// Of a path's ray, whose direction is a unit vector.
+static vmask ray_violates(const Ray* ray, vmask where) { return where & !(invariant_unit(ray->direction) & invariant_finite3(ray->origin) & (ray->limit <= FAR)); }
+#endif
 
 #endif

@@ -182,4 +182,13 @@ static Ray surface_leave(const Surface* s, vec3 direction) {
     return ray;
 }
 
+#ifdef INVARIANTS
+static vmask surface_violates(const Surface* s, const Ray* ray, vmask where) {
+    const vfloat facing = inner(s->normal, ray->direction);
+    const vmask normals = invariant_unit(s->normal) & invariant_unit(s->shading) & (s->front ? facing <= INVARIANT_SLACK : facing >= -INVARIANT_SLACK);
+    const vmask place = invariant_finite3(s->point) & invariant_positive3(s->error) & invariant_positive(s->clearance);
+    return where & !(normals & place & (s->primitive != NONE));
+}
+#endif
+
 #endif

@@ -81,8 +81,8 @@ static vec3 first_hit_value(const Scene* scene, uint wanted, __global const floa
 static vmask first_hit_clear(const Bsdf* b) {
 #ifdef MATERIALS
     const Closure* c = &b->closure;
-    const vmask smooth = (c->facets.mean <= CLOSURE_SMOOTH) & (!c->coat.there | (c->coat.alpha <= CLOSURE_SMOOTH));
-    return b->specular | (c->there & smooth & !c->diffuse.there & !c->sheen.there);
+    const vmask smooth = (c->facets.mean <= LAYERING_SMOOTH) & (!c->coat.present | (c->coat.alpha <= LAYERING_SMOOTH));
+    return b->specular | (c->present & smooth & !c->diffuse.present & !c->sheen.present);
 #else
     return b->specular;
 #endif
@@ -93,7 +93,7 @@ static vec3 first_hit_tint(const Bsdf* b, const BsdfSample* next) {
 #ifdef MATERIALS
     const vec3 w = scale(next->weight, bsdf_index_squared(b, next->direction));
     const vec3 most = vec3_of(lesser(w.x, splat(1.0f)), lesser(w.y, splat(1.0f)), lesser(w.z, splat(1.0f)));
-    return choose(b->closure.there | (b->kind == MATERIAL_CONDUCTOR) | b->thin, most, b->color);
+    return choose(b->closure.present | (b->kind == MATERIAL_CONDUCTOR) | b->thin, most, b->color);
 #else
     return b->color;
 #endif

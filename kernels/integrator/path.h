@@ -23,6 +23,7 @@
 #ifndef INTEGRATOR_PATH_H
 #define INTEGRATOR_PATH_H
 
+#include "core/invariant.h"
 #include "core/mis.h"
 #include "core/roulette.h"
 #include "geometry/find.h"
@@ -53,7 +54,7 @@ typedef struct {
 static vmask path_traces(const Path* path) { return path->alive & !split_back(&path->split); }
 
 // The surface that each ray met, or the point of a medium where it scatters.
-static void path_vertex(const Scene* scene, const Path* path, Hit hit, PoolStats* stats, Vertex* v) {
+static void path_vertex(const Scene* scene, Path* path, Hit hit, PoolStats* stats, Vertex* v) {
     const vmask found = path->alive & (hit.primitive != NONE), on_surface = found & !medium_scatters(hit);
     v->surface = surface_at(scene, &path->ray, hit, on_surface);
     terminator_offset(scene, &v->surface, on_surface);
@@ -69,6 +70,11 @@ static void path_vertex(const Scene* scene, const Path* path, Hit hit, PoolStats
     v->diffuse = v->scatters & !(v->bsdf.specular | straight | v->dark);
     stats->rays += lane_count(v->traced);
     stats->deepest = pool_deepest(stats->deepest, path->depth, v->traced);
+    INVARIANT(path, INVARIANT_SURFACE, surface_violates(&v->surface, &path->ray, on_surface));
+    INVARIANT(path, INVARIANT_BSDF, bsdf_violates(&v->bsdf, found));
+#ifdef MATERIALS
+    INVARIANT(path, INVARIANT_CLOSURE, closure_violates(&v->bsdf.closure, found));
+#endif
 }
 
 // How far each path gets in a medium: it need not look for what is further away.
@@ -190,7 +196,7 @@ typedef struct {
 static vmask path_asks(const Direct* direct, uint packet) { return largest(direct->arriving[packet]) > 0.0f; }
 
 // For all packets choose a light, and a point of it: each pixel's light sample number `m`.
-static void path_sample_light(const Scene* scene, const Path* path, const Vertex* vertex, uint m, Direct* direct, PoolStats* stats) {
+static void path_sample_light(const Scene* scene, Path* path, const Vertex* vertex, uint m, Direct* direct, PoolStats* stats) {
     LightChoice choice[PACKETS];
     vmask asked[PACKETS];
     EACH_PACKET(k) asked[k] = vertex[k].diffuse & vertex[k].traced;
@@ -200,6 +206,7 @@ static void path_sample_light(const Scene* scene, const Path* path, const Vertex
         direct->arriving[k] = vec3_all(0.0f);
         if (lane_any(asked[k])) {
             const LightSample light = light_sample_chosen(scene, surface->point, surface->primitive, &choice[k]);
+            INVARIANT(&path[k], INVARIANT_LIGHT_SAMPLE, light_sample_violates(&light, asked[k]));
             const Interior in = path_towards(&path[k], &vertex[k], &light);
             direct->arriving[k] = choose(asked[k], path_direct(scene, &path[k], &vertex[k], &light, &in), vec3_all(0.0f));
             direct->shadow[k] = shadow_ray(surface, &light, &in);
@@ -253,26 +260,30 @@ static void path_add_direct(const Scene* scene, Path* path, Direct* direct) {
 #endif
 }
 
-// Sample the BSDF for the direction to go on in, and let the roulette decide whether to; `ended` are the paths that do not.
-static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex, Hit hit) {
-    __global const Settings* settings = scene->settings;
-    const Bsdf* bsdf = &vertex->bsdf;
-    const vmask straight = interior_straight(&vertex->crossing);
-    const vmask passes = shadow_passes(straight);
-    path->specular = passes ? path->specular : bsdf->specular | straight | vertex->dark;
+// Note for the emission that is met next how light sampling could have found it from here: not at all after a delta. And keep the vertex for
+// the other rays that part from it.
+static void path_leave(const Scene* scene, Path* path, const Vertex* vertex, Hit hit) {
+    const vmask straight = interior_straight(&vertex->crossing), passes = shadow_passes(straight);
+    path->specular = passes ? path->specular : vertex->bsdf.specular | straight | vertex->dark;
     path->bsdf_samples = passes ? path->bsdf_samples : path_bsdf_samples(scene, path, vertex);
+    path->normal = choose(passes, path->normal, bsdf_receives(&vertex->bsdf));
     split_leave(&path->split, &path->ray, hit, path->interior, &path->throughput, &path->index_squared, &path->sample.sampler, path->depth,
-                vertex->diffuse, settings->indirect_rays);
+                vertex->diffuse, scene->settings->indirect_rays);
+}
 
-    // Sample a direction, and the weight of the radiance that arrives along it
+// Sample the BSDF for the direction to go on in, and for the weight of radiance that arrives along it: β ← β f |cosθ| / p. Returns the paths
+// that carry any.
+static vmask path_sample_bsdf(const Scene* scene, Path* path, const Vertex* vertex) {
+    const Bsdf* bsdf = &vertex->bsdf;
+    const vmask straight = interior_straight(&vertex->crossing), passes = shadow_passes(straight);
     vuint bits_u, bits_v;
     sampler_bits(path->sample.sampler, sampler_set(path->depth, SET_BSDF), &bits_u, &bits_v);
     BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
+    INVARIANT(path, INVARIANT_BSDF_SAMPLE, bsdf_sample_violates(&next, bsdf->specular, vertex->scatters));
     interior_straighten(&vertex->crossing, path->ray.direction, &next.direction, &next.weight);
     path->throughput = mul(path->throughput, next.weight);
     path->index_squared = straight ? path->index_squared : path->index_squared * bsdf_index_squared(bsdf, next.direction);
     path->bsdf_pdf = passes ? path->bsdf_pdf : next.pdf;
-    path->normal = choose(passes, path->normal, bsdf_receives(bsdf));
     path_pass(path, vertex->surface.point, passes);
     path->ray = surface_leave(&vertex->surface, next.direction);
     interior_cross(&path->interior, &vertex->crossing, next.direction, bsdf->side);
@@ -280,27 +291,42 @@ static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex, H
 #if defined(PATH_GATHERS) && defined(MATERIALS)
     goes_on = goes_on & (path->specular | (vertex->surface.kind != MATERIAL_LAMBERT));
 #else
-    if (settings->indirect_rays == 0) goes_on = goes_on & path->specular;
+    if (scene->settings->indirect_rays == 0) goes_on = goes_on & path->specular;
 #endif
-    goes_on = goes_on & interior_goes_on(&path->interior, &vertex->crossing, path->sample.sampler, &path->throughput);
+    return goes_on & interior_goes_on(&path->interior, &vertex->crossing, path->sample.sampler, &path->throughput);
+}
 
-    // Play Russian roulette with what the path carries, but not where nothing happened to it
+// Play Russian roulette with what the path carries, but not where nothing happened to it. Returns the paths that survive.
+static vmask path_roulette(const Scene* scene, Path* path, const Vertex* vertex, Hit hit) {
+    const vmask straight = interior_straight(&vertex->crossing);
     const vuint event = path->depth;
     path->depth = straight ? event : event + 1u;
-    if (roulette_matters(settings->roulette, path->depth)) {
-        const vfloat played = path_survival(scene, path, path->throughput, path->depth, vertex->surface.absorption);
-        const vfloat open = medium_survival(scene, &path->interior, medium_scatters(hit), path->depth);
-        const vfloat survival = straight ? splat(1.0f) : played * open;
-        sampler_hash_bits(path->sample.sampler, sampler_set(event, SET_ROULETTE), &bits_u, &bits_v);
-        goes_on = goes_on & (unit_interval(bits_u) < survival);
-        path->throughput = scale(path->throughput, inverse_or_one(survival));
-    }
-    path->ended = path->alive & !goes_on;
+    if (!roulette_matters(scene->settings->roulette, path->depth)) return mask_all();
+    const vfloat played = path_survival(scene, path, path->throughput, path->depth, vertex->surface.absorption);
+    const vfloat open = medium_survival(scene, &path->interior, medium_scatters(hit), path->depth);
+    const vfloat survival = straight ? splat(1.0f) : played * open;
+    vuint bits, unused;
+    sampler_hash_bits(path->sample.sampler, sampler_set(event, SET_ROULETTE), &bits, &unused);
+    path->throughput = scale(path->throughput, inverse_or_one(survival));
+    return unit_interval(bits) < survival;
+}
+
+// Scatter each path at its vertex; `ended` are the paths that do not go on.
+static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex, Hit hit) {
+    path_leave(scene, path, vertex, hit);
+    const vmask carries = path_sample_bsdf(scene, path, vertex), survives = path_roulette(scene, path, vertex, hit);
+    path->ended = path->alive & !(carries & survives);
+    INVARIANT(path, INVARIANT_RAY, ray_violates(&path->ray, path->alive & !path->ended));
 }
 
 // Deliver the samples of paths that ended; their lanes are free for others.
 static void path_deliver(const Pool* pool, Path* path) {
     const vmask done = split_resume(&path->split, &path->ray, &path->interior, &path->depth, path->ended);
+    INVARIANT(path, INVARIANT_PATH, path_violates(path, path->alive));
+#ifdef INVARIANTS
+    path->radiance = choose(done & path->broken, vec3_of(INVARIANT_NAN, INVARIANT_NAN, INVARIANT_NAN), path->radiance);
+    path->broken = path->broken & !done;
+#endif
     if (lane_any(done)) pool_deliver(pool, &path->sample, path->radiance, done);
     path->alive = path->alive & !done;
 }

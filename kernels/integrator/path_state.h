@@ -43,6 +43,9 @@ typedef struct {
 #endif
     vmask ended;             // it ends where it is, and has to be delivered
     Split split;
+#ifdef INVARIANTS
+    vmask broken;            // by some struct on its way: core/invariant.h
+#endif
 } Path;
 
 // No lane has a path. All is set all the same: a lane without one computes along, and must do so without harm.
@@ -59,6 +62,9 @@ static Path path_none(void) {
     path.sample.slot = path.sample.number = path.sample.sampler.seed = path.sample.sampler.index = splat_uint(0u);
 #ifdef STRAIGHT_SHADOWS
     path.passed = splat(0.0f);
+#endif
+#ifdef INVARIANTS
+    path.broken = mask_none();
 #endif
     return path;
 }
@@ -163,5 +169,12 @@ static int path_next(const Scene* scene, Pool* pool, CameraRays* waiting, Path* 
     }
     return lane_any(path->alive);
 }
+
+#ifdef INVARIANTS
+static vmask path_violates(const Path* path, vmask where) {
+    const vmask carries = invariant_positive3(path->throughput) & (path->index_squared > 0.0f) & invariant_positive(path->bsdf_pdf);
+    return where & !(carries & invariant_positive3(path->radiance) & invariant_positive(path->bsdf_samples));
+}
+#endif
 
 #endif

@@ -234,4 +234,10 @@ static Ray light_shadow_ray(const Surface* s, const LightSample* l) {
     return ray;
 }
 
+#ifdef INVARIANTS
+static vmask light_sample_violates(const LightSample* s, vmask where) {
+    return where & (s->pdf > 0.0f) & !(invariant_unit(s->direction) & invariant_positive3(s->radiance) & (s->pdf <= FAR) & invariant_finite3(s->target));
+}
+#endif
+
 #endif

@@ -8,9 +8,9 @@
 #include "material/ggx.h"
 
 // The density of facet normals D, per steradian.
-static vfloat beckmann_distribution(Alpha a, vec3 m) {
+static vfloat beckmann_distribution(Alpha a, vec3 wm) {
     const vfloat across_x = quotient(splat(1.0f), a.x), across_y = quotient(splat(1.0f), a.y);
-    const vfloat x = m.x * across_x, y = m.y * across_y, upright = quotient(splat(1.0f), greater(m.z * m.z, splat(1.0e-12f)));
+    const vfloat x = wm.x * across_x, y = wm.y * across_y, upright = quotient(splat(1.0f), greater(wm.z * wm.z, splat(1.0e-12f)));
     return exp_minus(fma(x, x, y * y) * upright) * splat(INV_PI) * across_x * across_y * upright * upright;
 }
 
@@ -23,10 +23,10 @@ static vfloat beckmann_lambda(Alpha a, vec3 w) {
     return upright < 1.6f ? quotient(hidden, greater(bent * fma(bent, splat(2.181f), splat(3.535f)), splat(1.0e-7f))) : splat(0.0f);
 }
 
-// What such facets scatter from `wo` to `wi` at first, over what those of GGX do. `m`: the facet normal between both.
-static vfloat beckmann_over_ggx(Alpha a, vec3 wo, vec3 wi, vec3 m) {
+// What such facets scatter from `wo` to `wi` at first, over what those of GGX do. `wm`: the facet normal between both.
+static vfloat beckmann_over_ggx(Alpha a, vec3 wo, vec3 wi, vec3 wm) {
     const vfloat one = splat(1.0f), seen = quotient(one + ggx_lambda(a, wo) + ggx_lambda(a, wi), one + beckmann_lambda(a, wo) + beckmann_lambda(a, wi));
-    return quotient(beckmann_distribution(a, m), ggx_distribution(a, m)) * seen;
+    return quotient(beckmann_distribution(a, wm), ggx_distribution(a, wm)) * seen;
 }
 
 #endif

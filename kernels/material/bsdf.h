@@ -13,7 +13,7 @@
 #include "material/lambert.h"
 #include "material/mirror.h"
 #ifdef MATERIALS
-#include "material/closure.h"
+#include "material/layering.h"
 #endif
 #ifdef MEDIA
 #include "medium/phase.h"
@@ -114,12 +114,12 @@ static void bsdf_read_rows(const Scene* scene, const Surface* s, vec3 direction,
     b->thin = by_row & parameters_flag(p, MATERIAL_FLAG_THIN);
     b->eta = b->thin ? splat(1.0f) : s->front ? p->ior : quotient(splat(1.0f), p->ior);
     const vmask delta = (b->kind == MATERIAL_MIRROR) | (b->kind == MATERIAL_DIELECTRIC) | (b->kind == MATERIAL_CONDUCTOR);
-    b->specular = delta & !b->closure.there;
+    b->specular = delta & !b->closure.present;
 }
 
 static void bsdf_no_rows(Bsdf* b) {
-    b->closure.there = b->closure.glass.there = b->closure.diffuse.there = b->thin = mask_none();
-    b->closure.diffuse.passes = splat(0.0f);
+    b->closure.present = b->closure.glass.present = b->closure.diffuse.present = b->thin = mask_none();
+    b->closure.diffuse.transmission = splat(0.0f);
     b->closure.albedo = vec3_all(0.0f);
 }
 #endif
@@ -210,7 +210,7 @@ static vfloat bsdf_index_squared(const Bsdf* b, vec3 wi) {
 #endif
 #ifdef MATERIALS
     const Glass* glass = &b->closure.glass;
-    const vmask lobes = b->closure.there & glass->there;
+    const vmask lobes = b->closure.present & glass->present;
     bends = bends | lobes;
     eta = lobes ? (glass->thin ? splat(1.0f) : glass->eta) : eta;
 #endif
@@ -272,7 +272,7 @@ static vec3 bsdf_receives(const Bsdf* b) {
 // About the share of light along `wo` that is scattered, by colour; glass that is smooth passes all.
 static vec3 bsdf_albedo(const Bsdf* b) {
 #ifdef MATERIALS
-    return choose(b->closure.there, b->closure.albedo, b->color);
+    return choose(b->closure.present, b->closure.albedo, b->color);
 #else
     return b->color;
 #endif
@@ -283,7 +283,7 @@ static vec3 bsdf_eval_local(const Bsdf* b, vec3 wi, vfloat* pdf) {
     const vec3 f = lambert_eval(b->color, wi);
     *pdf = lambert_pdf(wi);
 #ifdef MATERIALS
-    const vmask lobes = b->closure.there;
+    const vmask lobes = b->closure.present;
     if (lane_any(lobes)) {
         vfloat density;
         const vec3 sum = choose(lobes, closure_eval(&b->closure, b->wo, wi, &density), f);
@@ -361,7 +361,7 @@ static BsdfSample bsdf_sample(const Bsdf* b, vuint bits_u, vuint bits_v) {
     s.weight = lambert_sample(b->color, u, v, &wi);
     s.pdf = lambert_pdf(wi);
 #ifdef MATERIALS
-    const vmask lobes = b->closure.there;
+    const vmask lobes = b->closure.present;
     if (lane_any(lobes)) {
         const vec3 sampled = closure_sample(&b->closure, b->wo, u, v, unit_interval(hash_pair(bits_u, bits_v)));
         const vmask lost = (sampled.x == 0.0f) & (sampled.y == 0.0f) & (sampled.z == 0.0f);
@@ -404,5 +404,19 @@ static BsdfSample bsdf_sample(const Bsdf* b, vuint bits_u, vuint bits_v) {
     }
     return s;
 }
+
+#ifdef INVARIANTS
+static vmask bsdf_violates(const Bsdf* b, vmask where) {
+    const Frame* f = &b->frame;
+    const vmask axes = invariant_unit(f->normal) & invariant_unit(f->tangent) & invariant_unit(f->bitangent);
+    const vmask square = invariant_near(inner(f->normal, f->tangent), 0.0f) & invariant_near(inner(f->normal, f->bitangent), 0.0f) &
+                         invariant_near(inner(f->tangent, f->bitangent), 0.0f);
+    return where & !(axes & square & invariant_unit(b->wo) & (b->wo.z > 0.0f) & invariant_positive3(b->color) & (b->eta > 0.0f));
+}
+static vmask bsdf_sample_violates(const BsdfSample* s, vmask specular, vmask where) {
+    const vmask carries = largest(s->weight) > 0.0f, lengths = !carries | invariant_unit(s->direction);
+    return where & !(invariant_positive3(s->weight) & invariant_positive(s->pdf) & lengths & (!specular | (s->pdf == 0.0f)));
+}
+#endif
 
 #endif

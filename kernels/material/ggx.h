@@ -1,6 +1,6 @@
 // Rough surfaces of microfacets whose normals have the distribution GGX (Trowbridge & Reitz 1975; Walter et al. 2007), with Smith's
 // masking and shadowing (Heitz, JCGT 3(2), 2014). `a` has alpha along x and along y, both above zero.
-// Frame: local, z = shading normal on the side of `wo`. Directions point away from the surface.
+// Frame: local, z = shading normal on the side of `wo`. Directions point away from the surface; `wm` is the normal of a facet.
 #ifndef MATERIAL_GGX_H
 #define MATERIAL_GGX_H
 
@@ -12,10 +12,10 @@ typedef struct {
 
 // The density of facet normals D, per steradian, of facets that stand upright. From the sine, which keeps its digits where alpha is
 // small.
-static vfloat ggx_distribution(Alpha a, vec3 m) {
+static vfloat ggx_distribution(Alpha a, vec3 wm) {
     const vfloat across_x = quotient(splat(1.0f), a.x), across_y = quotient(splat(1.0f), a.y);
-    const vfloat x = m.x * across_x, y = m.y * across_y;
-    const vfloat t = fma(x, x, fma(y, y, m.z * m.z));
+    const vfloat x = wm.x * across_x, y = wm.y * across_y;
+    const vfloat t = fma(x, x, fma(y, y, wm.z * wm.z));
     return quotient(splat(INV_PI) * across_x * across_y, t * t);
 }
 
@@ -40,30 +40,31 @@ static vec3 ggx_sample(Alpha a, vec3 wo, vfloat u, vfloat v) {
 }
 
 // Density of such a facet normal, per steradian, but for the cosine between it and `wo`.
-static vfloat ggx_visible(Alpha a, vec3 wo, vec3 m) { return quotient(ggx_distribution(a, m), (splat(1.0f) + ggx_lambda(a, wo)) * wo.z); }
+static vfloat ggx_visible(Alpha a, vec3 wo, vec3 wm) { return quotient(ggx_distribution(a, wm), (splat(1.0f) + ggx_lambda(a, wo)) * wo.z); }
 
 // Density of the direction that `wo` is reflected to at such a facet, per steradian.
-static vfloat ggx_reflected_pdf(Alpha a, vec3 wo, vec3 m) { return ggx_visible(a, wo, m) * 0.25f; }
+static vfloat ggx_reflected_pdf(Alpha a, vec3 wo, vec3 wm) { return ggx_visible(a, wo, wm) * 0.25f; }
 
 // The facet normal between two directions. Rounded directions are no unit vectors: their lengths are off by 2^-24, and beside a small sum
 // of both z that turns the normal by a part of what smooth facets stand apart. But lengths follow from z: with o and i the parts along the
 // surface, (o + i) · (o − i) is i.z² − o.z². Where o and i are less than 1 apart, the facet is far from upright. `alpha`: the smoothest.
 static vec3 ggx_between(vfloat alpha, vec3 wo, vec3 wi) {
-    vec3 m = add(wo, wi);
+    vec3 wm = add(wo, wi);
     const vfloat x = wo.x - wi.x, y = wo.y - wi.y;
-    const vfloat missing = quotient(fma(wi.z - wo.z, m.z, -fma(m.x, x, m.y * y)), greater(fma(x, x, y * y), splat(1.0f)));
-    const vfloat part = alpha * m.z < 1.0e-4f ? missing : splat(0.0f);
-    m.x = fma(part, x, m.x);
-    m.y = fma(part, y, m.y);
-    return unit(m);
+    const vfloat missing = quotient(fma(wi.z - wo.z, wm.z, -fma(wm.x, x, wm.y * y)), greater(fma(x, x, y * y), splat(1.0f)));
+    const vfloat part = alpha * wm.z < 1.0e-4f ? missing : splat(0.0f);
+    wm.x = fma(part, x, wm.x);
+    wm.y = fma(part, y, wm.y);
+    return unit(wm);
 }
 
-// Reflection by perfect mirrors as facets, once: f in 1/sr, without the cosine; with the density of `wi` beside it.
-static vfloat ggx_reflection(Alpha a, vec3 wo, vec3 wi, vec3 m, vfloat* pdf) {
-    const vfloat d = ggx_distribution(a, m), hidden = splat(1.0f) + ggx_lambda(a, wo);
+// Single reflection by facets that are perfect mirrors: D(ωm) G2(ωo, ωi) / (4 μo μi) in 1/sr, G2 = 1 / (1 + Λ(ωo) + Λ(ωi)). The density
+// of `wi` is D(ωm) G1(ωo) / (4 μo), G1 = 1 / (1 + Λ(ωo)).
+static vfloat ggx_reflection(Alpha a, vec3 wo, vec3 wi, vec3 wm, vfloat* pdf) {
+    const vfloat d = ggx_distribution(a, wm), lambda_o = splat(1.0f) + ggx_lambda(a, wo);
     const vfloat quarter = quotient(d, wo.z * 4.0f);
-    *pdf = quotient(quarter, hidden);
-    return quotient(quarter, (hidden + ggx_lambda(a, wi)) * wi.z);
+    *pdf = quotient(quarter, lambda_o);
+    return quotient(quarter, (lambda_o + ggx_lambda(a, wi)) * wi.z);
 }
 
 #endif

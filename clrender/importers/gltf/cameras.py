@@ -17,13 +17,7 @@ _LONG_SIDE: Final = 800
 
 
 def add_camera(document: Document, nodes: Nodes) -> None:
-    """Add the camera and the size of its image to the draft's description, if there is a camera.
-
-    Parameters
-    ----------
-    document : Document
-    nodes : Nodes
-    """
+    """Add the camera and the size of its image to the draft's description, if there is a camera."""
     cameras = [index for index in nodes.shown if "camera" in document.items("nodes")[index]]
     usable: list[tuple[int, dict[str, Any], float]] = []
     for index in cameras:

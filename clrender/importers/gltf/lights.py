@@ -18,13 +18,7 @@ _LEAST_CONE: Final = 0.01
 
 
 def add_lights(document: Document, nodes: Nodes) -> None:
-    """Add the lights of the scene to the draft's description.
-
-    Parameters
-    ----------
-    document : Document
-    nodes : Nodes
-    """
+    """Add the lights of the scene to the draft's description."""
     lights = (document.extension(document.root, "KHR_lights_punctual") or {}).get("lights", [])
     for index in nodes.shown:
         place = document.extension(document.items("nodes")[index], "KHR_lights_punctual")

@@ -39,11 +39,6 @@ _NEAR_FILTER: Final = {"tent": "gaussian", "catmullrom": "mitchell", "lanczos": 
 def read(path: Path, files: AssetFiles) -> Draft:
     """The scene of an XML file.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-    files : AssetFiles
-
     Raises
     ------
     SceneError

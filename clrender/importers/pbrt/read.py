@@ -47,11 +47,6 @@ _WITHOUT_EFFECT: Final = frozenset(["Accelerator", "Option"])
 def read(path: Path, files: AssetFiles) -> Draft:
     """The scene of a pbrt file.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-    files : AssetFiles
-
     Raises
     ------
     SceneError

@@ -75,10 +75,6 @@ def look_at(origin: Any, target: Any, up: Any) -> Matrix:
 
     In right-handed world space, +x points to the left of the image.
 
-    Parameters
-    ----------
-    origin, target, up : three numbers each
-
     Raises
     ------
     ValueError

@@ -11,7 +11,7 @@
 #define COAT_F0 0.04f
 
 typedef struct {
-    vmask there;
+    vmask present;
     vfloat share;            // of the surface that has it
     vfloat alpha;
 } Coat;
@@ -19,12 +19,12 @@ typedef struct {
 // The share of light along a direction that it reflects.
 static vfloat coat_albedo(const Coat* c, __global const float* tables, vfloat cosine) {
     const vfloat all = albedo_ggx(tables, c->alpha, cosine), grazing = albedo_grazing(tables, c->alpha, cosine);
-    return c->there ? c->share * all * fma(grazing, splat(1.0f - COAT_F0), splat(COAT_F0)) : splat(0.0f);
+    return c->present ? c->share * all * fma(grazing, splat(1.0f - COAT_F0), splat(COAT_F0)) : splat(0.0f);
 }
 // Its average.
 static vfloat coat_average(const Coat* c, __global const float* tables) {
     const vfloat kept = splat(1.0f) - albedo_ggx_lost(tables, c->alpha);
-    return c->there ? c->share * fma(albedo_grazing_average(tables, c->alpha), splat(1.0f - COAT_F0), kept * COAT_F0) : splat(0.0f);
+    return c->present ? c->share * fma(albedo_grazing_average(tables, c->alpha), splat(1.0f - COAT_F0), kept * COAT_F0) : splat(0.0f);
 }
 
 static Alpha coat_facets(const Coat* c) {
@@ -33,12 +33,12 @@ static Alpha coat_facets(const Coat* c) {
     return a;
 }
 
-// `m`: the normal between `wo` and `wi`.
-static vfloat coat_eval(const Coat* c, vec3 m, vec3 wo, vec3 wi, vfloat* pdf) {
-    const vfloat once = ggx_reflection(coat_facets(c), wo, wi, m, pdf);
-    const vfloat fresnel = fma(fresnel_grazing(bounded(inner(wo, m), 0.0f, 1.0f)), splat(1.0f - COAT_F0), splat(COAT_F0));
-    *pdf = c->there ? *pdf : splat(0.0f);
-    return c->there ? c->share * fresnel * once : splat(0.0f);
+// `wm`: the normal between `wo` and `wi`.
+static vfloat coat_eval(const Coat* c, vec3 wm, vec3 wo, vec3 wi, vfloat* pdf) {
+    const vfloat once = ggx_reflection(coat_facets(c), wo, wi, wm, pdf);
+    const vfloat fresnel = fma(fresnel_grazing(bounded(inner(wo, wm), 0.0f, 1.0f)), splat(1.0f - COAT_F0), splat(COAT_F0));
+    *pdf = c->present ? *pdf : splat(0.0f);
+    return c->present ? c->share * fresnel * once : splat(0.0f);
 }
 
 #endif

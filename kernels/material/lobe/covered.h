@@ -11,7 +11,7 @@
 #define COVERED_BY_SHEEN 1u
 
 typedef struct {
-    vmask there;
+    vmask present;
     vuint first;             // where the tables of the cover's alpha begin
     vfloat further;          // how far the next one's is
     vfloat row;              // of the metal's alpha
@@ -31,7 +31,7 @@ static Covered covered_by(__global const float* tables, uint which, vmask there,
     Covered c;
     const vfloat layer = root(cover) * (float)(COVERED_LAYERS - 1u);
     const vint lower = vint_of(bounded(layer, 0.0f, (float)(COVERED_LAYERS - 2u)));
-    c.there = there;
+    c.present = there;
     c.first = vuint_from_int(lower) + which * COVERED_LAYERS;
     c.further = layer - vfloat_of(lower);
     c.row = root(metal) * (float)(COVERED_ROWS - 1u);
@@ -43,7 +43,7 @@ static Covered covered_by(__global const float* tables, uint which, vmask there,
 }
 
 static vfloat covered_eval(const Covered* c, __global const float* tables, vfloat cosine) {
-    return c->there ? c->lost * covered_lost(c, tables, cosine) * c->scale : splat(0.0f);
+    return c->present ? c->lost * covered_lost(c, tables, cosine) * c->scale : splat(0.0f);
 }
 
 #endif

@@ -17,7 +17,7 @@
 #endif
 
 typedef struct {
-    vmask there, thin;
+    vmask present, thin;
     vmask beckmann;          // the facets' distribution; else GGX
     vuint base;              // of the tables: albedo_base
     vec3 color;              // of what passes
@@ -80,9 +80,9 @@ static vfloat glass_missing(const Glass* g, const Facets* f, __global const floa
     const vfloat y = root(g->alpha) * (float)(GLASS_ROWS - 1u), x = column * (float)words, low = albedo_at(tables, first, GLASS_ROWS, words, words, y, x);
     const vfloat high = albedo_at(tables, first + next, GLASS_ROWS, words, words, y, x);
     vfloat e = fma(further, high - low, low);
-    if (lane_any(g->there & g->thin)) e = g->thin ? albedo_facets(tables, f, w) : e;
+    if (lane_any(g->present & g->thin)) e = g->thin ? albedo_facets(tables, f, w) : e;
 #ifdef TURNED_GLASS
-    const vmask turned = g->there & !g->thin & f->turned;
+    const vmask turned = g->present & !g->thin & f->turned;
     if (lane_any(turned)) e = turned ? turned_glass_albedo(tables, f, &g->turned, denser, w) : e;
 #endif
     return splat(1.0f) - e;
@@ -95,7 +95,7 @@ static vfloat glass_lost(const Glass* g, const Facets* f, __global const float* 
     const vfloat high = albedo_line(tables, first + GLASS_LOST_ROWS, GLASS_LOST_ROWS, g->alpha);
     vfloat lost = g->thin ? albedo_facets_lost(tables, f) : fma(further, high - low, low) * g->alpha;
 #ifdef TURNED_GLASS
-    const vmask turned = g->there & !g->thin & f->turned;
+    const vmask turned = g->present & !g->thin & f->turned;
     if (lane_any(turned)) lost = turned ? turned_glass_lost(tables, f, &g->turned, denser) : lost;
 #endif
     return greater(lost, splat(1.0e-7f));
@@ -142,10 +142,10 @@ static vec3 glass_eval(const Glass* g, const Facets* facets, __global const floa
     const vec3 up = vec3_of(wi.x, wi.y, cosine), down = vec3_of(wi.x, wi.y, -cosine);
 
     // The facet that takes light from one direction to the other
-    vec3 m = between;
-    if (lane_any(bent)) m = choose(bent, unit(along(wo, down, g->eta)), m);
-    m = choose(m.z < 0.0f, negate(m), m);
-    const vfloat in = inner(wo, m), out = inner(choose(bent, down, up), m);
+    vec3 wm = between;
+    if (lane_any(bent)) wm = choose(bent, unit(along(wo, down, g->eta)), wm);
+    wm = choose(wm.z < 0.0f, negate(wm), wm);
+    const vfloat in = inner(wo, wm), out = inner(choose(bent, down, up), wm);
     const vfloat near = bounded(absolute(in), 1.0e-7f, 1.0f);
     const vfloat reflected = glass_fresnel(g, near);
     vfloat part = above ? reflected : splat(1.0f) - reflected;
@@ -156,27 +156,27 @@ static vec3 glass_eval(const Glass* g, const Facets* facets, __global const floa
     const vfloat jacobian = bent ? absolute(in * out) * inverse_or_one(stretch * stretch) : splat(0.25f);
     const vmask lit = (in > 0.0f) & (!bent | (out < 0.0f));
     const vfloat hidden = splat(1.0f) + ggx_lambda(a, wo);
-    const vfloat common = lit & g->there ? quotient(part * ggx_distribution(a, m) * jacobian, wo.z) : splat(0.0f);
+    const vfloat common = lit & g->present ? quotient(part * ggx_distribution(a, wm) * jacobian, wo.z) : splat(0.0f);
     *pdf = quotient(common, hidden);
     vfloat once = quotient(common, (hidden + ggx_lambda(a, up)) * cosine);
-    if (lane_any(g->beckmann)) once = g->beckmann ? once * beckmann_over_ggx(a, wo, up, m) : once;
+    if (lane_any(g->beckmann)) once = g->beckmann ? once * beckmann_over_ggx(a, wo, up, wm) : once;
 
     // Diffuse lobes
     const vfloat missing = glass_missing(g, facets, tables, above == (g->eta < 1.0f), up);
     const vfloat f = fma(g->missing * missing, above ? g->back : g->through, once);
     const vec3 tinted = choose(above, vec3_all(1.0f), scale(g->color, g->squeezed));
-    return choose(g->there, scale(tinted, f * g->share), vec3_all(0.0f));
+    return choose(g->present, scale(tinted, f * g->share), vec3_all(0.0f));
 }
 
 // `w`: which of both ways light goes on from the facet that `u` and `v` choose.
 static vec3 glass_sample(const Glass* g, Alpha a, vec3 wo, vfloat u, vfloat v, vfloat w) {
-    const vec3 m = ggx_sample(a, wo, u, v);
-    const vfloat cosine = bounded(inner(wo, m), 0.0f, 1.0f), inverse = quotient(splat(1.0f), g->eta);
+    const vec3 wm = ggx_sample(a, wo, u, v);
+    const vfloat cosine = bounded(inner(wo, wm), 0.0f, 1.0f), inverse = quotient(splat(1.0f), g->eta);
     vfloat beyond;
     const vfloat boundary = dielectric_fresnel(cosine, g->eta, &beyond);
     const vmask reflect = w < (g->thin ? glass_thin(boundary) : boundary);
-    const vec3 mirrored = sub(scale(m, cosine * 2.0f), wo);
-    const vec3 refracted = along(scale(wo, -inverse), m, fma(cosine, inverse, -beyond));
+    const vec3 mirrored = sub(scale(wm, cosine * 2.0f), wo);
+    const vec3 refracted = along(scale(wo, -inverse), wm, fma(cosine, inverse, -beyond));
     const vec3 passed = choose(g->thin, vec3_of(mirrored.x, mirrored.y, -mirrored.z), refracted);
     // A facet may send light to the wrong side; then it is lost
     const vec3 wi = choose(reflect, mirrored, passed);

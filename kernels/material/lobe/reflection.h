@@ -10,7 +10,7 @@
 #include "material/fresnel.h"
 
 typedef struct {
-    vmask there;
+    vmask present;
     vmask measured;          // by eta and k; else Schlick
     vmask beckmann;          // the facets' distribution; else GGX
     vec3 f0, f90;            // times their share of the surface; where measured: eta and k
@@ -33,13 +33,13 @@ static vec3 reflection_fresnel(const Reflection* r, vfloat cosine) {
     return f;
 }
 
-// `m`: the normal between `wo` and `wi`. `missing`: 1 − E(μi). The density is that of the first lobe.
-static vec3 reflection_eval(const Reflection* r, Alpha a, vec3 m, vec3 wo, vec3 wi, vfloat missing, vfloat* pdf) {
-    vfloat once = ggx_reflection(a, wo, wi, m, pdf);
-    if (lane_any(r->beckmann)) once = r->beckmann ? once * beckmann_over_ggx(a, wo, wi, m) : once;
-    const vec3 f = scale(reflection_fresnel(r, bounded(inner(wo, m), 0.0f, 1.0f)), once);
-    *pdf = r->there ? *pdf : splat(0.0f);
-    return choose(r->there, along(f, r->multiple, r->missing * missing), vec3_all(0.0f));
+// `wm`: the normal between `wo` and `wi`. `missing`: 1 − E(μi). The density is that of the first lobe.
+static vec3 reflection_eval(const Reflection* r, Alpha a, vec3 wm, vec3 wo, vec3 wi, vfloat missing, vfloat* pdf) {
+    vfloat once = ggx_reflection(a, wo, wi, wm, pdf);
+    if (lane_any(r->beckmann)) once = r->beckmann ? once * beckmann_over_ggx(a, wo, wi, wm) : once;
+    const vec3 f = scale(reflection_fresnel(r, bounded(inner(wo, wm), 0.0f, 1.0f)), once);
+    *pdf = r->present ? *pdf : splat(0.0f);
+    return choose(r->present, along(f, r->multiple, r->missing * missing), vec3_all(0.0f));
 }
 
 #endif

@@ -8,7 +8,7 @@
 #include "material/albedo.h"
 
 typedef struct {
-    vmask there;
+    vmask present;
     vec3 color;
     vfloat alpha, scale;
     vfloat hidden;           // 1 + Λ(μo)
@@ -42,7 +42,7 @@ static vec3 sheen_eval(const Sheen* s, vec3 wo, vec3 wi) {
     const vfloat sine = root(quotient(across2, fma(h.z, h.z, across2))), inverse = quotient(splat(1.0f), s->alpha);
     const vfloat density = (inverse + 2.0f) * power(sine, inverse) * (0.5f * INV_PI);
     const vfloat f = quotient(density * s->scale, (s->hidden + sheen_hidden(s, wi.z) - 1.0f) * wo.z * wi.z * 4.0f);
-    return choose(s->there, scale(s->color, f), vec3_all(0.0f));
+    return choose(s->present, scale(s->color, f), vec3_all(0.0f));
 }
 
 #endif
