@@ -375,7 +375,7 @@ class RenderSettings:
             "shadow_rays": self.shadow_rays,
             "indirect_rays": indirect,
             "max_depth": layout.NONE if self.max_depth is None else self.max_depth,
-            "roulette": getattr(layout, f"ROULETTE_{SETTINGS['roulette'].recorded(self.roulette).upper()}"),
+            "roulette": getattr(layout, f"ROULETTE_{self.roulette.upper()}"),
             # Without indirect rays, only light samples find the lights from diffuse surfaces.
             "light_samples": 0 if self.sampling == "bsdf" and indirect else self.shadow_rays,
             "bsdf_samples": 0 if self.sampling == "light" else indirect,

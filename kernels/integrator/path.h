@@ -288,7 +288,7 @@ static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex, H
     const vuint event = path->depth;
     path->depth = straight ? event : event + 1u;
     if (roulette_matters(settings->roulette, path->depth)) {
-        const vfloat played = path_survival(scene, path, path->throughput, path->depth, vertex->surface.absorption);
+        const vfloat played = path_survival(scene, path, path->throughput, path->depth, vertex->surface.termination);
         const vfloat open = medium_survival(scene, &path->interior, medium_scatters(hit), path->depth);
         const vfloat survival = straight ? splat(1.0f) : played * open;
         sampler_hash_bits(path->sample.sampler, sampler_set(event, SET_ROULETTE), &bits_u, &bits_v);
