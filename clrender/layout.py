@@ -139,7 +139,7 @@ LIGHT_SUN: Final = 8
 
 ROULETTE_NONE: Final = 0
 ROULETTE_THROUGHPUT: Final = 1
-ROULETTE_ABSORPTION: Final = 2
+ROULETTE_CONSTANT: Final = 2
 
 SHAPE_SMOOTH: Final = 1
 """Flag of a shape with vertex normals that are interpolated."""
@@ -211,7 +211,7 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("flags", "uint", "SHAPE_*"),
     ),
     "Material": (
-        ("color", "float4", "rgb reflectance; w probability that the absorption roulette ends a path here"),
+        ("color", "float4", "rgb reflectance; w probability that the constant roulette ends a path here"),
         ("kind", "uint", "MATERIAL_*"),
         ("ior", "float", "index inside (behind the front side) over index outside"),
         ("medium", "uint", "behind the front: row of media_rows; 0: none that paths keep account of"),
@@ -314,7 +314,7 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("FACING", 7, 1, "sphere: +1 front outside, -1 front inside"),
         ("COLOR", 9, 3, "reflectance"),
         ("MATERIAL", 9, 1, "bits, in its place of MATERIAL_BY_ROW: which pair of rows"),
-        ("ABSORPTION", 12, 1, "probability that the absorption roulette ends a path here"),
+        ("TERMINATION", 12, 1, "probability that the constant roulette ends a path here"),
         ("IOR", 13, 1, "index behind the front over index before it"),
         ("LIGHT", 14, 1, "bits: index of the light it is, or NONE"),
         ("KIND", 15, 1, "bits: MATERIAL_*, and the shape's flags from bit ROW_FLAGS on"),

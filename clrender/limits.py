@@ -7,15 +7,15 @@ import math
 import numbers
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
 from clrender.errors import UsageError
 
-__all__ = ["Bytes", "Choice", "Domain", "NotAllowed", "Range", "checked_path", "nearest", "shown"]
+__all__ = ["Bytes", "Choice", "Domain", "NotAllowed", "Range", "checked_path", "given_too", "nearest", "shown"]
 
 _DIGITS = 400
 """Longest text that is parsed as a number: longer ones are surely mistakes, and slow to convert."""
@@ -164,9 +164,17 @@ class Bytes:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of a few names, or of a few whole numbers."""
+    """One of a few names, or of a few whole numbers.
+
+    Attributes
+    ----------
+    members : tuple
+    former : mapping of str to str
+        Names of earlier versions, which are still accepted, and the members that they stand for.
+    """
 
     members: tuple[str, ...] | tuple[int, ...]
+    former: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     @property
     def words(self) -> str:
@@ -182,13 +190,15 @@ class Choice:
         whole = isinstance(self.members[0], int)
         if isinstance(value, numbers.Integral if whole else str) and not isinstance(value, bool):
             plain: str | int = int(value) if isinstance(value, numbers.Integral) else str(value)
+            if isinstance(plain, str):
+                plain = self.former.get(plain, plain)
             if plain in self.members:
                 return plain
         raise self._refused(value)
 
     def parse(self, text: str) -> str | int:
         for member in self.members:
-            if text == str(member):
+            if self.former.get(text, text) == str(member):
                 return member
         raise self._refused(text)
 
@@ -211,6 +221,11 @@ def checked_path(value: object, what: str) -> Path:
     if not isinstance(name, str):
         raise UsageError(f"{what} is {shown(value)}, but must be the name of a file, a str or a pathlib.Path")
     return Path(name)
+
+
+def given_too(present: str) -> str:
+    """The error text for a name of earlier versions beside the present one; it follows the former name."""
+    return f"is the former name of {present}, which is given too; leave one of them out"
 
 
 def nearest(wrong: object, known: Iterable[object]) -> str:

@@ -6,13 +6,13 @@ A new setting is one field of `RenderSettings`, plus the code in its integrator 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from clrender.errors import UsageError
 from clrender.integrators import INTEGRATORS
-from clrender.limits import Bytes, Choice, Domain, NotAllowed, Range, nearest, shown
+from clrender.limits import Bytes, Choice, Domain, NotAllowed, Range, given_too, nearest, shown
 from clrender.process.memory import check_image, film_bytes
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ __all__ = [
     "Setting",
     "check_memory",
     "not_taken",
+    "present",
     "settings_for",
     "settings_of",
 ]
@@ -78,6 +79,8 @@ class Setting:
         Option of ``clrender render``.
     metavar : str
         Placeholder of the option's value in the help.
+    former : str
+        Its name in earlier versions: still accepted wherever the name is, and kept in requests; empty if it had none.
     """
 
     name: str
@@ -90,6 +93,7 @@ class Setting:
     integrator: str | None
     option: str | None
     metavar: str
+    former: str
 
     def accept(self, value: object) -> Any:
         """The value, checked and converted to a built-in Python type.
@@ -100,6 +104,15 @@ class Setting:
             When the value is outside the domain.
         """
         return None if value is None and self.default is None else self.domain.accept(value)
+
+    @property
+    def former_values(self) -> Mapping[str, str]:
+        """Spellings of values in earlier versions, and the present ones."""
+        return self.domain.former if isinstance(self.domain, Choice) else {}
+
+    def recorded(self, value: Any) -> Any:
+        """The value as requests have it: in the former spelling, if there is one."""
+        return next((old for old, new in self.former_values.items() if new == value), value)
 
     @property
     def default_words(self) -> str:
@@ -124,10 +137,11 @@ def _setting(
     integrator: str | None = None,
     option: str | None = "",
     metavar: str = "",
+    former: str = "",
 ) -> Any:
     """A field of `RenderSettings`. `option` defaults to the field's name; None means no option."""
     about = {"domain": domain, "help": help, "unset": unset, "group": group, "section": section}
-    about |= {"integrator": integrator, "option": option, "metavar": metavar or domain.metavar}
+    about |= {"integrator": integrator, "option": option, "metavar": metavar or domain.metavar, "former": former}
     return dataclasses.field(default=default, metadata=about)
 
 
@@ -173,15 +187,16 @@ class RenderSettings:
     )
     roulette: str = _setting(
         "throughput",
-        Choice(("throughput", "absorption", "none")),
+        Choice(("throughput", "constant", "none"), {"absorption": "constant"}),
         "Russian roulette: by path throughput, by a constant probability per material, or none",
     )
-    absorption: float | None = _setting(
+    termination: float | None = _setting(
         None,
         Range(0.0, 1.0, below=True),
-        "For --roulette absorption: probability that a path ends at a hit",
+        "For --roulette constant: probability that a path ends at a hit",
         "set by each material",
-        metavar="A",
+        metavar="P",
+        former="absorption",
     )
     sampling: str = _setting(
         "mis",
@@ -321,9 +336,12 @@ class RenderSettings:
             raise UsageError(f"spp is {self.spp}, but must be a multiple of replicate_spp, {size}: for example {cure}")
 
     def request(self) -> dict[str, Any]:
-        """The settings that determine the image, as JSON values; not the number of samples: a film may hold fewer."""
+        """The settings that determine the image, as JSON values; not the number of samples: a film may hold fewer.
+
+        What was renamed has its former name, so that films of earlier versions are of the same request.
+        """
         return {
-            name: getattr(self, name)
+            setting.former or name: setting.recorded(getattr(self, name))
             for name, setting in SETTINGS.items()
             if setting.group == IMAGE and setting.integrator in (None, self.integrator)
         }
@@ -385,6 +403,30 @@ def _line(field: dataclasses.Field[Any]) -> Setting:
 
 SETTINGS: Final[Mapping[str, Setting]] = {field.name: _line(field) for field in dataclasses.fields(RenderSettings)}
 """All settings by name, in the order of the help."""
+_FORMER: Final[Mapping[str, str]] = {setting.former: name for name, setting in SETTINGS.items() if setting.former}
+
+
+def present(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings by their present names and spellings; some may be given by those of earlier versions.
+
+    Parameters
+    ----------
+    given : mapping
+        Other names and values are not changed.
+
+    Raises
+    ------
+    UsageError
+        When a setting is given by both of its names.
+    """
+    for former, name in _FORMER.items():
+        if former in given and name in given:
+            raise UsageError(f"{former} {given_too(name)}")
+    values = {_FORMER.get(name, name): value for name, value in given.items()}
+    for name in values.keys() & SETTINGS.keys():
+        if isinstance(values[name], str):
+            values[name] = SETTINGS[name].former_values.get(values[name], values[name])
+    return values
 
 
 def not_taken(name: str, value: object, integrator: str) -> str:
@@ -426,13 +468,15 @@ def settings_for(scene: _Scene, size: tuple[int, int] | None, given: Mapping[str
     size : (int, int) or None
         Width and height, pixels.
     given : mapping
-        Fields of `RenderSettings`.
+        Fields of `RenderSettings`, or their former names.
 
     Raises
     ------
     UsageError
         When a name is unknown, a value is not allowed or has no effect, or the image does not fit into memory.
     """
+    written = {_FORMER.get(name, name): name for name in given}
+    given = present(given)
     for name in given:
         if name not in SETTINGS:
             near = nearest(name, SETTINGS) or f"; there are {', '.join(SETTINGS)}"
@@ -446,7 +490,7 @@ def settings_for(scene: _Scene, size: tuple[int, int] | None, given: Mapping[str
             if name not in given and values[name] not in allowed:
                 values[name] = allowed[0]
     wanted = RenderSettings(**values)
-    _refuse_unused(wanted, given)
+    _refuse_unused(wanted, written)
     check_memory(wanted)
     return wanted
 
@@ -461,14 +505,17 @@ def _sides(size: Any) -> dict[str, Any]:
     return {"width": width, "height": height}
 
 
-def _refuse_unused(wanted: RenderSettings, given: Iterable[str]) -> None:
-    """Raise an error if a given setting would have no effect."""
+def _refuse_unused(wanted: RenderSettings, given: Mapping[str, str]) -> None:
+    """Raise an error if a given setting, here with the name that it was given by, would have no effect."""
     for name in given:
         owner = SETTINGS[name].integrator
         if owner not in (None, wanted.integrator) and getattr(wanted, name) is not None:
-            raise UsageError(f"{name} has no effect with the integrator {wanted.integrator}; it belongs to {owner}")
-    if "absorption" in given and wanted.absorption is not None and wanted.roulette != "absorption":
-        raise UsageError(f"absorption has no effect with the roulette {wanted.roulette}; it belongs to absorption")
+            raise UsageError(
+                f"{given[name]} has no effect with the integrator {wanted.integrator}; it belongs to {owner}"
+            )
+    if "termination" in given and wanted.termination is not None and wanted.roulette != "constant":
+        name = given["termination"]
+        raise UsageError(f"{name} has no effect with the roulette {wanted.roulette}; it belongs to constant")
     for name in ("confidence", "share", "error_floor"):
         if name in given and getattr(wanted, name) is not None and wanted.error is None:
             raise UsageError(f"{name} has no effect without error; set the relative error as well, such as error 0.05")

@@ -89,7 +89,7 @@
 #define LIGHT_SUN 8u
 #define ROULETTE_NONE 0u
 #define ROULETTE_THROUGHPUT 1u
-#define ROULETTE_ABSORPTION 2u
+#define ROULETTE_CONSTANT 2u
 #define SHAPE_SMOOTH 1u
 #define SHAPE_TEXTURED 2u
 #define SHAPE_MASKED 4u
@@ -141,7 +141,7 @@ typedef struct {
 } Shape;
 
 typedef struct {
-    float4 color;               // rgb reflectance; w probability that the absorption roulette ends a path here
+    float4 color;               // rgb reflectance; w probability that the constant roulette ends a path here
     uint kind;                  // MATERIAL_*
     float ior;                  // index inside (behind the front side) over index outside
     uint medium;                // behind the front: row of media_rows; 0: none that paths keep account of
@@ -228,7 +228,7 @@ typedef struct {
 #define PRIMITIVE_ROW_FACING 7          // sphere: +1 front outside, -1 front inside
 #define PRIMITIVE_ROW_COLOR 9           // reflectance
 #define PRIMITIVE_ROW_MATERIAL 9        // bits, in its place of MATERIAL_BY_ROW: which pair of rows
-#define PRIMITIVE_ROW_ABSORPTION 12     // probability that the absorption roulette ends a path here
+#define PRIMITIVE_ROW_TERMINATION 12    // probability that the constant roulette ends a path here
 #define PRIMITIVE_ROW_IOR 13            // index behind the front over index before it
 #define PRIMITIVE_ROW_LIGHT 14          // bits: index of the light it is, or NONE
 #define PRIMITIVE_ROW_KIND 15           // bits: MATERIAL_*, and the shape's flags from bit ROW_FLAGS on

@@ -115,10 +115,14 @@ def setting_option(name: str, default: Any = None, help: str = "") -> Callable[[
 
 
 def setting_options(command: Any, without: Container[str] = ()) -> Any:
-    """Decorator: the options of all settings of the table, in its order, except some."""
+    """Decorator: the options of all settings of the table, in its order, except some; former names are hidden."""
     for setting in reversed(list(SETTINGS.values())):
         if setting.option is not None and setting.name not in without:
             command = setting_option(setting.name)(command)
+            if setting.former:
+                former = "--" + setting.former.replace("_", "-")
+                kind = DomainType(setting.domain)
+                command = click.option(former, setting.former, type=kind, default=None, hidden=True)(command)
     return command
 
 

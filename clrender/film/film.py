@@ -25,6 +25,7 @@ from clrender.film.ledger import Ledger
 from clrender.film.unit import Unit, UnitSums
 from clrender.process.huge_pages import LARGE_BYTES, prefer_large_pages, withdraw_preference
 from clrender.process.memory import film_bytes
+from clrender.settings import present
 
 __all__ = ["Film"]
 
@@ -297,12 +298,12 @@ class Film:
                 f"{ours} has {self.width} x {self.height} pixels and {theirs} {other.width} x {other.height}; only "
                 "films of one request can be merged."
             )
-        keys = sorted({*self.request, *other.request})
-        different = [key for key in keys if self.request.get(key) != other.request.get(key)]
+        a, b = present(self.request), present(other.request)
+        different = [key for key in sorted({*a, *b}) if a.get(key) != b.get(key)]
         if different:
             raise UsageError(
                 f"{ours} and {theirs} differ in {', '.join(different)}: "
-                + "; ".join(f"{key} {self.request.get(key)!r} and {other.request.get(key)!r}" for key in different)
+                + "; ".join(f"{key} {a.get(key)!r} and {b.get(key)!r}" for key in different)
                 + "; only films of one request can be merged."
             )
         if other is self:

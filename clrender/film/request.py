@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import Any, Final
 
-from clrender.settings import SETTINGS
+from clrender.settings import SETTINGS, present
 
 __all__ = ["differences", "options_for"]
 
@@ -29,7 +29,8 @@ def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> dict[str, 
     Returns
     -------
     dict of str to str
-        Key of the request to a clause: ``seed is 0 there and 1 here``. Empty for requests of one image.
+        Key of the request, a setting's by its present name, to a clause: ``seed is 0 there and 1 here``. Empty for
+        requests of one image.
     """
     a, b = _plain(there), _plain(here)
     keys = [key for key in {**a, **b} if a.get(key) != b.get(key)]
@@ -44,7 +45,7 @@ def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> dict[str, 
 
 def options_for(request: Mapping[str, Any], keys: Mapping[str, Any]) -> str:
     """Command-line options for those settings of a request that have an option."""
-    words = []
+    request, words = present(request), []
     if {"width", "height"} & set(keys):
         words.append(f"--size {request.get('width')}x{request.get('height')}")
     for key in keys:
@@ -55,6 +56,5 @@ def options_for(request: Mapping[str, Any], keys: Mapping[str, Any]) -> str:
 
 
 def _plain(request: Mapping[str, Any]) -> dict[str, Any]:
-    """The request as it is after writing it to a file and reading it."""
-    plain: dict[str, Any] = json.loads(json.dumps(request))
-    return plain
+    """The request as it is after writing it to a file and reading it, by the present names of settings."""
+    return present(json.loads(json.dumps(request)))

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 __all__ = ["MaterialArrays", "flat_materials", "has_row", "material_numbers"]
 
 _Row: TypeAlias = NDArray[np.float32]
-_MOST_ABSORPTION: Final = 0.999
+_MOST_TERMINATION: Final = 0.999
 _UNKNOWN: Final = 0.5
 """Placeholder for a value that a texture gives."""
 _COLUMNS: Final = {
@@ -109,8 +109,8 @@ def flat_materials(scene: Scene, medium_of: Mapping[Solid, int]) -> MaterialArra
         row = materials[number]
         row["medium"] = medium_of.get((name, None), 0)
         color = _color(scene, material)
-        default = 0.0 if passes_light(scene.materials, material) else min(1.0 - max(color), _MOST_ABSORPTION)
-        row["color"] = (*color, default if material.absorption is None else material.absorption)
+        default = 0.0 if passes_light(scene.materials, material) else min(1.0 - max(color), _MOST_TERMINATION)
+        row["color"] = (*color, default if material.termination is None else material.termination)
         row["kind"] = _kind(material)
         row["ior"] = _index(material)
         if isinstance(material, Principled) and row["medium"] and row["ior"] == 1.0:
@@ -131,7 +131,7 @@ def flat_materials(scene: Scene, medium_of: Mapping[Solid, int]) -> MaterialArra
             row["kind"], row["color"], row["ior"] = layout.MATERIAL_DIELECTRIC, (1.0, 1.0, 1.0, 0.0), 1.0
             row["medium"] = medium_of.get(solid, 0)
         else:
-            row["kind"], row["color"], row["ior"] = layout.MATERIAL_LAMBERT, (0.0, 0.0, 0.0, _MOST_ABSORPTION), 1.0
+            row["kind"], row["color"], row["ior"] = layout.MATERIAL_LAMBERT, (0.0, 0.0, 0.0, _MOST_TERMINATION), 1.0
     beckmann = by_row and any(_compensates_beckmann(material) for material in scene.materials.values())
     turned_glass = any(_is_anisotropic_glass(material) for material in scene.materials.values())
     return MaterialArrays(materials, rows.reshape(-1, 16), by_row, beckmann, turned_glass)

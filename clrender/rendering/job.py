@@ -18,7 +18,7 @@ from clrender.flatten.supported import check_materials
 from clrender.integrators import INTEGRATORS, Integrator
 from clrender.scene import Scene
 from clrender.scene.portable import scene_from_portable, scene_to_portable
-from clrender.settings import REPLICATE_SPP, RenderSettings, check_memory, settings_for
+from clrender.settings import REPLICATE_SPP, RenderSettings, check_memory, present, settings_for
 from clrender.version import __version__
 
 __all__ = ["RenderJob"]
@@ -255,7 +255,7 @@ class RenderJob:
             content = json.loads(text)
             if content["format"] != FORMAT:
                 raise ValueError(f"its format is {content['format']!r}")
-            settings = RenderSettings(**content["settings"])
+            settings = RenderSettings(**present(dict(content["settings"])))
             first, stop = content["samples"]
             aov, denoise, request = tuple(content["aov"]), bool(content["denoise"]), dict(content["request"])
             description = dict(content["scene"])

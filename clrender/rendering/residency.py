@@ -190,13 +190,13 @@ class _Geometry:
     scene: Scene
     light_sampler: str
     compensated: bool
-    absorption: float | None
+    termination: float | None
     origin: tuple[float, float, float]
 
     @classmethod
     def of(cls, job: RenderJob) -> _Geometry:
         origin = scene_origin(job.scene.camera)
-        return cls(job.scene, _light_sampler(job), _compensated(job), job.settings.absorption, origin)
+        return cls(job.scene, _light_sampler(job), _compensated(job), job.settings.termination, origin)
 
     def same(self, other: _Geometry) -> bool:
         a, b = self.scene, other.scene
@@ -228,8 +228,8 @@ def _flattened(job: RenderJob) -> FlatScene:
         _light_sampler(job),
         compensated=_compensated(job),
     )
-    if settings.absorption is None:
+    if settings.termination is None:
         return flat
     materials = flat.arrays["materials"].copy()
-    materials["color"][:, 3] = settings.absorption
+    materials["color"][:, 3] = settings.termination
     return dataclasses.replace(flat, arrays={**flat.arrays, "materials": materials})

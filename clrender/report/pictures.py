@@ -127,9 +127,9 @@ def figures(images: _Images, results: Results) -> list[Figure]:
         ),
         _compared(
             "roulettes", "Additional: the roulette",
-            "The report's roulette by absorption and clrender's, which ends paths according to their throughput: same "
-            "samples, same shadow rays.",
-            images, {"base": "by absorption", "own-base": "by throughput"},
+            "The report's roulette, of constant probability, and clrender's, which ends paths according to their "
+            "throughput: same samples, same shadow rays.",
+            images, {"base": "constant probability", "own-base": "by throughput"},
         ),
         Figure(
             "whitted",

@@ -55,9 +55,9 @@ def method(results: Results) -> list[str]:
         "Settings are rendered in turns, every run with a seed of its own, so that other load on the machine affects "
         "all of them alike. Time is measured from the first launch to the last result: without compiling, reading "
         f"the scene and building its BVH. Efficiency and ratios in verdicts use {cost}.",
-        "Absorption: the report varies it and states the deepest path that occurred; so do we. For n paths that "
-        "survive each hit with probability s, the most probable deepest path follows from s and n; a short render "
-        "measures how many paths end on lights. Table 1 shows the deepest paths that resulted. Depth counts "
+        "Termination probability: the report varies it and states the deepest path that occurred; so do we. For n "
+        "paths that survive each hit with probability s, the most probable deepest path follows from s and n; a short "
+        "render measures how many paths end on lights. Table 1 shows the deepest paths that resulted. Depth counts "
         "scattering events, including the one that the last shadow ray serves.",
         "Noise is relMSE, the mean over pixels and channels of (x − r)² / (r² + 0.01), against a reference r of "
         f"{results.reference_samples} samples per pixel, with other seeds and clrender's roulette. The reference is "
@@ -68,10 +68,10 @@ def method(results: Results) -> list[str]:
         "The second assumption does not hold for relMSE where the variance is unbounded. The roulette ends a path "
         "with probability α at every hit and divides the others by 1 − α; between surfaces of reflectance ρ the mean "
         "square of a path's weight is multiplied by ρ²/(1 − α) at each bounce, here "
-        f"{row.growth:.2f} on the white walls at α = {row.absorption}. Above 1 it can grow without bound: more samples "
-        "find ever rarer, ever brighter paths. Such rows are marked with * and judged by the display error, which "
-        "is bounded. The questions about samples and shadow rays are also answered with clrender's roulette, whose "
-        "variance is finite.",
+        f"{row.growth:.2f} on the white walls at α = {row.termination}. Above 1 it can grow without bound: more "
+        "samples find ever rarer, ever brighter paths. Such rows are marked with * and judged by the display error, "
+        "which is bounded. The questions about samples and shadow rays are also answered with clrender's roulette, "
+        "whose variance is finite.",
         one_core,
     ]
 

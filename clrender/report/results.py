@@ -70,13 +70,13 @@ class Row:
     ----------
     name : str
     samples, shadow_rays : int
-    absorption : float or None
-        Probability of the roulette by absorption; None: clrender's own roulette, by throughput.
+    termination : float or None
+        Probability of the constant roulette; None: clrender's own roulette, by throughput.
     cores : int
         Available to the run; 0 on a device that is not a CPU.
     growth : float
         Factor by which a bounce between the brightest surfaces multiplies the mean square of a path's weight:
-        reflectance squared over 1 - absorption. From 1 on, a pixel's variance may be unbounded; 0 with clrender's
+        reflectance squared over 1 - termination. From 1 on, a pixel's variance may be unbounded; 0 with clrender's
         roulette.
     runs : list of Run
     """
@@ -84,7 +84,7 @@ class Row:
     name: str
     samples: int
     shadow_rays: int
-    absorption: float | None
+    termination: float | None
     cores: int
     growth: float = 0.0
     runs: list[Run] = field(default_factory=list)

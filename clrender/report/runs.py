@@ -14,7 +14,6 @@ import numpy.typing as npt
 
 import clrender
 from clrender.image.compare import RELATIVE_FLOOR, relative_squared_error
-from clrender.report.absorption import absorption_for
 from clrender.report.machine_load import MachineLoad
 from clrender.report.one_core import one_core_runs
 from clrender.report.plan import (
@@ -29,6 +28,7 @@ from clrender.report.plan import (
     work_of,
 )
 from clrender.report.results import Results, Row, Run
+from clrender.report.termination import termination_for
 
 if TYPE_CHECKING:
     from clrender.rendering.rendered_image import Progress, RenderedImage
@@ -167,7 +167,7 @@ def measure(renderer: Renderer, quick: bool) -> Measured:
     scene = clrender.load(SCENE)
     renderer.total = work_of(quick)
     renderer.image(scene, "preparing", 1)
-    absorptions = _absorptions(renderer, scene)
+    terminations = _terminations(renderer, scene)
     references = [
         renderer.image(scene, f"reference {i + 1} of 2", REFERENCE_SAMPLES // 2, seed=seed)
         for i, seed in enumerate(_REFERENCE_SEEDS)
@@ -178,7 +178,7 @@ def measure(renderer: Renderer, quick: bool) -> Measured:
     images: dict[str, _Image] = {"reference": mean}
     device = references[0].stats["devices"][0]
     cores = _cores() if all(each["type"] == "cpu" for each in references[0].stats["devices"]) else 0
-    rows = {name: _row(name, spec, absorptions[spec.deepest], cores, scene) for name, spec in SPECS.items()}
+    rows = {name: _row(name, spec, terminations[spec.deepest], cores, scene) for name, spec in SPECS.items()}
     load = MachineLoad()
     no_one_core = _turns(renderer, scene, rows, reference, images, quick, device["driver"])
     others = load.share()
@@ -197,11 +197,11 @@ def measure(renderer: Renderer, quick: bool) -> Measured:
     return Measured(results, images)
 
 
-def _row(name: str, spec: Spec, absorption: float | None, cores: int, scene: Scene) -> Row:
+def _row(name: str, spec: Spec, termination: float | None, cores: int, scene: Scene) -> Row:
     colors = [each.reflectance for each in scene.materials.values() if each.type == "lambert"]
     brightest = max(max(color) for color in colors if isinstance(color, tuple))
-    growth = 0.0 if absorption is None else brightest**2 / (1.0 - absorption)
-    return Row(name, spec.samples, spec.shadow_rays, absorption, cores, growth)
+    growth = 0.0 if termination is None else brightest**2 / (1.0 - termination)
+    return Row(name, spec.samples, spec.shadow_rays, termination, cores, growth)
 
 
 def _turns(
@@ -250,7 +250,7 @@ def _one_core(renderer: Renderer, rows: dict[str, Row], turn: int) -> None:
 
 def settings_of(row: Row) -> dict[str, Any]:
     """Settings of `clrender.render` for a row, without samples and seed."""
-    roulette = {} if row.absorption is None else {"roulette": "absorption", "absorption": row.absorption}
+    roulette = {} if row.termination is None else {"roulette": "constant", "termination": row.termination}
     return {"shadow_rays": row.shadow_rays, **roulette}
 
 
@@ -262,14 +262,14 @@ def _run(stats: dict[str, Any], cores: int, seed: int, judged: dict[str, float])
     )  # fmt: skip
 
 
-def _absorptions(renderer: Renderer, scene: Scene) -> dict[int | None, float | None]:
-    """Absorption by desired deepest path. A short render measures how many paths end other than by roulette."""
-    probe = renderer.image(scene, "finding absorptions", 4, roulette="absorption", absorption=0.5).stats
+def _terminations(renderer: Renderer, scene: Scene) -> dict[int | None, float | None]:
+    """Probability by desired deepest path. A short render measures how many paths end other than by roulette."""
+    probe = renderer.image(scene, "finding termination probabilities", 4, roulette="constant", termination=0.5).stats
     rays = probe["rays"] - probe["shadow_rays"]
     goes_on = (1.0 - probe["samples"] / rays) / 0.5  # the mean length of geometric paths is 1 / (1 - survival)
     paths = 16 * renderer.size[0] * renderer.size[1]
     wanted = {spec.deepest for spec in SPECS.values() if spec.deepest is not None}
-    return {None: None, **{deepest: round(absorption_for(deepest, paths, goes_on), 4) for deepest in wanted}}
+    return {None: None, **{deepest: round(termination_for(deepest, paths, goes_on), 4) for deepest in wanted}}
 
 
 def _figures(renderer: Renderer, scene: Scene, images: dict[str, _Image], quick: bool) -> None:

@@ -17,7 +17,7 @@ __all__ = ["noise_table", "times_table", "verdict_table"]
 def times_table(results: Results) -> Table:
     """The report's Table 1, next to our times."""
     header = (
-        "Test", "Samples", "Shadow rays", "Cores", "Deepest path: report", "Deepest path: ours", "Absorption",
+        "Test", "Samples", "Shadow rays", "Cores", "Deepest path: report", "Deepest path: ours", "Termination",
         "Time: report", "Time: ours", "CPU time", "Ratio: report", "Ratio: ours",
     )  # fmt: skip
     lines = []
@@ -34,7 +34,7 @@ def times_table(results: Results) -> Table:
             cores = "one" if not theirs.cores else f"all ({row.cores})" if row.cores else "all"
             lines.append(
                 [
-                    *start, cores, str(theirs.depth), _deepest(row), f"{row.absorption}", theirs.clock,
+                    *start, cores, str(theirs.depth), _deepest(row), f"{row.termination}", theirs.clock,
                     f"{significant(row.seconds)} s", f"{significant(row.cpu_seconds)} s",
                     factor(theirs.seconds / base.seconds), factor(ratio),
                 ]
@@ -55,10 +55,10 @@ def noise_table(results: Results) -> Table:
         "relMSE", "Display error", "Median pixel", "Efficiency",
     )  # fmt: skip
     lines = []
-    for row in sorted(results.rows.values(), key=lambda row: (row.absorption or 0.0, row.shadow_rays, row.samples)):
+    for row in sorted(results.rows.values(), key=lambda row: (row.termination or 0.0, row.shadow_rays, row.samples)):
         if row.name.startswith("one-core"):
             continue
-        told = "throughput" if row.absorption is None else f"absorption {row.absorption}"
+        told = "throughput" if row.termination is None else f"constant {row.termination}"
         typical = statistics.fmean(run.median_ratio for run in row.runs)
         work = [statistics.fmean(values) / 1e6 for values in (
             row.values(lambda run: run.paths), row.values(lambda run: run.rays), row.values(lambda run: run.shadow_rays)

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from clrender.report.absorption import expected_deepest
 from clrender.report.founding import CLAIMS
 from clrender.report.intervals import Interval, mean_interval, power_law, ratio_interval, scaled
 from clrender.report.results import Results, Row
+from clrender.report.termination import expected_deepest
 from clrender.report.wording import bounds, factor, percent
 
 __all__ = ["FAILS", "HOLDS", "OPEN", "Verdict", "verdicts"]
@@ -203,7 +203,7 @@ def _roulette(results: Results) -> tuple[str, str]:
     )
     if not row.bounded:
         text += (
-            f"But its absorption of {row.absorption} multiplies the mean square of a path's weight by up to "
+            f"But its probability of {row.termination} multiplies the mean square of a path's weight by up to "
             f"{row.growth:.2f} per bounce: the variance may be unbounded and convergence slower than 1/N."
         )
     return text, _decided(own.holds(0.0) and theirs.holds(0.0), not own.holds(0.0) and abs(own.value) > 0.005)

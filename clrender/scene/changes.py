@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from clrender.errors import SceneError
+from clrender.scene.former_keys import present_keys
 from clrender.scene.validation_errors import scene_error
 from clrender.wording import place, quoted, shown, suggestion
 
@@ -125,7 +126,7 @@ def table_values(node: BaseModel, changes: Changes, at: Place, source: str) -> d
     """The keys that a table was given, with changes."""
     known = type(node).model_fields
     values = {name: getattr(node, name) for name in known if name in node.model_fields_set}
-    for step, change in changes.items():
+    for step, change in present_keys(type(node), changes, source, at).items():
         if step not in known:
             raise SceneError(f"{source}: {place((*at, step))}: is an unknown key{suggestion(step, known)}")
         name = str(step)

@@ -9,6 +9,7 @@ from typing import Any
 
 from clrender.image.exposure import PHOTOGRAPHIC
 from clrender.scene.contents import HEAD, SceneContents
+from clrender.scene.former_keys import former_keys
 from clrender.scene.shapes import Mesh
 from clrender.scene.values import Part
 
@@ -48,7 +49,7 @@ def _head(scene: SceneContents) -> dict[str, bytes]:
     content = scene.model_dump(mode="json", include=set(HEAD))
     for key in PHOTOGRAPHIC:
         content["camera"].pop(key, None)
-    _leave_out_late(scene.camera, content["camera"])
+    _as_in_films(scene.camera, content["camera"])
     return {name: _json(table) for name, table in content.items()}
 
 
@@ -65,9 +66,9 @@ def _contents(scene: SceneContents) -> dict[str, bytes]:
         if isinstance(shape, Mesh):
             if shape.file is not None:
                 put_at(content, (*at, "file"), scene.mesh_of(at, shape).sha256())
-            _leave_out_late(shape, _table_at(content, at))
+            _as_in_films(shape, _table_at(content, at))
     for name, material in scene.materials.items():
-        _leave_out_late(material, content["materials"][name])
+        _as_in_films(material, content["materials"][name])
     for index, instance in scene.instances():
         if instance.file is not None:
             content["shapes"][index]["transforms"] = scene.transforms(index).sha256()
@@ -84,11 +85,13 @@ def _contents(scene: SceneContents) -> dict[str, bytes]:
     return {name: _json(table) for name, table in content.items()}
 
 
-def _leave_out_late(part: Part, table: dict[str, Any]) -> None:
-    """Take out keys at their defaults that hashes in existing films predate."""
+def _as_in_films(part: Part, table: dict[str, Any]) -> None:
+    """Make a table that of hashes in existing films: without later keys at their defaults, and with former names."""
     for key in part.late_keys:
         if getattr(part, key) == type(part).model_fields[key].get_default():
             table.pop(key)
+    for former, key in former_keys(type(part)).items():
+        table[former] = table.pop(key)
 
 
 def _json(table: Any) -> bytes:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import create_model, model_validator
+from pydantic import AliasChoices, Field, create_model, model_validator
 
 from clrender.integrators import INTEGRATORS
 from clrender.scene.values import Part, SettingValue, fault
-from clrender.settings import PIXEL_LIMIT, SETTINGS, not_taken
+from clrender.settings import PIXEL_LIMIT, SETTINGS, Setting, not_taken
 
 __all__ = ["Image", "Render"]
 
@@ -16,7 +16,14 @@ __all__ = ["Image", "Render"]
 def _keys(section: str) -> dict[str, Any]:
     """Fields of a scene file's table, built from the settings table."""
     of_it = [setting for setting in SETTINGS.values() if setting.section == section]
-    return {setting.name: (Annotated[Any, SettingValue(setting)], setting.default) for setting in of_it}
+    return {setting.name: (Annotated[Any, SettingValue(setting)], _field(setting)) for setting in of_it}
+
+
+def _field(setting: Setting) -> Any:
+    """The default of a key, with the former name if there is one."""
+    if not setting.former:
+        return setting.default
+    return Field(setting.default, validation_alias=AliasChoices(setting.name, setting.former))
 
 
 class _Size(Part):

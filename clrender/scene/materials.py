@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, TypeAlias
 
-from pydantic import BeforeValidator, Field, Strict, WithJsonSchema, model_validator
+from pydantic import AliasChoices, BeforeValidator, Field, Strict, WithJsonSchema, model_validator
 
 from clrender.meshes.data import COORDINATE_LIMIT
 from clrender.scene.metals import METALS
@@ -21,7 +21,6 @@ from clrender.scene.textures import (
 from clrender.scene.values import (
     NUMBER_OR_TRIPLE,
     POWER_LIMIT,
-    Absorption,
     Extinction,
     Finite,
     Flag,
@@ -32,6 +31,7 @@ from clrender.scene.values import (
     Power,
     Reflectance,
     Share,
+    Termination,
     Vector,
     fault,
     number_as_triple,
@@ -87,7 +87,11 @@ else:
 class _Surface(Part):
     """What every material has."""
 
-    absorption: Absorption = Field(None, description="termination probability for Russian roulette by absorption")
+    termination: Termination = Field(
+        None,
+        validation_alias=AliasChoices("termination", "absorption"),
+        description="for the roulette `constant`: probability that a path ends at a hit",
+    )
     opacity: ShareOrTexture = Field(
         1.0, description="fraction of light that interacts with the surface; in an image often its `channel` a"
     )

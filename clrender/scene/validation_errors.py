@@ -9,6 +9,8 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from clrender.errors import SceneError
+from clrender.limits import given_too
+from clrender.scene.former_keys import former_keys
 from clrender.wording import place, quoted, shown, suggestion
 
 __all__ = ["scene_error"]
@@ -99,6 +101,8 @@ def _explained(item: ErrorDetails, details: list[ErrorDetails], root: type[BaseM
         name = shown(location[1])
         return location[:1], f"holds a name that is {name}, but names must be texts of 1 to 200 characters"
     if kind == "extra_forbidden":
+        if table and (present := former_keys(table).get(str(location[-1]))):
+            return location, given_too(present)
         return location, "is an unknown key" + suggestion(location[-1], table.model_fields if table else ())
     if kind == "missing":
         if isinstance(location[-1], int):

@@ -27,7 +27,6 @@ __all__ = [
     "NUMBER_OR_TRIPLE",
     "POWER_LIMIT",
     "SHAPE_LIMIT",
-    "Absorption",
     "Color",
     "Extinction",
     "FileName",
@@ -42,6 +41,7 @@ __all__ = [
     "Reflectance",
     "SettingValue",
     "Share",
+    "Termination",
     "Text",
     "Vector",
     "cross",
@@ -83,7 +83,7 @@ Vector: TypeAlias = tuple[Coordinate, Coordinate, Coordinate]
 Lengths: TypeAlias = tuple[Length, Length, Length]
 Color: TypeAlias = tuple[Power, Power, Power]
 Reflectance: TypeAlias = tuple[Share, Share, Share]
-Absorption: TypeAlias = Annotated[Finite, Field(ge=0.0, lt=1.0)] | None
+Termination: TypeAlias = Annotated[Finite, Field(ge=0.0, lt=1.0)] | None
 _Row: TypeAlias = tuple[Finite, Finite, Finite, Finite]
 Matrix: TypeAlias = tuple[_Row, _Row, _Row, _Row]
 

@@ -16,8 +16,9 @@ from clrender.limits import nearest, shown
 from clrender.rendering.job import RenderJob
 from clrender.scene import Scene
 from clrender.scene.camera import Camera
+from clrender.scene.former_keys import present_keys
 from clrender.scene.validation_errors import scene_error
-from clrender.settings import IMAGE, SETTINGS, settings_of
+from clrender.settings import IMAGE, SETTINGS, present, settings_of
 from clrender.view.parameters import changeable, is_plain
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ NOT_LIVE: Final = ("time_limit", "max_memory", "traversal")
 """Settings that a page cannot change: somebody who watches stops by hand, and memory is the command line's affair."""
 
 _ONLY_WITH: Final = {
-    "absorption": ("roulette", "absorption"),
+    "termination": ("roulette", "constant"),
     "confidence": ("error", None),
     "share": ("error", None),
     "error_floor": ("error", None),
@@ -72,7 +73,7 @@ class EditedScene:
         UsageError, SceneError
             As of `RenderJob.of`.
         """
-        return cls._made(scene, given, scene.camera, {}, {})
+        return cls._made(scene, present(given), scene.camera, {}, {})
 
     @classmethod
     def _made(
@@ -118,6 +119,7 @@ class EditedScene:
         UsageError, SceneError
             A name is unknown, or a value is not allowed or has no effect.
         """
+        values = present(values)
         for name in values:
             if name not in SETTINGS or name in NOT_LIVE:
                 near = nearest(name, [each for each in SETTINGS if each not in NOT_LIVE])
@@ -144,6 +146,7 @@ class EditedScene:
         material = self.checked.scene.materials.get(name)
         if material is None:
             raise UsageError(f"there is no material {shown(name)}{nearest(name, self.scene.materials)}")
+        values = present_keys(type(material), values, f"materials.{name}")
         for key, value in values.items():
             if key not in changeable(material):
                 near = nearest(key, changeable(material))

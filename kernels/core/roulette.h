@@ -38,11 +38,11 @@ static vfloat roulette_lost(vuint events) {
 // The probability for what carries this share of the flux that it began with.
 static vfloat roulette_by_flux(vec3 flux) { return lesser(largest(flux), splat(1.0f)); }
 
-// The probability that a path goes on after so many scattering events, the last at a surface with this absorption. `flux`: its throughput,
-// times the square of the index where it is over that where it began; refraction scatters no light away.
-static vfloat roulette_survival(uint roulette, vec3 flux, vuint depth, vfloat absorption) {
+// The probability that a path goes on after so many scattering events, the last at a surface that ends it with probability `termination`.
+// `flux`: its throughput, times the square of the index where it is over that where it began; refraction scatters no light away.
+static vfloat roulette_survival(uint roulette, vec3 flux, vuint depth, vfloat termination) {
     vfloat survival = splat(1.0f);
-    if (roulette == ROULETTE_ABSORPTION) survival = splat(1.0f) - absorption;
+    if (roulette == ROULETTE_CONSTANT) survival = splat(1.0f) - termination;
     if (roulette == ROULETTE_THROUGHPUT) survival = depth >= 4u ? roulette_by_flux(flux) : survival;
     return survival * roulette_late(depth);
 }

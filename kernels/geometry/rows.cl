@@ -35,7 +35,7 @@ __kernel void rows_primitives(__global const float* vertices, __global const uin
     rows_geometry(row, i, triangle_count, vertices, triangles, analytic_shapes);
     rows_vector(row + PRIMITIVE_ROW_COLOR, m.color);
     if (m.kind == MATERIAL_BY_ROW) row[PRIMITIVE_ROW_MATERIAL] = as_float(m.row);
-    row[PRIMITIVE_ROW_ABSORPTION] = m.color.w;
+    row[PRIMITIVE_ROW_TERMINATION] = m.color.w;
     row[PRIMITIVE_ROW_IOR] = m.ior;
     row[PRIMITIVE_ROW_LIGHT] = as_float(light);
     row[PRIMITIVE_ROW_KIND] = as_float(m.kind | (s.flags << ROW_FLAGS) | (m.medium << ROW_MEDIUM));

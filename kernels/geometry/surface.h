@@ -24,7 +24,7 @@ typedef struct {
     vuint from;          // what a ray leaving here cannot hit again: Ray.from
     vuint light;         // index of the light it is, or NONE
     vec3 color;
-    vfloat absorption, ior;
+    vfloat termination, ior;
     vuint kind;          // MATERIAL_*
 #ifdef TEXTURES
     Attributes attributes;
@@ -133,7 +133,7 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
     const Placed placed = placed_at(scene, s.primitive);
     lane_rows(scene->primitive_rows, placed.row, row);
     s.color = vec3_row(row, PRIMITIVE_ROW_COLOR);
-    s.absorption = row[PRIMITIVE_ROW_ABSORPTION];
+    s.termination = row[PRIMITIVE_ROW_TERMINATION];
     s.ior = row[PRIMITIVE_ROW_IOR];
     s.light = vfloat_bits(row[PRIMITIVE_ROW_LIGHT]);
     const vuint kind_and_flags = vfloat_bits(row[PRIMITIVE_ROW_KIND]);

@@ -302,7 +302,7 @@ static vmask path_roulette(const Scene* scene, Path* path, const Vertex* vertex,
     const vuint event = path->depth;
     path->depth = straight ? event : event + 1u;
     if (!roulette_matters(scene->settings->roulette, path->depth)) return mask_all();
-    const vfloat played = path_survival(scene, path, path->throughput, path->depth, vertex->surface.absorption);
+    const vfloat played = path_survival(scene, path, path->throughput, path->depth, vertex->surface.termination);
     const vfloat open = medium_survival(scene, &path->interior, medium_scatters(hit), path->depth);
     const vfloat survival = straight ? splat(1.0f) : played * open;
     vuint bits, unused;

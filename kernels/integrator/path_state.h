@@ -86,8 +86,8 @@ static vec3 path_last_point(const Path* path) {
 }
 
 // The probability that the path goes on, with this throughput, after so many scattering events. As flux: refraction scatters no light away.
-static vfloat path_survival(const Scene* scene, const Path* path, vec3 throughput, vuint depth, vfloat absorption) {
-    return roulette_survival(scene->settings->roulette, scale(throughput, path->index_squared), depth, absorption);
+static vfloat path_survival(const Scene* scene, const Path* path, vec3 throughput, vuint depth, vfloat termination) {
+    return roulette_survival(scene->settings->roulette, scale(throughput, path->index_squared), depth, termination);
 }
 
 static CameraRays camera_rays_none(void) {

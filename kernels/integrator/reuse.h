@@ -78,7 +78,7 @@ static void reuse_anchor(const Scene* scene, Reuse* r, const Path* path, const V
     const vec3 reflects = mul(path->throughput, bsdf->color);
     // From a black surface no path goes on
     const vmask dark = !(largest(reflects) > 0.0f);
-    const vfloat going_on = path_survival(scene, path, reflects, path->depth + 1u, surface->absorption);
+    const vfloat going_on = path_survival(scene, path, reflects, path->depth + 1u, surface->termination);
     const vfloat survival = dark ? splat(0.0f) : going_on;
     r->origin = choose(anchors, origin, r->origin);
     r->side = choose(anchors, bsdf->side, r->side);

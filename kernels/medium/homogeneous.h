@@ -115,7 +115,7 @@ static void medium_surface(const Scene* scene, const Ray* ray, const Interior* i
     s->primitive = here ? splat_uint(HIT_MEDIUM) : s->primitive;
     s->from = here ? splat_uint(NONE) : s->from;
     s->light = here ? splat_uint(NONE) : s->light;
-    s->absorption = here ? splat(0.0f) : s->absorption;
+    s->termination = here ? splat(0.0f) : s->termination;
     s->kind = here ? splat_uint(MATERIAL_MEDIUM) : s->kind;
     s->g = here ? lane_gather(scene->media_rows, interior_top(in) * 16u + (uint)MEDIUM_ROW_G) : s->g;
 }

@@ -28,7 +28,7 @@ static Surface patch_point(const Scene* scene, vuint side, vfloat u, vfloat v) {
     s.from = s.primitive;
     s.light = vfloat_bits(row[PRIMITIVE_ROW_LIGHT]);
     s.color = vec3_row(row, PRIMITIVE_ROW_COLOR);
-    s.absorption = row[PRIMITIVE_ROW_ABSORPTION];
+    s.termination = row[PRIMITIVE_ROW_TERMINATION];
     s.ior = row[PRIMITIVE_ROW_IOR];
     s.kind = splat_uint(MATERIAL_LAMBERT);
     return s;

@@ -162,7 +162,13 @@ VALUES = [
     Bad("spp huge", CAMERA + "[render]\nspp = 1048577\n", ("render.spp", "at most")),
     Bad("integrator", CAMERA + '[render]\nintegrator = "paht"\n', ("render.integrator", "did you mean 'path'?")),
     Bad("integrator not built", CAMERA + '[render]\nintegrator = "bdpt"\n', ("render.integrator", "path, direct")),
-    Bad("render absorption", CAMERA + "[render]\nabsorption = 1.0\n", ("render.absorption", "below 1")),
+    Bad("render termination", CAMERA + "[render]\ntermination = 1.0\n", ("render.termination", "below 1")),
+    Bad("by its former name", CAMERA + "[render]\nabsorption = 1.0\n", ("render.absorption", "below 1")),
+    Bad(
+        "render termination twice",
+        CAMERA + "[render]\nabsorption = 0.5\ntermination = 0.5\n",
+        ("render.absorption is the former name of termination", "leave one of them out"),
+    ),
     Bad("seed negative", CAMERA + "[render]\nseed = -1\n", ("render.seed", "at least 0")),
     Bad(
         "reflectance over 1",
@@ -260,7 +266,13 @@ VALUES = [
     Bad(
         "exterior ior", CAMERA + '[materials.g]\ntype = "dielectric"\nior = 1.5\nexterior_ior = -1\n', ("exterior_ior",)
     ),
-    Bad("absorption 1", CAMERA + WHITE + "absorption = 1\n", ("materials.white.absorption", "less than 1")),
+    Bad("termination 1", CAMERA + WHITE + "termination = 1\n", ("materials.white.termination", "less than 1")),
+    Bad("its former name", CAMERA + WHITE + "absorption = 1\n", ("materials.white.absorption", "less than 1")),
+    Bad(
+        "termination twice",
+        CAMERA + WHITE + "absorption = 0.5\ntermination = 0.5\n",
+        ("materials.white.absorption is the former name of termination", "leave one of them out"),
+    ),
 ]
 
 SHAPES = [

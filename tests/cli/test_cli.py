@@ -21,7 +21,7 @@ from clrender.image.files import read_image, write_image
 from clrender.image.tone_map import TONE_MAPS as OPERATORS
 
 RENDER_OPTIONS = (
-    "output spp size seed device integrator filter shadow-rays indirect-rays max-depth roulette absorption sampling "
+    "output spp size seed device integrator filter shadow-rays indirect-rays max-depth roulette termination sampling "
     "light-sampler reuse photons photon-radius patches patch-rays radiosity-display tone-map exposure aov denoise tile "
     "f-stop shutter iso environment time-at variant samples-per-pass work-group lanes time shard stats quiet "
     "allow-path exr-type exr-compression exr-tile checkpoint resume max-memory cluster "
@@ -117,9 +117,14 @@ BAD_COMMAND_LINES: dict[str, tuple[str, tuple[str, ...]]] = {
     "no shadow rays": ("render room -o a.png --shadow-rays 0", ("--shadow-rays", "at least 1")),
     "negative indirect rays": ("render room -o a.png --indirect-rays -1", ("--indirect-rays", "at least 0")),
     "negative depth": ("render room -o a.png --max-depth -1", ("--max-depth", "at least 0")),
-    "unknown roulette": ("render room -o a.png --roulette russian", ("--roulette", "throughput, absorption or none")),
-    "certain absorption": ("render room -o a.png --absorption 1", ("--absorption", "below 1")),
-    "absorption that is none": ("render room -o a.png --absorption nan", ("--absorption", "'nan'")),
+    "unknown roulette": ("render room -o a.png --roulette russian", ("--roulette", "throughput, constant or none")),
+    "certain termination": ("render room -o a.png --termination 1", ("--termination", "below 1")),
+    "termination that is none": ("render room -o a.png --termination nan", ("--termination", "'nan'")),
+    "certain termination by its former name": ("render room -o a.png --absorption 1", ("--absorption", "below 1")),
+    "termination by both names": (
+        "render room -o a.png --termination 0.5 --absorption 0.5",
+        ("absorption is the former name of termination", "leave one of them out"),
+    ),
     "unknown tone map": ("render room -o a.png --tone-map filmic", ("--tone-map", "'filmic'", "aces or agx")),
     "endless exposure": ("render room -o a.png --exposure inf", ("--exposure", "'inf'", "at most 128")),
     "f-stop of nothing": ("render room -o a.png --f-stop 0", ("--f-stop", "at least 0.1")),
@@ -141,7 +146,14 @@ BAD_COMMAND_LINES: dict[str, tuple[str, tuple[str, ...]]] = {
         "render room -o a.png --photons 9",
         ("photons has no effect with the integrator path", "belongs to photon"),
     ),
-    "absorption without its roulette": ("render room -o a.png --absorption 0.5", ("absorption", "roulette throughput")),
+    "termination without its roulette": (
+        "render room -o a.png --termination 0.5",
+        ("termination has no effect with the roulette throughput",),
+    ),
+    "termination by its former name without its roulette": (
+        "render room -o a.png --absorption 0.5",
+        ("absorption has no effect with the roulette throughput",),
+    ),
     "light BVH for photons": (
         "render room -o a.png --integrator photon --light-sampler bvh",
         ("light_sampler is 'bvh'", "photon takes auto, power or uniform"),

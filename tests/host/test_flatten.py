@@ -190,7 +190,7 @@ def test_materials() -> None:
     materials = {
         "dark": {"type": "lambert", "reflectance": [0.1, 0.2, 0.3]},
         "white": {"type": "lambert", "reflectance": [1, 1, 1]},
-        "mirror": {"type": "mirror", "reflectance": [0.9, 0.8, 0.7], "absorption": 0.25},
+        "mirror": {"type": "mirror", "reflectance": [0.9, 0.8, 0.7], "termination": 0.25},
         "glass": {"type": "dielectric", "ior": 1.5, "exterior_ior": 1.2},
     }
     scene = flat({**UNIT_CUBE, "material": "mirror"}, UNIT_CUBE, materials=materials)

@@ -162,7 +162,7 @@ def test_settings_are_passed_on(renderer: FakeRenderer) -> None:
         "--spp 2 --size 5x3 --seed 9 -d cpu -d 1 --integrator direct --shadow-rays 3 --indirect-rays 0 --max-depth 7"
     )
     options += (
-        " --roulette absorption --absorption 0.25 --tile 8 --samples-per-pass 2 --work-group 16 --lanes 8 --time 60"
+        " --roulette constant --termination 0.25 --tile 8 --samples-per-pass 2 --work-group 16 --lanes 8 --time 60"
     )
     assert run("render", "scene.toml", "-o", "b.npy", "--quiet", *options.split()) == 0
     assert renderer.calls[1] == {
@@ -175,8 +175,8 @@ def test_settings_are_passed_on(renderer: FakeRenderer) -> None:
         "shadow_rays": 3,
         "indirect_rays": 0,
         "max_depth": 7,
-        "roulette": "absorption",
-        "absorption": 0.25,
+        "roulette": "constant",
+        "termination": 0.25,
         "tile": 8,
         "samples_per_pass": 2,
         "work_group": 16,

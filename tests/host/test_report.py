@@ -20,7 +20,6 @@ import clrender
 from clrender.drawing.svg import BLUE
 from clrender.errors import UsageError
 from clrender.report import make_report
-from clrender.report.absorption import absorption_for, expected_deepest, survival_for
 from clrender.report.drawing import hemisphere, room_dimensions
 from clrender.report.founding import CLAIMS, GROUPS
 from clrender.report.intervals import mean_interval, power_law, ratio_interval
@@ -31,6 +30,7 @@ from clrender.report.plan import ONE_CORE, SPECS
 from clrender.report.plots import Series, plot, plots
 from clrender.report.results import Results, Row, Run
 from clrender.report.tables import noise_table, times_table, verdict_table
+from clrender.report.termination import expected_deepest, survival_for, termination_for
 from clrender.report.verdicts import FAILS, HOLDS, OPEN, verdicts
 from clrender.report.wording import bounds, significant
 
@@ -42,9 +42,9 @@ def made_up(change: Change = lambda run, row: run, one_core: bool = True) -> Res
     """Results in which every conclusion of the report but the exponential time is right."""
     rows = {}
     for number, (name, spec) in enumerate(SPECS.items()):
-        absorption = {14: 0.3, 7: 0.35, 5: 0.4, None: None}[spec.deepest]
-        growth = 0.0 if absorption is None else 0.5
-        row = Row(name, spec.samples, spec.shadow_rays, absorption, 4, growth)
+        termination = {14: 0.3, 7: 0.35, 5: 0.4, None: None}[spec.deepest]
+        growth = 0.0 if termination is None else 0.5
+        row = Row(name, spec.samples, spec.shadow_rays, termination, 4, growth)
         for turn, off in enumerate(SPREAD):
             row.runs.append(_made_up_run(row, 100 * number + turn, off, spec.deepest or 14))
         rows[name] = row
@@ -216,7 +216,7 @@ def test_rows_without_a_bound_are_marked() -> None:
     results = made_up()
     results.rows["base"].growth = 1.8
     marked = [row for row in noise_table(results).rows if any(text.endswith("*") for text in row)]
-    assert len(marked) == 1 and marked[0][0] == "absorption 0.3"
+    assert len(marked) == 1 and marked[0][0] == "constant 0.3"
     assert not any("*" in text for row in noise_table(made_up()).rows for text in row)
 
 
@@ -250,11 +250,11 @@ def test_one_run_has_no_interval() -> None:
     assert bounds(mean_interval([2.0])) == "2.00"
 
 
-# --- absorption -------------------------------------------------------------------------------------------------------
+# --- termination ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("deepest", [5, 7, 14])
-def test_absorption_gives_the_deepest_path_asked_for(deepest: int) -> None:
+def test_termination_gives_the_deepest_path_asked_for(deepest: int) -> None:
     """The likeliest deepest of a thousand simulated renders is the one asked for."""
     paths, random = 1_000_000, np.random.default_rng(deepest)
     survival = survival_for(deepest, paths)
@@ -268,7 +268,7 @@ def test_absorption_gives_the_deepest_path_asked_for(deepest: int) -> None:
     ]
     assert likely[1] > max(likely[0], likely[2])
     assert abs(expected_deepest(survival, paths) - deepest) < 1.0
-    assert absorption_for(deepest, paths, 0.9) < absorption_for(deepest, paths, 1.0) == pytest.approx(1.0 - survival)
+    assert termination_for(deepest, paths, 0.9) < termination_for(deepest, paths, 1.0) == pytest.approx(1.0 - survival)
 
 
 # --- what is shown ----------------------------------------------------------------------------------------------------

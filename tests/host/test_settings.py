@@ -28,6 +28,7 @@ from clrender.settings import (
     STOP,
     WORK,
     RenderSettings,
+    present,
     settings_for,
     settings_of,
 )
@@ -181,7 +182,7 @@ def test_a_call_takes_what_the_table_allows_and_refuses_the_rest(chosen: dict[st
             type(None),
         )
     again = json.loads(json.dumps(made.request()))
-    assert RenderSettings(**again).request() == made.request() == again
+    assert RenderSettings(**present(again)).request() == made.request() == again
     assert made.struct(16).shape == (1,)
 
 
@@ -243,7 +244,7 @@ def test_every_setting_is_an_option_a_key_of_the_schema_and_of_the_request() -> 
             assert setting.help in described["description"] and described["default"] == setting.default
         for integrator in INTEGRATORS:
             decides = setting.group == IMAGE and setting.integrator in (None, integrator)
-            assert (name in RenderSettings(integrator=integrator).request()) == decides
+            assert ((setting.former or name) in RenderSettings(integrator=integrator).request()) == decides
     assert RenderSettings() == settings_for(PLAIN, None, {})
 
 
@@ -282,7 +283,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "direct": ({"integrator": "direct", "indirect_rays": 2}, "integrator direct takes 1 or 0 only"),
     "photons": ({"photons": 1000}, "photons has no effect with the integrator path; it belongs to photon"),
     "patches": ({"integrator": "photon", "patches": 9}, "patches has no effect with the integrator photon"),
-    "absorption": ({"absorption": 0.5}, "has no effect with the roulette throughput; it belongs to absorption"),
+    "termination": ({"termination": 0.5}, "has no effect with the roulette throughput; it belongs to constant"),
 }  # fmt: skip
 
 
@@ -310,7 +311,7 @@ def test_memory_is_looked_at_before_it_is_taken(monkeypatch: pytest.MonkeyPatch)
 
 def test_what_the_scene_says_may_be_for_another_integrator() -> None:
     scene = Scene.model_validate(
-        {"camera": CAMERA, "render": {"indirect_rays": 4, "light_sampler": "bvh", "photons": 9, "absorption": 0.5}}
+        {"camera": CAMERA, "render": {"indirect_rays": 4, "light_sampler": "bvh", "photons": 9, "termination": 0.5}}
     )
     made = settings_for(scene, None, {"integrator": "photon"})
     assert (made.indirect_rays, made.light_sampler, made.photons) == (1, "auto", 9)

@@ -161,9 +161,9 @@ def test_a_moved_camera_is_that_of_the_job_and_checks_nothing_else(edited: Edite
 def test_settings_of_another_integrator_are_forgotten(edited: EditedScene) -> None:
     photons = edited.set({"integrator": "photon", "photons": 1000})
     assert photons.set({"integrator": "path"}).settings == {"integrator": "path"}
-    absorbing = edited.set({"roulette": "absorption", "absorption": 0.5})
-    assert absorbing.set({"roulette": None}).settings == {}
-    assert absorbing.set({"absorption": None}).settings == {"roulette": "absorption"}
+    ending = edited.set({"roulette": "constant", "termination": 0.5})
+    assert ending.set({"roulette": None}).settings == {}
+    assert ending.set({"termination": None}).settings == {"roulette": "constant"}
 
 
 def test_a_scene_that_is_read_again_keeps_the_camera_unless_it_has_another(edited: EditedScene) -> None:

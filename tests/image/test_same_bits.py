@@ -113,10 +113,10 @@ def test_every_combination(all_devices: list[Device], expected: Hashes, lanes: i
         {"integrator": "whitted"},
         {"integrator": "direct", "shadow_rays": 3},
         {"indirect_rays": 3, "shadow_rays": 2, "max_depth": 4},
-        {"roulette": "absorption"},
+        {"roulette": "constant"},
         {"filter": "mitchell", "shadow_rays": 2},
         {"roulette": "none", "max_depth": 7, "sampling": "bsdf"},
-        {"sampling": "light", "seed": 4294967295, "roulette": "absorption", "absorption": 0.25},
+        {"sampling": "light", "seed": 4294967295, "roulette": "constant", "termination": 0.25},
     ],
     ids=str,
 )
@@ -215,7 +215,7 @@ def test_packets_that_take_turns(all_devices: list[Device], expected: Hashes, pa
         defined.append((entry, (defines or {}).get("PACKETS")))
         return built(device, entry, defines)
 
-    others: dict[str, Any] = {"indirect_rays": 2, "shadow_rays": 2, "roulette": "absorption"}
+    others: dict[str, Any] = {"indirect_rays": 2, "shadow_rays": 2, "roulette": "constant"}
     other = sha("bumpy", all_devices[:1], Cutting(8), **others)
     changed = dataclasses.replace(path, pipeline=dataclasses.replace(path.pipeline, packets=packets))
     with patch("clrender.integrators.path.INTEGRATOR", changed), patch.object(Device, "program", program):

@@ -141,7 +141,7 @@ def test_other_scenes_and_integrators_in_turn(device: Device) -> None:
         ("room", {"integrator": "whitted", "aov": ("albedo", "depth")}),
         ("room-diffuse", {"integrator": "radiosity", "patches": 200, "patch_rays": 16}),
         ("room-diffuse", {"integrator": "reuse"}),
-        ("room", {"absorption": 0.5, "roulette": "absorption"}),
+        ("room", {"termination": 0.5, "roulette": "constant"}),
         ("room", {"light_sampler": "uniform"}),
     ]
     alone = [clrender.render(clrender.load(name), device=device, size=(24, 16), spp=2, **how) for name, how in cases]

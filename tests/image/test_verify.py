@@ -22,7 +22,7 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "photon maps": ("room", {"integrator": "photon", "photons": 2000, "photon_radius": 0.05}),
     "shared light": ("room-diffuse", {"integrator": "reuse", "reuse": 4}),
     "radiosity": ("room-diffuse", {"integrator": "radiosity", "patches": 200, "patch_rays": 16}),
-    "roulette": ("room", {"roulette": "absorption", "absorption": 0.3, "seed": 4}),
+    "roulette": ("room", {"roulette": "constant", "termination": 0.3, "seed": 4}),
 }
 
 

@@ -279,7 +279,7 @@ def material(draw: Draw, kind: str | None = None) -> Json:
                 wrap=lambda: draw.one(("repeat", "mirror", ["clamp", "repeat"])),
                 channel=lambda: draw.one(("r", "g", "b", "a", "luminance")),
             )
-    made |= _optional(draw, absorption=lambda: draw.between(0.05, 0.3))
+    made |= _optional(draw, termination=lambda: draw.between(0.05, 0.3))
     if kind in ("lambert", "mirror", "oren_nayar", "conductor", "principled") and not draw.white:
         made |= {"two_sided": draw.chance(0.5)} if draw.chance(0.3) else {}
     solid = kind in ("dielectric", "subsurface") or made.get("transmission", 0.0) != 0.0

@@ -84,7 +84,7 @@ def ways(draw: Draw, content: Json) -> Iterator[Way]:
     if depth and draw.chance(0.5):
         yield Way("no roulette", {**depth, "roulette": "none"}, depth)
     else:
-        yield Way("roulette", {**depth, "roulette": "absorption", **draw.one(({}, {"absorption": 0.1}))}, depth)
+        yield Way("roulette", {**depth, "roulette": "constant", **draw.one(({}, {"termination": 0.1}))}, depth)
     yield Way("reuse", {**depth, "integrator": "reuse", "reuse": draw.one((2, 4, 8, 16))}, depth)
     direct = {"integrator": "direct", "light_sampler": "power"}  # it has light samples alone
     others = {"light_sampler": draw.one(("bvh", "uniform")), "shadow_rays": draw.count(1, 3)}

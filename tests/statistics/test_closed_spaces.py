@@ -52,7 +52,7 @@ def test_furnace(evidence: Evidence, studio: Studio, kind: str, reflectance: flo
     uniform(evidence, studio, furnace(kind, reflectance, 0.75), exact, roulette="none", max_depth=80)
 
 
-@pytest.mark.parametrize("roulette", ["throughput", "absorption"])
+@pytest.mark.parametrize("roulette", ["throughput", "constant"])
 @pytest.mark.parametrize("reflectance", [0.2, 0.5, 0.8])
 def test_furnace_with_roulette(evidence: Evidence, studio: Studio, reflectance: float, roulette: str) -> None:
     # Only the image as a whole: few paths survive, so a patch of it is not near to normally distributed.

@@ -16,12 +16,12 @@ from clrender.device import Device
 
 WITHIN = {"position": [0.0, 0.0, 0.0], "target": [0.3, 0.2, 1.0], "vertical_fov": 40.0}
 MIRRORS = {"type": "box", "size": [2.0, 3.0, 2.5], "flip_normals": True, "material": "all"}
-ROULETTES: list[dict[str, Any]] = [{"roulette": "none"}, {"roulette": "absorption"}]
+ROULETTES: list[dict[str, Any]] = [{"roulette": "none"}, {"roulette": "constant"}]
 
 LONG = 8192
 
 
-@pytest.mark.parametrize("roulette", ["none", "absorption", "throughput"])
+@pytest.mark.parametrize("roulette", ["none", "constant", "throughput"])
 def test_every_long_path_may_end(device: Device, roulette: str) -> None:
     """Whichever roulette is asked for: of 2^15 paths that get there, one reaches six million events."""
     depth = np.arange(2**23, dtype=np.uint32)

@@ -137,7 +137,7 @@ def test_what_is_even_stays_even(evidence: Evidence, studio: Studio, name: str) 
     "settings",
     [
         {},
-        {"roulette": "absorption"},
+        {"roulette": "constant"},
         {"integrator": "reuse"},
         pytest.param({"indirect_rays": 3, "shadow_rays": 2}, marks=pytest.mark.slow),
         pytest.param({"integrator": "photon", "photons": 4096}, marks=pytest.mark.slow),

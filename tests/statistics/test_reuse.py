@@ -24,7 +24,7 @@ WAYS: dict[str, dict[str, Any]] = {
     "16": {},
     "2": {"reuse": 2, "shadow_rays": 2},
     "limited depth": {"max_depth": 3},
-    "absorption": {"roulette": "absorption", "absorption": 0.2},
+    "constant": {"roulette": "constant", "termination": 0.2},
     "materials alone": {"sampling": "bsdf", "max_depth": 4},
 }
 

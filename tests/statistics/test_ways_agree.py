@@ -25,8 +25,8 @@ WAYS: dict[str, dict[str, Any]] = {
     "four shadow rays": {"shadow_rays": 4},
     "five indirect rays": {"indirect_rays": 5},
     "no roulette to depth 60": {"roulette": "none", "max_depth": 60},
-    "absorption 0.3": {"roulette": "absorption", "absorption": 0.3},
-    "absorption by material": {"roulette": "absorption"},
+    "termination 0.3": {"roulette": "constant", "termination": 0.3},
+    "termination by material": {"roulette": "constant"},
     "lights alone": {"sampling": "light"},
     "lights by a tree": {"light_sampler": "bvh"},
     "lights by a tree alone": {"light_sampler": "bvh", "sampling": "light", "indirect_rays": 2},
@@ -36,7 +36,7 @@ WAYS: dict[str, dict[str, Any]] = {
 }
 
 
-SLOW = ("four shadow rays", "lights by a tree alone", "absorption by material", "shadow and indirect rays")
+SLOW = ("four shadow rays", "lights by a tree alone", "termination by material", "shadow and indirect rays")
 
 
 @pytest.mark.thorough

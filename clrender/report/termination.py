@@ -1,10 +1,10 @@
-"""The absorption for which a render's deepest path has a desired depth."""
+"""The termination probability for which a render's deepest path has a desired depth."""
 
 from __future__ import annotations
 
 import math
 
-__all__ = ["absorption_for", "expected_deepest", "survival_for"]
+__all__ = ["expected_deepest", "survival_for", "termination_for"]
 
 
 def survival_for(deepest: int, paths: int) -> float:
@@ -36,8 +36,8 @@ def survival_for(deepest: int, paths: int) -> float:
     return float(low + high) / 2.0
 
 
-def absorption_for(deepest: int, paths: int, goes_on: float) -> float:
-    """The roulette's absorption, when a fraction `goes_on` of the paths it spares does not end on a light."""
+def termination_for(deepest: int, paths: int, goes_on: float) -> float:
+    """The roulette's probability, when a fraction `goes_on` of the paths it spares does not end on a light."""
     return min(max(1.0 - survival_for(deepest, paths) / goes_on, 0.0), 0.999)
 
 
