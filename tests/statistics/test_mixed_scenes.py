@@ -22,6 +22,7 @@ from mixed_scenes import KINDS, Mixed, mixed_scene
 from mixed_ways import UNUSED, biased_ways, black_ways, ways, white_ways
 
 import clrender
+from clrender.errors import SceneError
 from clrender.limits import Choice
 from clrender.scene import Scene
 from clrender.settings import IMAGE, SETTINGS
@@ -183,6 +184,19 @@ def test_every_setting_is_varied() -> None:
             {word for word in words if isinstance(word, str)} - used.get(name, set()) - {setting.default, "radiosity"}
         )
         assert name in used and not left, (name, left)
+
+
+@pytest.mark.thorough
+def test_every_scene_is_accepted(folder: Path) -> None:
+    """With all features and without: the slow tests render most of them."""
+    refused = dict[str, str]()
+    for mixed in (mixed_scene(KINDS[number % len(KINDS)], number // len(KINDS)) for number in range(MANY)):
+        for content in (mixed.content, with_all_features(mixed.content)):
+            try:
+                Mixed(mixed.name, content).scene(folder)
+            except SceneError as error:
+                refused[mixed.name] = str(error)
+    assert not refused
 
 
 def test_scenes_are_the_same_each_time(folder: Path) -> None:
