@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from foreign_parts import (
+from peer_parts import (
     element,
     mitsuba_around,
     mitsuba_mask,
