@@ -171,7 +171,8 @@ class Things:
         made = self.materials[name]
         if made["type"] == "mix":
             return all(self._opaque(part) for part in made["materials"])
-        return made["type"] not in ("dielectric", "subsurface") and not {"transmission", "diffuse_transmission", "emission"} & made.keys()
+        lets_in = {"transmission", "diffuse_transmission", "emission"}
+        return made["type"] not in ("dielectric", "subsurface") and not lets_in & made.keys()
 
     def _form(
         self, closed: bool, center: list[float], size: float, coordinates: frozenset[int], opaque: bool = False
