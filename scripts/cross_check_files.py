@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 from cross_check import _MORE, _SIDE, _SPP, _comparison, _Maker, _seeds, _verdict
-from peer_scenes import as_pbrt_has_it, mitsuba_xml, pbrt_text
+from peer_files import as_pbrt_has_it, mitsuba_xml, pbrt_text
 
 
 def _write(folder: Path, seed: int, more: frozenset[str]) -> None:

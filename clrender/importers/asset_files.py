@@ -39,6 +39,17 @@ class AssetFiles:
     def __init__(self, source: str, folder: Path, allow_paths: Sequence[Path] = ()) -> None:
         self.source, self.folder, self.allow_paths = source, folder, tuple(allow_paths)
         self.opened: list[Path] = []
+        self._searched: list[str] = []
+
+    def search(self, folder: str) -> None:
+        """Look up further names in this folder first, then as before.
+
+        Parameters
+        ----------
+        folder : str
+            Relative to the scene's folder, or absolute. What is read there has to be allowed like any other file.
+        """
+        self._searched.insert(0, folder)
 
     def scene(self, path: Path, limit: int = _LIMIT) -> bytes:
         """The content of the scene file itself."""
@@ -94,7 +105,7 @@ class AssetFiles:
             return file.read(size)
 
     def name(self, uri: str, place: str) -> str:
-        """The file name of a URI, relative to the scene's folder.
+        """The file name of a URI, relative to the scene's folder; in the first folder of `search` that has it.
 
         Raises
         ------
@@ -108,7 +119,13 @@ class AssetFiles:
         name = unquote(uri)
         if not name or "\0" in name:
             raise SceneError(f"{label} is no name of a file")
-        return name
+        return next((found for found in (f"{at}/{name}" for at in self._searched) if self._exists(found)), name)
+
+    def _exists(self, name: str) -> bool:
+        try:
+            return (self.folder / name).is_file()
+        except (OSError, ValueError):
+            return False
 
 
 def _data(uri: str, label: str, limit: int) -> bytes:

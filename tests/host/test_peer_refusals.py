@@ -186,3 +186,22 @@ def test_what_the_scene_names_may_be_allowed(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="outside"):
         load(inner / "a.xml")
     assert len(load(inner / "a.xml", allow_paths=[outer]).shapes) == 1
+
+
+def test_folders_of_path_are_searched(tmp_path: Path) -> None:
+    """The last one first, then beside the scene file; folders elsewhere have to be allowed."""
+    places = [tmp_path / "scene" / name for name in (".", "inside/meshes")] + [tmp_path / "outside"]
+    for number, place in enumerate(places):
+        place.mkdir(parents=True, exist_ok=True)
+        (place / f"{number}.obj").write_text(f"v 0 0 0\nv {number + 1} 0 0\nv 0 1 0\nf 1 2 3\n")
+    (places[1] / "0.obj").write_text("v 0 0 0\nv 7 0 0\nv 0 1 0\nf 1 2 3\n")
+    text = '<scene version="3.0.0"><path value="inside/meshes"/><path value="../outside"/>'
+    for number in range(3):
+        text += f'<shape type="obj"><string name="filename" value="{number}.obj"/></shape>'
+    path = places[0] / "scene.xml"
+    path.write_text(f"{text}</scene>")
+    with pytest.raises(SceneError, match=r"2\.obj.*outside the scene's own folder.*--allow-path"):
+        load(path)
+    scene = load(path, allow_paths=[places[2]])
+    widths = [float(scene.mesh_of(at, shape).vertices[:, 0].max()) for at, shape in scene.all_shapes()]
+    assert widths == [7.0, 2.0, 3.0]

@@ -1,4 +1,4 @@
-"""What `scripts/peer_scenes.py` writes for Mitsuba and pbrt is read again as the scene that it was."""
+"""What `scripts/peer_files.py` writes for Mitsuba and pbrt is read again as the scene that it was."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ CAMERAS = {
 def read(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     """Writes a scene in another format, and reads it."""
     monkeypatch.syspath_prepend(SCRIPTS)
-    from peer_scenes import as_pbrt_has_it, mitsuba_xml, pbrt_text
+    from peer_files import as_pbrt_has_it, mitsuba_xml, pbrt_text
 
     alpha = np.random.default_rng(1).integers(0, 255, (4, 6), np.uint8)
     Image.fromarray(np.dstack([alpha * 0, alpha * 0, alpha * 0, alpha])).save(tmp_path / "leaf.png")

@@ -90,7 +90,7 @@ class _Builder:
             elif tag == "ref":
                 self._refer(plugin, child, values)
             elif tag == "path":
-                self._note("folders of <path> are not searched: files are looked up beside the scene file")
+                self._files.search(values.attribute(child, "value"))
             elif tag in _KINDS or nested_spectrum:
                 plugin.children.append(self._plugin(plugin, tag, child, values, depth))
             elif tag in VALUE_TAGS:
