@@ -18,6 +18,7 @@ from clrender.files.access import atomic_write, check_writable, open_input
 from clrender.files.npy import read_npy_header, read_npy_items
 from clrender.image.display import PIXEL_LIMIT, check_size, jpeg_bytes, png_note, read_display
 from clrender.image.display import png_bytes as display_png
+from clrender.image.raster import RASTER_ENDINGS
 from clrender.image.tone_map import to_display
 
 if TYPE_CHECKING:
@@ -140,14 +141,14 @@ def write_image(
 
 
 def read_image(path: str | Path) -> _Image:
-    """Linear image from `.exr`, `.npy` or `.hdr`, or a display image as its sRGB-decoded values.
+    """Linear image from `.exr`, `.npy`, `.hdr` or `.pfm`, or a display image as its sRGB-decoded values.
 
     Memory is limited by the image that the file's size and format allow, and by 2^30 pixels of 12 bytes each.
 
     Returns
     -------
     (H, W, 3) float32
-        Linear Rec. 709; for `.png .jpg` between 0 and 1, as displayed.
+        Linear Rec. 709; of display images between 0 and 1, as displayed.
 
     Raises
     ------
@@ -157,10 +158,7 @@ def read_image(path: str | Path) -> _Image:
     path = Path(path)
     ending = path.suffix.lower()
     if ending not in _READERS:
-        raise UsageError(
-            f"{path}: the ending {path.suffix!r} is unknown; expected one of "
-            f"{', '.join(DISPLAY_ENDINGS + LINEAR_ENDINGS)}."
-        )
+        raise UsageError(f"{path}: the ending {path.suffix!r} is unknown; expected one of {', '.join(_READERS)}.")
     with open_input(path) as file:
         return read_open_image(file, ending, f"{path}: not a readable {ending} image")
 
@@ -259,11 +257,25 @@ def _read_hdr(file: IO[bytes], most: int) -> _Image:
     return read_hdr(file, most)
 
 
+def _read_pfm(file: IO[bytes], most: int) -> _Image:
+    from clrender.image.pfm import read_pfm
+
+    return read_pfm(file, most)
+
+
+def _read_raster(file: IO[bytes], most: int) -> _Image:
+    from clrender.image.raster import read_raster
+
+    return read_raster(file, most)
+
+
 _READERS: Final[Mapping[str, Callable[[IO[bytes], int], _Image]]] = {
     ".exr": _read_exr,
     ".npy": _read_npy,
     ".hdr": _read_hdr,
+    ".pfm": _read_pfm,
     **dict.fromkeys(DISPLAY_ENDINGS, read_display),
+    **dict.fromkeys(RASTER_ENDINGS, _read_raster),
 }
 
 

@@ -11,10 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.image.display import check_size, deep_pixels, is_deep, open_display
+from clrender.image.raster import RASTER_ENDINGS, open_raster, raster_floats, raster_words
 
-__all__ = ["PICTURE_ENDINGS", "PICTURE_LIMIT", "Picture", "open_picture", "picture_room"]
+__all__ = ["CODED_ENDINGS", "PICTURE_ENDINGS", "PICTURE_LIMIT", "Picture", "open_picture", "picture_room"]
 
-PICTURE_ENDINGS: Final = (".png", ".jpg", ".jpeg", ".webp", ".exr", ".hdr")
+PICTURE_ENDINGS: Final = (".png", ".jpg", ".jpeg", ".webp", ".exr", ".hdr", ".pfm", *RASTER_ENDINGS)
+CODED_ENDINGS: Final = (".png", ".jpg", ".jpeg", ".webp", *RASTER_ENDINGS)
+"""Those of formats whose colours are coded in sRGB unless a scene says otherwise."""
+_FLOATS: Final = (".exr", ".hdr", ".pfm")
 PICTURE_LIMIT: Final = 1 << 28
 """Largest number of pixels of an image: 16384 x 16384."""
 _BAND: Final = 256
@@ -58,12 +62,12 @@ def picture_room(file: IO[bytes], ending: str) -> tuple[int, int, int]:
     ValueError, or whatever a library raises
         The file is damaged, or too large.
     """
-    if ending in (".exr", ".hdr"):
+    if ending in _FLOATS:
         width, height = _size_of_floats(file, ending)
         _check(width, height)
         return width, height, 16
     picture = open_picture(file, ending)
-    return picture.width, picture.height, picture.channels * (1 if picture.coding == "unorm8" else 2)
+    return picture.width, picture.height, picture.channels * {"unorm8": 1, "unorm16": 2}.get(picture.coding, 4)
 
 
 def _size_of_floats(file: IO[bytes], ending: str) -> tuple[int, int]:
@@ -71,20 +75,24 @@ def _size_of_floats(file: IO[bytes], ending: str) -> tuple[int, int]:
         from clrender.image.exr import exr_size
 
         return exr_size(file)
+    if ending == ".pfm":
+        from clrender.image.pfm import pfm_size
+
+        return pfm_size(file)
     from clrender.image.radiance_hdr import hdr_size
 
     return hdr_size(file)
 
 
 def open_picture(file: IO[bytes], ending: str) -> Picture:
-    """Read the header of an image; of an `.exr` or `.hdr` all of it.
+    """Read the header of an image; of floats all of it.
 
     Parameters
     ----------
     file : binary file
         Must stay open until the bands are read.
     ending : str
-        One of `PICTURE_ENDINGS`; among `.png`, `.jpg` and `.webp` the content decides.
+        One of `PICTURE_ENDINGS`; among those of `CODED_ENDINGS` the content decides.
 
     Raises
     ------
@@ -99,12 +107,23 @@ def open_picture(file: IO[bytes], ending: str) -> Picture:
         from clrender.image.radiance_hdr import read_hdr
 
         return _of_floats(read_hdr(file))
+    if ending == ".pfm":
+        from clrender.image.pfm import read_pfm
+
+        return _of_floats(read_pfm(file, PICTURE_LIMIT))
     start = file.read(16)
     file.seek(0)
-    picture = _open_webp(file) if start[:4] == b"RIFF" and start[8:12] == b"WEBP" else open_display(file)
+    raster = open_raster(file, PICTURE_LIMIT)
+    webp = start[:4] == b"RIFF" and start[8:12] == b"WEBP"
+    picture = raster or (_open_webp(file) if webp else open_display(file))
     width, height = picture.size
     _check(width, height)
-    if is_deep(picture):
+    if raster is not None and raster.mode.startswith("F"):
+        return _of_floats(raster_floats(raster))
+    if raster is not None and raster.mode.startswith("I"):
+        words = raster_words(raster)
+        return Picture(width, height, 1, "unorm16", lambda: (words[y : y + _BAND] for y in range(0, height, _BAND)))
+    if raster is None and is_deep(picture):
         grey = picture.mode.startswith("I")
 
         def deep() -> Iterator[npt.NDArray[Any]]:

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from clrender.errors import SceneError, UsageError
 from clrender.files.named import allowed_file, open_named_file
 from clrender.image.files import read_open_image
+from clrender.image.raster import RASTER_ENDINGS
 from clrender.scene.values import POWER_LIMIT
 from clrender.wording import quoted
 
 __all__ = ["ENDINGS", "EnvironmentPicture"]
 
-ENDINGS: Final = (".exr", ".hdr", ".png")
+ENDINGS: Final = (".exr", ".hdr", ".pfm", ".png", ".jpg", ".jpeg", *RASTER_ENDINGS)
 _PIXEL_LIMIT: Final = 2**28
 """Most pixels, such as 16384 x 16384; each takes 16 bytes on the device."""
 _FILE_LIMIT: Final = 2**33

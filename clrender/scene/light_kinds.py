@@ -144,7 +144,8 @@ class EnvironmentLight(Part):
     type: Literal["environment"]
     radiance: Color | None = Field(None, description="constant radiance, W/(sr m2)")
     file: FileName | None = Field(
-        None, description="environment map, instead of `radiance`: `.exr`, `.hdr` or `.png` (sRGB; white is radiance 1)"
+        None,
+        description="environment map, instead of `radiance`: `.exr .hdr .pfm`, or a picture in sRGB, whose white is 1",
     )
     rotate_degrees: Finite = Field(0.0, description="rotation of the map about +y, from +z towards +x")
     scale: Factor = Field((1.0, 1.0, 1.0), description="factor for the radiance")

@@ -73,11 +73,14 @@ class _Mapped(Part):
 
 
 class ImageTexture(_Mapped):
-    """Image texture: `.png .jpg .webp`, or linear `.exr .hdr`. (0, 0) is its lower left corner, (1, 1) upper right."""
+    """Image texture: `.png .jpg .webp .tga .bmp .ppm .tif .gif .dds`, or linear `.exr .hdr .pfm`.
+
+    (0, 0) is its lower left corner, (1, 1) upper right.
+    """
 
     texture: FileName = Field(description="image file")
     color_space: Literal["srgb", "linear"] | None = Field(
-        None, description="encoding of the file; default: srgb for colours of .png, .jpg and .webp, else linear"
+        None, description="encoding of the file; default: linear for .exr, .hdr and .pfm, and for numbers, else srgb"
     )
     wrap: Wraps = Field(
         ("repeat", "repeat"), description="wrap mode outside of [0, 1]; a list of two sets u and v separately"

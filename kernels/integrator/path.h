@@ -266,7 +266,6 @@ static void path_leave(const Scene* scene, Path* path, const Vertex* vertex, Hit
     const vmask straight = interior_straight(&vertex->crossing), passes = shadow_passes(straight);
     path->specular = passes ? path->specular : vertex->bsdf.specular | straight | vertex->dark;
     path->bsdf_samples = passes ? path->bsdf_samples : path_bsdf_samples(scene, path, vertex);
-    path->normal = choose(passes, path->normal, bsdf_receives(&vertex->bsdf));
     split_leave(&path->split, &path->ray, hit, path->interior, &path->throughput, &path->index_squared, &path->sample.sampler, path->depth,
                 vertex->diffuse, scene->settings->indirect_rays);
 }
@@ -284,6 +283,7 @@ static vmask path_sample_bsdf(const Scene* scene, Path* path, const Vertex* vert
     path->throughput = mul(path->throughput, next.weight);
     path->index_squared = straight ? path->index_squared : path->index_squared * bsdf_index_squared(bsdf, next.direction);
     path->bsdf_pdf = passes ? path->bsdf_pdf : next.pdf;
+    path->normal = choose(passes, path->normal, bsdf_receives(bsdf));
     path_pass(path, vertex->surface.point, passes);
     path->ray = surface_leave(&vertex->surface, next.direction);
     interior_cross(&path->interior, &vertex->crossing, next.direction, bsdf->side);
@@ -296,26 +296,27 @@ static vmask path_sample_bsdf(const Scene* scene, Path* path, const Vertex* vert
     return goes_on & interior_goes_on(&path->interior, &vertex->crossing, path->sample.sampler, &path->throughput);
 }
 
-// Play Russian roulette with what the path carries, but not where nothing happened to it. Returns the paths that survive.
-static vmask path_roulette(const Scene* scene, Path* path, const Vertex* vertex, Hit hit) {
+// Play Russian roulette with what the path carries, but not where nothing happened to it.
+static void path_roulette(const Scene* scene, Path* path, const Vertex* vertex, Hit hit, vmask* goes_on) {
     const vmask straight = interior_straight(&vertex->crossing);
     const vuint event = path->depth;
     path->depth = straight ? event : event + 1u;
-    if (!roulette_matters(scene->settings->roulette, path->depth)) return mask_all();
+    if (!roulette_matters(scene->settings->roulette, path->depth)) return;
     const vfloat played = path_survival(scene, path, path->throughput, path->depth, vertex->surface.termination);
     const vfloat open = medium_survival(scene, &path->interior, medium_scatters(hit), path->depth);
     const vfloat survival = straight ? splat(1.0f) : played * open;
     vuint bits, unused;
     sampler_hash_bits(path->sample.sampler, sampler_set(event, SET_ROULETTE), &bits, &unused);
+    *goes_on = *goes_on & (unit_interval(bits) < survival);
     path->throughput = scale(path->throughput, inverse_or_one(survival));
-    return unit_interval(bits) < survival;
 }
 
 // Scatter each path at its vertex; `ended` are the paths that do not go on.
 static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex, Hit hit) {
     path_leave(scene, path, vertex, hit);
-    const vmask carries = path_sample_bsdf(scene, path, vertex), survives = path_roulette(scene, path, vertex, hit);
-    path->ended = path->alive & !(carries & survives);
+    vmask goes_on = path_sample_bsdf(scene, path, vertex);
+    path_roulette(scene, path, vertex, hit, &goes_on);
+    path->ended = path->alive & !goes_on;
     INVARIANT(path, INVARIANT_RAY, ray_violates(&path->ray, path->alive & !path->ended));
 }
 

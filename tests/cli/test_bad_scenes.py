@@ -490,7 +490,7 @@ FILES = [
     lamp("zero along", LAMP, "lights[0].horizontal_zero", "across", more="horizontal_zero = [0, 2, 0]"),
     Bad("lamp outside", IES.format("../a.ies", ""), ("lights[0].file", "outside the scene's own folder")),
     sky("missing", "no.hdr", None, "does not exist", cli=True),
-    sky("of no kind", "a.bmp", b"BM", ".exr, .hdr or .png"),
+    sky("of no kind", "a.psd", b"8BPS", "environments may be .exr, .hdr, .pfm"),
     sky("outside", "../a.hdr", None, "outside the scene's own folder"),
     sky("empty", "a.hdr", b"", "not a readable .hdr image", cli=True),
     sky("garbage", "a.exr", b"\x76\x2f\x31\x01" + b"x" * 300, "not a readable .exr image", cli=True),

@@ -25,6 +25,7 @@ import numpy as np
 import OpenEXR
 import peer_scenes
 from gltf_files import Model
+from PIL import Image
 from serialized_files import serialized
 
 from clrender.errors import ClrenderError
@@ -42,6 +43,15 @@ __all__ = ["main"]
 PLACES = "-places.npy"
 """The one ending that is not a format's: `.npy` alone is an image."""
 SECONDS = 10
+RASTER: dict[str, list[dict[str, Any]]] = {
+    ".tga": [{}, {"compression": "tga_rle"}],
+    ".bmp": [{}],
+    ".ppm": [{}],
+    ".tif": [{}, *({"compression": name} for name in ("tiff_lzw", "tiff_adobe_deflate", "packbits", "jpeg"))],
+    ".gif": [{}],
+    ".dds": [{}, {"pixel_format": "DXT1"}, {"pixel_format": "DXT5"}],
+}
+"""Formats of other programs, and the ways in which they are saved."""
 WORDS = [b"nan", b"-1", b"1e999", b"99999999999", b"\n", b" ", b"/", b"-", b"\\\n", b"#", b"0", b"(", b"'", b"\0", b"="]
 NUMBERS = [0, 1, 2, 127, 128, 255, 256, 32767, 65535, 65536, 2**20, 2**31 - 1, 2**31, 2**32 - 1]
 VALUES: list[Any] = [None, True, -1, 0.5, 1e308, 10**400, "", "x", "\ud800", [], {}, [0], [[]], {"a": {}}, [1, 2, 3]]
@@ -157,6 +167,13 @@ def originals(folder: Path, ending: str) -> list[bytes]:
             np.save(path.with_suffix(".npy"), array)
             found.append(path.with_suffix(".npy").read_bytes())
         return found
+    if ending in RASTER:
+        return _rasters(path, np.clip(image * 50.0, 0, 255).astype(np.uint8), RASTER[ending])
+    if ending == ".pfm":
+        return [
+            kind + image[::-1].tobytes()[: 4 * 40 * 24 * n]
+            for kind, n in ((b"PF\n40 24\n-1\n", 3), (b"Pf 40 24 1 \n", 1))
+        ]
     write_image(path, image, {"seed": 1})
     found = [path.read_bytes()]
     if ending == ".exr":
@@ -168,6 +185,22 @@ def originals(folder: Path, ending: str) -> list[bytes]:
     if ending == ".hdr":
         row = b"\2\2\0\12" + b"".join(bytes([134, value, 4, 1, 2, 3, 200]) for value in (128, 64, 32)) + b"\x8a\x81"
         found.append(b"#?RADIANCE\nEXPOSURE=2\nFORMAT=32-bit_rle_rgbe\n\n-Y 9 +X 10\n" + row * 9)
+    return found
+
+
+def _rasters(path: Path, pixels: Any, ways: list[dict[str, Any]]) -> list[bytes]:
+    """Pictures of Pillow, in colours, with alpha, grey and in 16 bits, as far as the format has them."""
+    found = []
+    for mode in ("RGB", "RGBA", "L", "P", "1", "I;16"):
+        for way in ways:
+            picture = (
+                Image.fromarray(pixels[..., 0].astype(np.uint16) * 257) if mode == "I;16" else Image.fromarray(pixels)
+            )
+            try:
+                (picture if mode == "I;16" else picture.convert(mode)).save(path, **way)
+            except (OSError, KeyError, ValueError):
+                continue
+            found.append(path.read_bytes())
     return found
 
 

@@ -154,7 +154,7 @@ def test_an_environment_for_a_scene_that_has_none(tmp_path: Path) -> None:
     assert lit.environment is not None and lit.environment_picture() is not None
     with pytest.raises(SceneError, match=r"lights\[0\]: is an environment already"):
         lit.with_environment(folder / "a.hdr")
-    for name, problem in (("no.hdr", "does not exist"), ("a.bmp", "no kind")):
+    for name, problem in (("no.hdr", "does not exist"), ("a.psd", "no kind")):
         with pytest.raises(SceneError, match=f"the environment: .*{name}.* {problem}"):
             load("cornell").with_environment(folder / name)
 

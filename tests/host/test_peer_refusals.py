@@ -11,6 +11,7 @@ import pytest
 
 from clrender.errors import SceneError
 from clrender.importers import load
+from clrender.scene.shapes import Mesh
 
 BALL = '<shape type="sphere"><bsdf type="diffuse"/></shape>'
 
@@ -203,5 +204,9 @@ def test_folders_of_path_are_searched(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"2\.obj.*outside the scene's own folder.*--allow-path"):
         load(path)
     scene = load(path, allow_paths=[places[2]])
-    widths = [float(scene.mesh_of(at, shape).vertices[:, 0].max()) for at, shape in scene.all_shapes()]
+    widths = [
+        float(scene.mesh_of(at, shape).vertices[:, 0].max())
+        for at, shape in scene.all_shapes()
+        if isinstance(shape, Mesh)
+    ]
     assert widths == [7.0, 2.0, 3.0]

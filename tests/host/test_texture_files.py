@@ -195,7 +195,7 @@ BAD: dict[str, tuple[str, Callable[[Path], bytes | None], str]] = {
     "no webp": ("a.webp", lambda _: b"RIFF\x10\0\0\0WEBPVP8 ", "is no sound picture"),
     "no exr": ("a.exr", lambda _: b"v/1\x01 and nothing", "is no sound picture"),
     "no hdr": ("a.hdr", lambda _: b"#?RADIANCE\n\n-Y 3 +X x\n", "its size is not given as -Y height +X width"),
-    "kind": ("a.tiff", lambda _: b"II*\0", "is of no kind that can be read; textures may be .png .jpg"),
+    "kind": ("a.psd", lambda _: b"8BPS", "is of no kind that can be read; textures may be .png .jpg"),
     "not a number": ("a.exr", bad_exr, "its pixel (2, 1) is no finite number"),
     "bomb": (
         "a.png",

@@ -9,6 +9,7 @@ import numpy as np
 
 from clrender.exact.angles import angle_of, sin_cos
 from clrender.exact.matrices import length
+from clrender.image.pictures import CODED_ENDINGS
 from clrender.importers.mitsuba.plugins import Plugin, Spectrum
 from clrender.importers.shared.matrices import Matrix
 from clrender.importers.shared.spectra import Color, blackbody_color, light_color, reflectance_color
@@ -170,7 +171,7 @@ class TextureReader:
             raise plugin.fault('the bitmap has no "filename"; give it')
         made: dict[str, Any] = {"texture": self._staging.files.name(file, f"line {plugin.line}")}
         raw = plugin.flag("raw", False) or plugin.number("gamma", 0.0) == 1.0
-        if file.lower().endswith((".png", ".jpg", ".jpeg", ".webp")):
+        if file.lower().endswith(CODED_ENDINGS):
             made["color_space"] = "linear" if raw else "srgb"
         wrap = plugin.text("wrap_mode", "repeat")
         made["wrap"] = self._chosen(plugin, wrap, _WRAPS, "wrap_mode")

@@ -6,6 +6,7 @@ import itertools
 import math
 from typing import Any, Final
 
+from clrender.image.pictures import CODED_ENDINGS
 from clrender.importers.pbrt.parameters import Parameter, Parameters
 from clrender.importers.shared.metals import CONDUCTORS, GLASSES
 from clrender.importers.shared.spectra import (
@@ -265,7 +266,7 @@ class TextureReader:
             self._staging.note("pictures that are black beyond their edges go on as their edges do")
         made: dict[str, Any] = {"texture": self._staging.files.name(file, f"line {line}"), "wrap": _WRAPS[wrap]}
         made["filter"] = "nearest" if parameters.text("filter", "bilinear") == "point" else "linear"
-        if file.lower().endswith((".png", ".jpg", ".jpeg", ".webp")):
+        if file.lower().endswith(CODED_ENDINGS):
             encoding = parameters.text("encoding", "sRGB")
             made["color_space"] = "linear" if encoding == "linear" else "srgb"
             if encoding.startswith("gamma"):
