@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from cases import for_each
 from gltf_files import Model
 
 import clrender
@@ -39,7 +40,7 @@ def parts(requirement: str) -> tuple[str, frozenset[str]]:
     return name, frozenset(limits.replace(" ", "").split(","))
 
 
-@pytest.mark.parametrize("extra", ALONE)
+@for_each("extra", ALONE)
 def test_the_command_installs_what_the_extra_declares(extra: str) -> None:
     declared = SETUP["options.extras_require"][extra].strip().splitlines()
     assert {parts(each) for each in extras.packages(extra)} == {parts(each) for each in declared}

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from cases import for_each
 
 from clrender import layout
 from clrender.cli import main
@@ -59,7 +60,7 @@ def scene_file(folder: Path, **instance: Any) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("array", "sentence"),
     [
         (np.zeros((2, 3)), "holds an array (2, 3) of float64, but must hold (n, 3, 4) or (n, 4, 4) floating"),
@@ -105,7 +106,7 @@ def test_files_outside_are_refused(tmp_path: Path) -> None:
         load(scene_file(tmp_path / "in", transforms="../places.npy"))
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("changed", "sentence"),
     [
         ({"group": "two"}, 'shapes[0].group names a group "two" that does not exist; known here: one'),

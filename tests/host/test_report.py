@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.stats
+from cases import for_each
 
 import clrender
 from clrender.drawing.svg import BLUE
@@ -357,7 +358,7 @@ def test_a_strip_is_small() -> None:
     assert len(strip(Figure("a", "A", "", [panels, panels]))) <= 60_000
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("value", "text"), [(15.34, "15.3"), (0.000123, "0.000123"), (1234567.0, "1 230 000"), (0.0, "0"), (1.0, "1.00")]
 )
 def test_significant_digits(value: float, text: str) -> None:

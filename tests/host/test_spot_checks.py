@@ -13,6 +13,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
+from cases import for_each
 from test_scheduling import FakeWorker, assert_whole, cut_as, no_threads_left, plan_for, small_units
 
 from clrender.errors import DeviceFailure, RenderError, UsageError
@@ -159,7 +160,7 @@ def test_units_that_were_stopped_are_not_checked() -> None:
 A, B, C = b"a", b"b", b"c"
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("answers", "drivers", "wrong", "undecided"),
     [
         ({0: [A, B, B], 1: [B, B, B]}, "xx", {0}, set()),
