@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from cli_support import run
+from cli_support import call
 
 import clrender
 from clrender.cli import COMMANDS
@@ -31,7 +31,7 @@ def command(tmp_path: Path) -> Path:
 
 def completed(command: Path, shell: str, *words: str) -> list[str]:
     """What a shell offers in place of the last word."""
-    script = run("completion", shell)
+    script = call("completion", shell)
     assert script.returncode == 0, script.stderr
     path = {"PATH": f"{command}{os.pathsep}{os.environ['PATH']}"}
     if shell == "bash":
@@ -68,7 +68,7 @@ def test_commands_scenes_options_settings_and_devices(command: Path, shell: str)
 
 
 def test_devices_by_index(command: Path) -> None:
-    listed = run("devices", "--json")
+    listed = call("devices", "--json")
     assert listed.returncode == 0
     if listed.stdout.strip() != "[]":
         assert completed(command, "bash", "clrender", "render", "-d", "0") == ["0"]
@@ -118,7 +118,7 @@ def test_commands_are_not_loaded_to_complete_their_names() -> None:
 
 
 def test_an_unknown_shell_gets_the_nearest() -> None:
-    done = run("completion", "bsh")
+    done = call("completion", "bsh")
     assert done.returncode == 2 and "bash" in done.stderr and done.stderr.count("\n") == 1
 
 
@@ -127,6 +127,6 @@ def test_the_script_is_one_that_the_shell_reads(tmp_path: Path, shell: str) -> N
     if shutil.which(shell) is None:
         pytest.skip(f"{shell} is not installed")
     script = tmp_path / "script"
-    script.write_text(run("completion", shell).stdout)
+    script.write_text(call("completion", shell).stdout)
     done = subprocess.run([shell, "-n", str(script)], capture_output=True, text=True, check=False, timeout=60)
     assert (done.returncode, done.stderr) == (0, "")

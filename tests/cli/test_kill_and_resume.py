@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from cli_support import run
+from cli_support import call
 
 import clrender
 from clrender.film import Film
@@ -66,7 +66,7 @@ def seconds_lost(folder: Path, killed: float) -> float:
 def survive(folder: Path, kills: int, spp: int, size: str, longest: float) -> None:
     """Kill a render many times at random moments, then let it end; compare hashes with one that nobody disturbs."""
     how = ("--size", size, "--spp", str(spp))
-    assert run("render", "room", "-d", DEVICE, "-o", "once.film", *how, folder=folder).returncode == 0
+    assert call("render", "room", "-d", DEVICE, "-o", "once.film", *how, folder=folder).returncode == 0
     moments, held, worst = random.Random(20), 0, 0.0
     for _ in range(kills):
         (folder / "log").unlink(missing_ok=True)
@@ -151,7 +151,7 @@ def test_a_second_process_on_the_same_checkpoint_is_refused(tmp_path: Path) -> N
         while not (tmp_path / "a.film").exists():
             time.sleep(0.01)
         for resume in ((), ("--resume",)):
-            done = run("render", "room", "-o", "b.exr", "--checkpoint", "a.film", *resume, folder=tmp_path)
+            done = call("render", "room", "-o", "b.exr", "--checkpoint", "a.film", *resume, folder=tmp_path)
             assert done.returncode == 2 and done.stderr.startswith("error: a.film: "), done.stderr
             words = f"another render saves itself there; wait for it, or name another file (process {process.pid})"
             assert (words if resume else "exists already and would be overwritten") in done.stderr
@@ -161,7 +161,7 @@ def test_a_second_process_on_the_same_checkpoint_is_refused(tmp_path: Path) -> N
 @pytest.mark.thorough
 def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:
     how = ("-d", DEVICE, "--size", "16x12", "--spp", "4", "--quiet")
-    assert run("render", "room", "-o", "a.exr", "--checkpoint", "a.film", *how, folder=tmp_path).returncode == 0
+    assert call("render", "room", "-o", "a.exr", "--checkpoint", "a.film", *how, folder=tmp_path).returncode == 0
     before = sorted(tmp_path.iterdir())
     for arguments, words in (
         (("room", "-o", "b.exr", "--resume"), "name it with --checkpoint FILE"),
@@ -170,6 +170,6 @@ def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:
         (("room", "-o", "b.exr", "--checkpoint", "a.film", "--resume", "--seed", "1"), "give --seed 0"),
         (("room", "-o", "b.film", "--checkpoint", "a.film", "--resume", "--shard", "2/2"), "not among those from 2"),
     ):
-        done = run("render", *arguments, *how, folder=tmp_path)
+        done = call("render", *arguments, *how, folder=tmp_path)
         assert done.returncode == 2 and done.stderr.count("\n") == 1 and words in done.stderr, done.stderr
     assert sorted(tmp_path.iterdir()) == before
