@@ -63,8 +63,11 @@ def seconds_lost(folder: Path, killed: float) -> float:
     return killed - min(beyond, default=killed)
 
 
-def survive(folder: Path, kills: int, spp: int, size: str, longest: float) -> None:
-    """Kill a render many times at random moments, then let it end; compare hashes with one that nobody disturbs."""
+def survive(folder: Path, kills: int, spp: int, size: str, longest: float) -> float:
+    """Kill a render many times at random moments, then let it end; compare hashes with one that nobody disturbs.
+
+    Gives the most seconds of work that were lost.
+    """
     how = ("--size", size, "--spp", str(spp))
     assert call("render", "room", "-d", DEVICE, "-o", "once.film", *how, folder=folder).returncode == 0
     moments, held, worst = random.Random(20), 0, 0.0
@@ -95,10 +98,10 @@ def survive(folder: Path, kills: int, spp: int, size: str, longest: float) -> No
     for name in ("image_sha256", "samples", "rays", "shadow_rays", "max_depth", "nonfinite_samples"):
         assert stats[name] == once[name], name
     assert stats["resumed_samples"] == held
-    assert worst <= 10.0
     names = {"a.film", "a.exr", "end.film", "once.film", "s.json", "log"}
     assert {path.name for path in folder.iterdir()} == names, "no part, no lock"
     print(f"{kills} kills: at most {worst:.2f} s lost, {held / once['samples']:.0%} resumed")
+    return worst
 
 
 @pytest.mark.thorough
@@ -108,7 +111,7 @@ def test_a_few_kills(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_two_hundred_kills(tmp_path: Path) -> None:
-    survive(tmp_path, 200, 600_000, "33x26", 0.4)
+    assert survive(tmp_path, 200, 600_000, "33x26", 0.4) <= 10.0
 
 
 @pytest.mark.slow

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import itertools
 import json
-import os
 import re
 import sys
 from collections.abc import Sequence
@@ -64,7 +63,8 @@ class Watched:
         self.now, self.film = 0.0, film_of(samples_of(3, 40 * 90, SIZE), 40, 90, [SIZE], REQUEST)
         self.written = io.StringIO()
         monkeypatch.setattr(sys, "stderr", self.written)
-        monkeypatch.setattr(preview, "_screen", lambda: os.terminal_size((80, 24)))
+        monkeypatch.setenv("COLUMNS", "80")
+        monkeypatch.setenv("LINES", "24")
         monkeypatch.setattr("time.perf_counter", lambda: self.now)
 
         def develop(linear: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:

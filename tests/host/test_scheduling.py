@@ -580,10 +580,8 @@ def test_an_exception_of_whoever_is_asked_to_stop_ends_all_threads(calls: int) -
             raise ZeroDivisionError("in the callback")
         return False
 
-    begun = time.monotonic()
     with cut_as(small_units), pytest.raises(ZeroDivisionError, match="in the callback"):
         go(plan, [FakeWorker(plan) for _ in range(3)], Film(30, 22), None, stops)
-    assert time.monotonic() - begun < TIME_LIMITS
     assert no_threads_left(before)
 
 
@@ -593,10 +591,8 @@ def test_an_exception_of_whoever_watches_ends_all_threads() -> None:
     def tell(samples: int, rays: int) -> None:
         raise KeyboardInterrupt
 
-    begun = time.monotonic()
     with cut_as(small_units), pytest.raises(KeyboardInterrupt):
         go(plan, [FakeWorker(plan) for _ in range(3)], Film(30, 22), tell)
-    assert time.monotonic() - begun < TIME_LIMITS
     assert no_threads_left(before)
 
 

@@ -318,10 +318,8 @@ def test_all_workers_or_the_scheduler_gone(
                     running.end(0)
                     running.end(1)
 
-        begun = time.monotonic()
         with pytest.raises(IncompleteRender) as caught:
             render_on(cluster, checkpoint=saved, on_progress=on_progress, **how)  # type: ignore[arg-type]
-        assert time.monotonic() - begun < 60.0
     message = str(caught.value)
     assert "\n" not in message and running.address in message, message
     assert ("the scheduler has not answered" if gone == "scheduler" else "no worker is there") in message
