@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 from cli_support import call
@@ -31,20 +32,20 @@ def command(tmp_path: Path) -> Path:
 
 def completed(command: Path, shell: str, *words: str) -> list[str]:
     """What a shell offers in place of the last word."""
-    script = call("completion", shell)
-    assert script.returncode == 0, script.stderr
-    path = {"PATH": f"{command}{os.pathsep}{os.environ['PATH']}"}
     if shell == "bash":
+        script = call("completion", shell)
+        assert script.returncode == 0, script.stderr
+        path = {"PATH": f"{command}{os.pathsep}{os.environ['PATH']}"}
         listed = " ".join(map(shlex.quote, words))
         ask = f"COMP_WORDS=({listed}); COMP_CWORD={len(words) - 1}; _clrender_completion clrender"
         ask += '; printf "%s\\n" "${COMPREPLY[@]}"'
         line = [shell, "-c", f"compopt() {{ :; }}\n{script.stdout}\n{ask}"]
+        done = subprocess.run(line, capture_output=True, text=True, check=False, timeout=60, env={**os.environ, **path})
     else:  # what the functions of those shells do, without their editors
-        line = [str(command / "clrender")]
-        path |= {"_CLRENDER_COMPLETE": f"{shell}_complete", "COMP_WORDS": " ".join(words), "COMP_CWORD": words[-1]}
-        if shell == "zsh":
-            path["COMP_CWORD"] = str(len(words) - 1)
-    done = subprocess.run(line, capture_output=True, text=True, check=False, timeout=60, env={**os.environ, **path})
+        last = str(len(words) - 1) if shell == "zsh" else words[-1]
+        asked = {"_CLRENDER_COMPLETE": f"{shell}_complete", "COMP_WORDS": " ".join(words), "COMP_CWORD": last}
+        with patch.dict(os.environ, asked):
+            done = call()
     assert done.returncode == 0 and not done.stderr, done.stderr
     lines = done.stdout.splitlines()
     if shell == "zsh":  # type, word, help

@@ -238,11 +238,11 @@ def test_large_groups_keep_their_trees(places: int, shapes: tuple[dict[str, Any]
 
 @pytest.mark.thorough
 def test_too_many_primitives_are_told() -> None:
-    faces = [[0, 1, 2]] * 1000
+    faces = [[0, 1, 2]] * 20_000
     mesh = {"type": "mesh", "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": faces}
     scene = of({"transforms": "a.npy"}, mesh)
     scene = scene.with_files(
-        transforms={"a.npy": TransformArray(np.broadcast_to(np.eye(4)[:3], (NUMBER_LIMIT // 1000 + 1, 3, 4)))}
+        transforms={"a.npy": TransformArray(np.broadcast_to(np.eye(4)[:3], (NUMBER_LIMIT // 20_000 + 1, 3, 4)))}
     )
     with pytest.raises(SceneError, match="triangles with all instances counted, but 4294967280 is the most"):
         flatten(scene, 8, 8)
