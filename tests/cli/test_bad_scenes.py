@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_support import run
+from cases import for_each
+from cli_support import call
 
 from clrender import scene as scenes
 from clrender.errors import SceneError
@@ -579,7 +580,7 @@ def test_there_are_enough() -> None:
     assert len({bad.name for bad in ALL}) == len(ALL)
 
 
-@pytest.mark.parametrize("bad", ALL, ids=lambda bad: bad.name)
+@for_each("bad", ALL)
 def test_one_sentence(bad: Bad, tmp_path: Path) -> None:
     path = _write(bad, tmp_path / "scene")
     with pytest.raises(SceneError) as caught:
@@ -591,17 +592,17 @@ def test_one_sentence(bad: Bad, tmp_path: Path) -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("bad", [bad for bad in ALL if bad.cli], ids=lambda bad: bad.name)
+@for_each("bad", [bad for bad in ALL if bad.cli])
 def test_command_line(bad: Bad, tmp_path: Path) -> None:
     path = _write(bad, tmp_path / "scene")
-    done = run("check", str(path), folder=tmp_path)
+    done = call("check", str(path), folder=tmp_path)
     assert done.returncode == 2
     assert done.stdout == ""
     assert done.stderr.startswith("error: ") and done.stderr.count("\n") == 1, done.stderr
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(
+@for_each(
     ("arguments", "expected"),
     [
         (["check", "romo"], ('"romo"', 'did you mean "room"')),
@@ -615,7 +616,7 @@ def test_command_line(bad: Bad, tmp_path: Path) -> None:
 )
 def test_bad_arguments(arguments: list[str], expected: tuple[str, ...], tmp_path: Path) -> None:
     (tmp_path / "folder.toml").mkdir()
-    done = run(*arguments, folder=tmp_path)
+    done = call(*arguments, folder=tmp_path)
     assert done.returncode == 2
     assert done.stdout == "" and done.stderr.startswith("error: ") and "Traceback" not in done.stderr
     for part in expected:
@@ -629,7 +630,7 @@ def test_check_allows_paths(tmp_path: Path) -> None:
     path = tmp_path / "scene" / "s.toml"
     light = '\n[[lights]]\ntype = "environment"\nradiance = [1, 1, 1]\n'
     path.write_text(CAMERA + MESH.format("../meshes/m.ply") + light)
-    done = run("check", "scene/s.toml", "--allow-path", "meshes", folder=tmp_path)
+    done = call("check", "scene/s.toml", "--allow-path", "meshes", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "triangles            1\n" in done.stdout and done.stderr == ""
 
@@ -638,7 +639,7 @@ def test_check_allows_paths(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["scene.yaml", "room.usd"])
 def test_another_format_is_answered_with_those_that_are_read(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text("")
-    done = run("check", name, folder=tmp_path)
+    done = call("check", name, folder=tmp_path)
     assert done.returncode == 2 and done.stdout == ""
     assert all(ending in done.stderr for ending in SCENE_ENDINGS) and "clrender scenes" in done.stderr
 
@@ -699,15 +700,15 @@ def test_what_is_left_out_of_a_file_is_a_note_wherever_it_is_told(tmp_path: Path
     small = ("--size", "8x8", "--spp", "1")
     commands = (["check", "a.obj"], ["render", "a.obj", *small, "-o", "a.png"], ["convert", "a.obj", "a.toml"])
     for command in commands:
-        done = run(*command, folder=tmp_path)
+        done = call(*command, folder=tmp_path)
         told = [line for line in done.stderr.splitlines() if "no light in it" in line]
         assert done.returncode == 0 and len(told) == 1 and told[0].startswith("note: a.obj: "), done.stderr
 
 
 @pytest.mark.thorough
 def test_list_and_schema(tmp_path: Path) -> None:
-    done = run("scenes", folder=tmp_path)
+    done = call("scenes", folder=tmp_path)
     assert done.returncode == 0 and done.stderr == ""
     assert {line.split()[0] for line in done.stdout.splitlines()} == set(scenes.builtin_names())
-    done = run("schema", folder=tmp_path)
+    done = call("schema", folder=tmp_path)
     assert done.returncode == 0 and '"$schema"' in done.stdout

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_support import run
+from cases import for_each
+from cli_support import call, run
 
 from clrender.cli import COMMANDS
 from clrender.cli.options import EXR_COMPRESSIONS, TONE_MAPS
@@ -48,20 +49,20 @@ def test_version() -> None:
 def test_help_lists_every_command() -> None:
     result = run("--help")
     assert result.returncode == 0 and not result.stderr
-    assert run().stdout == result.stdout and run().returncode == 0
+    for again in (call("--help"), call()):
+        assert (again.returncode, again.stdout, again.stderr) == (0, result.stdout, "")
     for name, line in COMMANDS.items():
         assert re.search(rf"^  {name} +{re.escape(line.split()[0])}", result.stdout, re.MULTILINE)
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", COMMANDS)
+@for_each("name", COMMANDS)
 def test_every_command_exists_and_has_help(name: str) -> None:
-    result = run(name, "-h")
+    result = call(name, "-h")
     assert result.returncode == 0 and result.stdout.startswith(f"Usage: clrender {name}")
 
 
 def test_help_names_the_options_of_render_that_exist() -> None:
-    text = run("render", "--help").stdout
+    text = call("render", "--help").stdout
     found = set(re.findall(r"--[a-z-]+", text)) - {"--help"}
     assert found == {f"--{name}" for name in RENDER_OPTIONS.split()}
 
@@ -218,13 +219,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("case", BAD_COMMAND_LINES)
+@for_each("case", BAD_COMMAND_LINES)
 def test_bad_command_lines_are_refused_in_one_sentence(case: str, folder: Path) -> None:
     line, words = BAD_COMMAND_LINES[case]
     before = sorted(folder.iterdir())
-    assert_refused(run(*line.split(), folder=folder), *words)
+    assert_refused(call(*line.split(), folder=folder), *words)
     assert sorted(folder.iterdir()) == before
+
+
+def test_a_process_refuses_a_bad_command_line_as_well(folder: Path) -> None:
+    assert_refused(run("render", "room", "-o", "a.gif", folder=folder), "a.gif", "'.gif'", ".png")
 
 
 # --- tonemap and compare ---------------------------------------------------------------------------------------------
@@ -233,7 +237,7 @@ def test_bad_command_lines_are_refused_in_one_sentence(case: str, folder: Path) 
 def test_tonemap_makes_the_display_image(tmp_path: Path) -> None:
     image = np.random.default_rng(0).random((5, 7, 3)).astype(np.float32)
     write_image(tmp_path / "a.exr", image, {"seed": 1})
-    result = run("tonemap", "a.exr", "-o", "a.png", "--tone-map", "agx", "--exposure", "1.5", folder=tmp_path)
+    result = call("tonemap", "a.exr", "-o", "a.png", "--tone-map", "agx", "--exposure", "1.5", folder=tmp_path)
     assert result.returncode == 0 and "7x5" in result.stdout and not result.stderr
     stored = {"tone_map": "agx", "exposure": 1.5}
     write_image(tmp_path / "b.png", image, {"seed": 1, "stored": stored}, "agx", 1.5)
@@ -242,7 +246,7 @@ def test_tonemap_makes_the_display_image(tmp_path: Path) -> None:
 
 def test_tonemap_writes_every_output(tmp_path: Path) -> None:
     write_image(tmp_path / "a.npy", np.full((5, 7, 3), 0.25))
-    result = run("tonemap", "a.npy", "-o", "a.png", "-o", "b.jpg", folder=tmp_path)
+    result = call("tonemap", "a.npy", "-o", "a.png", "-o", "b.jpg", folder=tmp_path)
     assert result.returncode == 0 and result.stdout.count("7x5") == 2
     assert read_image(tmp_path / "a.png").shape == read_image(tmp_path / "b.jpg").shape == (5, 7, 3)
 
@@ -251,19 +255,19 @@ def test_compare_prints_a_table_or_json(tmp_path: Path) -> None:
     image = np.random.default_rng(0).random((20, 30, 3)).astype(np.float32)
     write_image(tmp_path / "a.npy", image * 1.5)
     write_image(tmp_path / "b.exr", image)
-    table = run("compare", "a.npy", "b.exr", folder=tmp_path)
+    table = call("compare", "a.npy", "b.exr", folder=tmp_path)
     assert table.returncode == 0 and re.search(r"^difference of means +0\.5$", table.stdout, re.MULTILINE)
-    numbers = json.loads(run("compare", "a.npy", "b.exr", "--json", folder=tmp_path).stdout)
+    numbers = json.loads(call("compare", "a.npy", "b.exr", "--json", folder=tmp_path).stdout)
     assert numbers["difference_of_means"] == pytest.approx(0.5, abs=1e-6) and not numbers["identical"]
     assert {"mean", "rmse", "relmse", "mean_relative_difference", "flip"} <= set(numbers)
-    assert json.loads(run("compare", "b.exr", "b.exr", "--json", folder=tmp_path).stdout)["identical"]
+    assert json.loads(call("compare", "b.exr", "b.exr", "--json", folder=tmp_path).stdout)["identical"]
 
 
 # --- bench -----------------------------------------------------------------------------------------------------------
 
 
 def test_bench_prints_a_line_a_run_and_a_table() -> None:
-    result = run("bench", "S1", "--size", "16x16", "--spp", "1", "--repeats", "2")
+    result = call("bench", "S1", "--size", "16x16", "--spp", "1", "--repeats", "2")
     assert result.returncode == 0, result.stderr
     lines = [json.loads(line) for line in result.stdout.splitlines()]
     assert [(line["scene"], line["renderer"], line["repeat"]) for line in lines] == [
@@ -275,6 +279,6 @@ def test_bench_prints_a_line_a_run_and_a_table() -> None:
 
 
 def test_bench_refuses_what_it_does_not_know() -> None:
-    assert_refused(run("bench", "S9"), "S9", "S3-1M")
-    assert_refused(run("bench", "S1", "--peer", "blender=python"), "blender", "mitsuba")
-    assert "S3-4M" in run("bench", "--list").stdout
+    assert_refused(call("bench", "S9"), "S9", "S3-1M")
+    assert_refused(call("bench", "S1", "--peer", "blender=python"), "blender", "mitsuba")
+    assert "S3-4M" in call("bench", "--list").stdout

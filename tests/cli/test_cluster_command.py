@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
-from cli_support import run
+from cli_support import call, run
 
 import clrender
 from clrender.film import Film
@@ -50,7 +50,7 @@ def test_a_local_cluster_says_nothing_of_its_own(tmp_path: Path) -> None:
     )
     assert done.returncode == 0 and done.stderr == ""
     assert done.stdout.count("\n") == 1 and done.stdout.startswith("a.exr: 96x64, 64 samples per pixel")
-    here = run(*ROOM, "--spp", "64", "-o", "b.exr", "--stats", "b.json", folder=tmp_path)
+    here = call(*ROOM, "--spp", "64", "-o", "b.exr", "--stats", "b.json", folder=tmp_path)
     assert here.returncode == 0
     far, near = (json.loads((tmp_path / name).read_text()) for name in ("a.json", "b.json"))
     assert far["image_sha256"] == near["image_sha256"]

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from cli_support import run
+from cases import for_each
+from cli_support import call
 
 from clrender.image.files import read_image
 
@@ -20,7 +21,7 @@ SMALL = ("--size", "44x36", "--spp", "64", "--quiet")
 
 def test_path_agrees_with_itself_and_differs_from_direct_as_it_must(device: Device, tmp_path: Path) -> None:
     on = ("-d", str(device.info.index))
-    result = run(
+    result = call(
         "compare", "--integrators", "path,path,direct", "cornell", *SMALL, *on, "-o", "out", "--check", folder=tmp_path
     )
     assert result.returncode == 0 and not result.stderr, result.stderr
@@ -54,7 +55,7 @@ def test_path_agrees_with_itself_and_differs_from_direct_as_it_must(device: Devi
 def test_json_is_printed_and_the_same_command_prints_it_again(device: Device) -> None:
     size = ("--size", "44x36", "--spp", "8", "--batches", "8", "--quiet")
     line = ("--integrators", "direct,direct", "cornell", *size, "-d", str(device.info.index), "--json")
-    first, again, other = (json.loads(run("compare", *line, *more).stdout) for more in ((), (), ("--seed", "1")))
+    first, again, other = (json.loads(call("compare", *line, *more).stdout) for more in ((), (), ("--seed", "1")))
     for one in (*first["integrators"], *again["integrators"]):
         del one["seconds"]
     assert first == again
@@ -85,11 +86,11 @@ BAD = {
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("case", BAD)
+@for_each("case", BAD)
 def test_bad_command_lines_are_refused_in_one_sentence(case: str, tmp_path: Path) -> None:
     line, words = BAD[case]
     (tmp_path / "file").write_text("")
-    result = run("compare", *line.split(), folder=tmp_path)
+    result = call("compare", *line.split(), folder=tmp_path)
     assert result.returncode == 2 and result.stderr.count("\n") == 1 and result.stderr.startswith("error: ")
     assert all(word in result.stderr for word in words), result.stderr
     assert not result.stdout and [path.name for path in tmp_path.iterdir()] == ["file"]
@@ -100,7 +101,7 @@ def test_what_fails_leaves_no_folder_behind(tmp_path: Path, there: bool) -> None
     folder = tmp_path / "out"
     if there:
         folder.mkdir()
-    result = run(
+    result = call(
         "compare", "--integrators", "path,direct", "cornell", "-d", "no such device", "-o", "out", folder=tmp_path
     )
     assert result.returncode != 0 and "no such device" in result.stderr

@@ -8,9 +8,10 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
-from cli_support import run
+from cli_support import call
 
 import clrender
 from clrender.cli import COMMANDS
@@ -31,20 +32,20 @@ def command(tmp_path: Path) -> Path:
 
 def completed(command: Path, shell: str, *words: str) -> list[str]:
     """What a shell offers in place of the last word."""
-    script = run("completion", shell)
-    assert script.returncode == 0, script.stderr
-    path = {"PATH": f"{command}{os.pathsep}{os.environ['PATH']}"}
     if shell == "bash":
+        script = call("completion", shell)
+        assert script.returncode == 0, script.stderr
+        path = {"PATH": f"{command}{os.pathsep}{os.environ['PATH']}"}
         listed = " ".join(map(shlex.quote, words))
         ask = f"COMP_WORDS=({listed}); COMP_CWORD={len(words) - 1}; _clrender_completion clrender"
         ask += '; printf "%s\\n" "${COMPREPLY[@]}"'
         line = [shell, "-c", f"compopt() {{ :; }}\n{script.stdout}\n{ask}"]
+        done = subprocess.run(line, capture_output=True, text=True, check=False, timeout=60, env={**os.environ, **path})
     else:  # what the functions of those shells do, without their editors
-        line = [str(command / "clrender")]
-        path |= {"_CLRENDER_COMPLETE": f"{shell}_complete", "COMP_WORDS": " ".join(words), "COMP_CWORD": words[-1]}
-        if shell == "zsh":
-            path["COMP_CWORD"] = str(len(words) - 1)
-    done = subprocess.run(line, capture_output=True, text=True, check=False, timeout=60, env={**os.environ, **path})
+        last = str(len(words) - 1) if shell == "zsh" else words[-1]
+        asked = {"_CLRENDER_COMPLETE": f"{shell}_complete", "COMP_WORDS": " ".join(words), "COMP_CWORD": last}
+        with patch.dict(os.environ, asked):
+            done = call()
     assert done.returncode == 0 and not done.stderr, done.stderr
     lines = done.stdout.splitlines()
     if shell == "zsh":  # type, word, help
@@ -68,7 +69,7 @@ def test_commands_scenes_options_settings_and_devices(command: Path, shell: str)
 
 
 def test_devices_by_index(command: Path) -> None:
-    listed = run("devices", "--json")
+    listed = call("devices", "--json")
     assert listed.returncode == 0
     if listed.stdout.strip() != "[]":
         assert completed(command, "bash", "clrender", "render", "-d", "0") == ["0"]
@@ -118,7 +119,7 @@ def test_commands_are_not_loaded_to_complete_their_names() -> None:
 
 
 def test_an_unknown_shell_gets_the_nearest() -> None:
-    done = run("completion", "bsh")
+    done = call("completion", "bsh")
     assert done.returncode == 2 and "bash" in done.stderr and done.stderr.count("\n") == 1
 
 
@@ -127,6 +128,6 @@ def test_the_script_is_one_that_the_shell_reads(tmp_path: Path, shell: str) -> N
     if shutil.which(shell) is None:
         pytest.skip(f"{shell} is not installed")
     script = tmp_path / "script"
-    script.write_text(run("completion", shell).stdout)
+    script.write_text(call("completion", shell).stdout)
     done = subprocess.run([shell, "-n", str(script)], capture_output=True, text=True, check=False, timeout=60)
     assert (done.returncode, done.stderr) == (0, "")

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import click.testing
 import pytest
+from cases import for_each
 from doc_blocks import Block, blocks
 from documented_files import make_files
 
@@ -134,7 +135,7 @@ def test_the_commands_of_a_page_do_what_it_says(page: Path, tmp_path: Path, monk
                 check(command)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=named)
+@for_each("page", PAGES)
 def test_every_block_is_run_or_says_why_not(page: Path) -> None:
     for block in blocks(page):
         place = f"{page.name}:{block.line}"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_support import run
+from cli_support import call
 
 from clrender.image.files import read_image, write_image
 
@@ -27,12 +27,12 @@ def test_it_is_what_the_scene_would_say(tmp_path: Path) -> None:
     hashes = []
     for name, more in (("plain", ["--environment", "skies/a.exr"]), ("lit", [])):
         outputs = ["-o", f"{name}.npy", "--stats", f"{name}.json"]
-        done = run("render", f"{name}.toml", *outputs, *common, *more, folder=tmp_path)
+        done = call("render", f"{name}.toml", *outputs, *common, *more, folder=tmp_path)
         assert done.returncode == 0, done.stderr
         stats = json.loads((tmp_path / f"{name}.json").read_text())
         hashes.append(stats["image_sha256"])
     assert hashes[0] == hashes[1]
     np.testing.assert_allclose(read_image(tmp_path / "lit.npy"), np.broadcast_to(pixels[0, 3], (4, 4, 3)), rtol=1e-5)
     command = ["render", "plain.toml", "-o", "skies/a.exr", "--environment", "skies/a.exr"]
-    done = run(*command, folder=tmp_path)
+    done = call(*command, folder=tmp_path)
     assert done.returncode == 2 and "is an input of this command" in done.stderr and done.stderr.count("\n") == 1

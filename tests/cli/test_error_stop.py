@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
-from cli_support import run
+from cli_support import call
 
 SMALL = ("--size", "24x20", "--quiet")
 ASKED = ("--error", "0.3", "--confidence", "0.9", "--share", "0.9")
@@ -15,7 +15,7 @@ ASKED = ("--error", "0.3", "--confidence", "0.9", "--share", "0.9")
 
 @pytest.mark.thorough
 def test_a_render_stops_and_says_what_is_left(tmp_path: Path) -> None:
-    done = run(
+    done = call(
         "render", "cornell", *SMALL, *ASKED, "-o", "a.exr", "-o", "a.film", "--aov", "stderr,unconverged",
         "--stats", "a.json", "--checkpoint", "c.film", folder=tmp_path,
     )  # fmt: skip
@@ -28,28 +28,28 @@ def test_a_render_stops_and_says_what_is_left(tmp_path: Path) -> None:
     assert "NOT CONVERGED" not in done.stdout and f"{numbers['spp']} samples per pixel" in done.stdout
     assert numbers["converged"] and numbers["spp"] < numbers["spp_limit"] == 16384
 
-    again = run("render", "cornell", *SMALL, *ASKED, "-o", "b.film", "--checkpoint", "c.film", "--resume",
+    again = call("render", "cornell", *SMALL, *ASKED, "-o", "b.film", "--checkpoint", "c.film", "--resume",
                 "--stats", "b.json", folder=tmp_path)  # fmt: skip
     assert again.returncode == 0, again.stderr
     resumed = json.loads((tmp_path / "b.json").read_text())
     assert resumed["image_sha256"] == numbers["image_sha256"]
     assert resumed["resumed_samples"] == resumed["samples"] == numbers["samples"]
 
-    other = run("render", "cornell", *SMALL, *ASKED, "-o", "other.film", "--seed", "1", folder=tmp_path)
+    other = call("render", "cornell", *SMALL, *ASKED, "-o", "other.film", "--seed", "1", folder=tmp_path)
     assert other.returncode == 0
-    compared = run("compare", "a.film", "other.film", "--json", folder=tmp_path)
+    compared = call("compare", "a.film", "other.film", "--json", folder=tmp_path)
     assert json.loads(compared.stdout)["z_test"]["agree"] is True
-    compared = run("compare", "a.film", "b.film", folder=tmp_path)
+    compared = call("compare", "a.film", "b.film", folder=tmp_path)
     assert "z-test                    none: a.film and b.film have the same seed" in compared.stdout
 
 
 def test_a_render_that_reaches_its_most_samples_says_so(tmp_path: Path) -> None:
-    done = run("render", "cornell", *SMALL, "--error", "0.001", "--spp", "256", "-o", "a.png", folder=tmp_path)
+    done = call("render", "cornell", *SMALL, "--error", "0.001", "--spp", "256", "-o", "a.png", folder=tmp_path)
     assert done.returncode == 0 and done.stdout.count("NOT CONVERGED") == 1
 
 
 def test_what_has_no_errors_is_refused_in_a_sentence(tmp_path: Path) -> None:
     for options in (("--integrator", "photon", "--error", "0.1"), ("--error", "0.1", "--spp", "100")):
-        done = run("render", "room", *SMALL, *options, "-o", "a.png", folder=tmp_path)
+        done = call("render", "room", *SMALL, *options, "-o", "a.png", folder=tmp_path)
         assert done.returncode == 2 and done.stderr.startswith("error: ") and done.stderr.count("\n") == 1, done.stderr
     assert not list(tmp_path.iterdir())

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from cli_support import run
+from cases import for_each
+from cli_support import call
 
 if TYPE_CHECKING:
     from clrender.device import Device
@@ -30,7 +31,7 @@ ior = 1.5
 def test_a_scene_as_table_page_and_numbers(device: Device, tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text(SCENE)
     on = ("-d", str(device.info.index))
-    result = run("furnace", "scene.toml", "-o", "out", "--check", "--quick", *on, folder=tmp_path)
+    result = call("furnace", "scene.toml", "-o", "out", "--check", "--quick", *on, folder=tmp_path)
     assert result.returncode == 0, result.stderr
     assert re.search(r"^clay +lambert +0\.3000 to 0\.8000 +1\.0000 to 1\.0000", result.stdout, re.MULTILINE)
     assert "its colour absorbs 20.0 % of red, 50.0 % of green and 70.0 % of blue light" in result.stdout
@@ -55,7 +56,7 @@ def test_a_scene_as_table_page_and_numbers(device: Device, tmp_path: Path) -> No
 def test_json_is_printed_and_the_seed_makes_it(device: Device, tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text(SCENE)
     line = ("furnace", "scene.toml", "--material", "clay", "--json", "--quiet", "--quick", "-d", str(device.info.index))
-    first, again, other = (run(*line, *more, folder=tmp_path) for more in ((), (), ("--seed", "1")))
+    first, again, other = (call(*line, *more, folder=tmp_path) for more in ((), (), ("--seed", "1")))
     assert first.returncode == 0 and not first.stderr
     assert first.stdout == again.stdout != other.stdout
     assert [each["material"] for each in json.loads(first.stdout)] == ["clay"]
@@ -68,7 +69,7 @@ def test_places_of_a_texture(device: Device, tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text(SCENE + checker)
     places = ("--uv", "0.25,0.25", "--uv", "0.75,0.25", "--uv", "-7.75,0.25", "--uv", "0.25,0.25")
     line = ("furnace", "scene.toml", "--material", "board", "--material", "clay", *places, "--quick")
-    result = run(*line, "-d", str(device.info.index), "-o", "out", folder=tmp_path)
+    result = call(*line, "-d", str(device.info.index), "-o", "out", folder=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "4 of 4: board at -7.75, 0.25" in result.stderr
     assert re.search(r"^board at 0.75, 0.25 +lambert +0\.6000 to 0\.6000", result.stdout, re.MULTILINE)
@@ -81,7 +82,7 @@ def test_places_of_a_texture(device: Device, tmp_path: Path) -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(
+@for_each(
     ("arguments", "expected"),
     [
         (["conducto"], 'did you mean "conductor"'),
@@ -99,7 +100,7 @@ def test_places_of_a_texture(device: Device, tmp_path: Path) -> None:
 )
 def test_bad_input_is_one_sentence(arguments: list[str], expected: str, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    result = run("furnace", *arguments, folder=tmp_path)
+    result = call("furnace", *arguments, folder=tmp_path)
     assert result.returncode == 2
     assert result.stderr.count("\n") == 1 and result.stderr.startswith("error: ") and expected in result.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["file"]

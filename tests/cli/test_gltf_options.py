@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli_support import run
+from cli_support import call
 from gltf_files import Model
 from PIL import Image
 
@@ -42,14 +42,14 @@ def test_moments_variants_and_pictures_beside_the_file(tmp_path: Path) -> None:
         (["--variant", "blue"], (0.0, 0.0, 1.0), (0.0, 0.0, 1.0)),
         (["--time-at", "0.5"], (1.0, 1.0, 1.0), (1.0, 0.0, 0.0)),
     ):
-        done = run("render", "m.gltf", *common, *more, folder=tmp_path)
+        done = call("render", "m.gltf", *common, *more, folder=tmp_path)
         assert done.returncode == 0, done.stderr
         image = read_image(tmp_path / "a.npy")
         np.testing.assert_allclose(image[:, 0], np.broadcast_to(left, (4, 3)), atol=1e-5)
         np.testing.assert_allclose(image[:, 3], np.broadcast_to(right, (4, 3)), atol=1e-5)
         assert done.stderr.count("m.gltf: unlit materials shine") == 1
-    done = run("check", "m.gltf", "--variant", "bleu", folder=tmp_path)
+    done = call("check", "m.gltf", "--variant", "bleu", folder=tmp_path)
     assert done.returncode != 0 and 'no variant "bleu"; did you mean "blue"?' in done.stderr
-    done = run("render", "m.gltf", "-o", "a b.png", folder=tmp_path)
+    done = call("render", "m.gltf", "-o", "a b.png", folder=tmp_path)
     assert done.returncode == 2 and "is an input of this command" in done.stderr
     assert json.loads((tmp_path / "m.gltf").read_text())["asset"] == {"version": "2.0"}

@@ -90,7 +90,13 @@ def test_a_signal_in_mid_render_keeps_the_image_so_far(tmp_path: Path, number: s
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(
-    ("delay", "number"), [(0.3, signal.SIGINT), (0.6, signal.SIGINT), (1.0, signal.SIGINT), (1.0, signal.SIGTERM)]
+    ("delay", "number"),
+    [
+        (0.3, signal.SIGINT),
+        (1.0, signal.SIGTERM),
+        pytest.param(0.6, signal.SIGINT, marks=pytest.mark.slow),
+        pytest.param(1.0, signal.SIGINT, marks=pytest.mark.slow),
+    ],
 )
 def test_a_signal_while_it_starts_ends_it_without_a_trace(tmp_path: Path, delay: float, number: signal.Signals) -> None:
     with endless_render(tmp_path, "a.exr") as child:

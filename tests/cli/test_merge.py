@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli_support import run
+from cases import for_each
+from cli_support import call
 from PIL import Image
 
 from clrender.film import Film
@@ -23,9 +24,9 @@ SIZE = ("--size", "37x22", "--spp", "8", "--quiet")
 def shards(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a whole render and its three shards, cut in other ways."""
     folder = tmp_path_factory.mktemp("shards")
-    assert run("render", "room", "-o", "whole.film", *SIZE, folder=folder).returncode == 0
+    assert call("render", "room", "-o", "whole.film", *SIZE, folder=folder).returncode == 0
     for number, tile in ((1, 4), (2, 16), (3, 64)):
-        done = run(
+        done = call(
             "render", "room", "-o", f"{number}.film", "--shard", f"{number}/3", "--tile", str(tile), *SIZE,
             folder=folder,
         )  # fmt: skip
@@ -34,10 +35,10 @@ def shards(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("order", list(itertools.permutations("123")), ids="".join)
+@for_each("order", list(itertools.permutations("123")))
 def test_shards_in_any_order_are_the_render(shards: Path, order: tuple[str, ...]) -> None:
     output = f"merged-{''.join(order)}.film"
-    done = run("merge", *(f"{number}.film" for number in order), "-o", output, folder=shards)
+    done = call("merge", *(f"{number}.film" for number in order), "-o", output, folder=shards)
     assert (done.returncode, done.stderr) == (0, "")
     whole, merged = Film.load(shards / "whole.film"), Film.load(shards / output)
     np.testing.assert_array_equal(np.concatenate(merged.bands()), np.concatenate(whole.bands()))
@@ -46,7 +47,7 @@ def test_shards_in_any_order_are_the_render(shards: Path, order: tuple[str, ...]
         assert merged.provenance[name] == whole.provenance[name], name
 
 
-@pytest.mark.parametrize("nonsense", ["many", None, [1], True, float("nan"), -5, 10**30])
+@for_each("nonsense", ["many", None, [1], True, float("nan"), -5, 10**30])
 def test_numbers_that_make_no_sense_do_not_count(shards: Path, tmp_path: Path, nonsense: Any) -> None:
     """They are no part of the image."""
     film = Film.load(shards / "1.film")
@@ -60,10 +61,10 @@ def test_numbers_that_make_no_sense_do_not_count(shards: Path, tmp_path: Path, n
 @pytest.mark.thorough
 def test_images_of_merged_shards_are_those_of_the_render(shards: Path) -> None:
     """In every format, from any number of films at once; they can be verified as a render's can."""
-    assert run("render", "room", *SIZE, *outputs("whole"), folder=shards).returncode == 0
-    done = run("merge", "3.film", "1.film", "2.film", *outputs("merged"), "-o", "united.film", folder=shards)
+    assert call("render", "room", *SIZE, *outputs("whole"), folder=shards).returncode == 0
+    done = call("merge", "3.film", "1.film", "2.film", *outputs("merged"), "-o", "united.film", folder=shards)
     assert (done.returncode, done.stderr) == (0, "")
-    again = run("merge", "united.film", *outputs("again"), folder=shards)
+    again = call("merge", "united.film", *outputs("again"), folder=shards)
     assert again.returncode == 0 and "of 1 film, image sha256" in again.stdout
     for ending in ("exr", "npy", "hdr"):
         wanted = read_image(shards / f"whole.{ending}")
@@ -73,7 +74,7 @@ def test_images_of_merged_shards_are_those_of_the_render(shards: Path) -> None:
     with Image.open(shards / "whole.png") as whole, Image.open(shards / "merged.png") as merged:
         np.testing.assert_array_equal(np.asarray(merged), np.asarray(whole))
     for name in ("merged.exr", "merged.png", "again.exr"):
-        done = run("verify", name, "--fraction", "1", folder=shards)
+        done = call("verify", name, "--fraction", "1", folder=shards)
         assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -87,25 +88,25 @@ def test_the_image_of_one_film_is_for_display_or_linear(shards: Path, tmp_path: 
     tone = ("--tone-map", "agx", "--exposure", "1.5", "--f-stop", "4", "--shutter", "1/60", "--iso", "400")
     film = str(shards / "2.film")
     for command, output in (("merge", "a.png"), ("tonemap", "b.png")):
-        done = run(command, film, "-o", output, *tone, folder=tmp_path)
+        done = call(command, film, "-o", output, *tone, folder=tmp_path)
         assert done.returncode == 0, done.stderr
     assert (tmp_path / "a.png").stat().st_size > 200
     with Image.open(tmp_path / "a.png") as a, Image.open(tmp_path / "b.png") as b:
         np.testing.assert_array_equal(np.asarray(a), np.asarray(b))
-    done = run("merge", film, "-o", "a.exr", "--exr-type", "half", folder=tmp_path)
+    done = call("merge", film, "-o", "a.exr", "--exr-type", "half", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     told = read_provenance(tmp_path / "a.exr")
     assert told is not None and told["stored"]["exr_type"] == "half"
     assert (told["first_sample"], told["sample_count"], told["spp"]) == (2, 3, 8)
-    done = run("verify", "a.exr", "--fraction", "1", folder=tmp_path)
+    done = call("verify", "a.exr", "--fraction", "1", folder=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
-    done = run("tonemap", film, "-o", "linear.exr", folder=tmp_path)
+    done = call("tonemap", film, "-o", "linear.exr", folder=tmp_path)
     assert done.returncode == 2 and f"`clrender merge {film} -o linear.exr` writes the linear image" in done.stderr
 
 
 def refused(folder: Path, *arguments: str) -> str:
     before = sorted(folder.iterdir())
-    done = run("merge", *arguments, "-o", "refused.film", folder=folder)
+    done = call("merge", *arguments, "-o", "refused.film", folder=folder)
     assert done.returncode == 2 and done.stderr.startswith("error: ") and done.stderr.count("\n") == 1, done.stderr
     assert sorted(folder.iterdir()) == before
     return done.stderr
@@ -116,10 +117,10 @@ def test_what_does_not_go_together_is_refused_with_both_names(shards: Path) -> N
     assert "1.film and 1.film overlap: samples 0 to 1" in refused(shards, "1.film", "1.film")
     assert "2.film and whole.film overlap" in refused(shards, "2.film", "whole.film")
     assert "3.film and 3.film overlap" in refused(shards, "1.film", "3.film", "3.film")
-    assert run("render", "room", "-o", "seed.film", "--seed", "1", *SIZE, folder=shards).returncode == 0
+    assert call("render", "room", "-o", "seed.film", "--seed", "1", *SIZE, folder=shards).returncode == 0
     message = refused(shards, "1.film", "seed.film")
     assert "1.film and seed.film differ in seed: seed 0 and 1" in message
-    done = run("render", "room", "-o", "filter.film", "--filter", "gaussian", "--shard", "2/3", *SIZE, folder=shards)
+    done = call("render", "room", "-o", "filter.film", "--filter", "gaussian", "--shard", "2/3", *SIZE, folder=shards)
     assert done.returncode == 0, done.stderr
     assert "1.film and filter.film differ in filter" in refused(shards, "1.film", "filter.film")
     film = Film.load(shards / "2.film")
@@ -145,20 +146,20 @@ def test_bad_uses_of_merge(shards: Path) -> None:
         ("1.film", "-o", "1.film"),
         ("1.film", "-o", "no/a.film"),
     ):
-        done = run("merge", *arguments, folder=shards)
+        done = call("merge", *arguments, folder=shards)
         assert done.returncode == 2 and done.stderr.startswith("error: ") and "Traceback" not in done.stderr
     assert not list(shards.glob("a.*"))
 
 
-@pytest.mark.parametrize("shard", ["0/3", "4/3", "1/9", "x/3", "1/0", "1", "1/2/3", "-1/3"])
+@for_each("shard", ["0/3", "4/3", "1/9", "x/3", "1/0", "1", "1/2/3", "-1/3"])
 def test_shards_that_there_are_not(tmp_path: Path, shard: str) -> None:
-    done = run("render", "room", "-o", "a.film", "--shard", shard, *SIZE, folder=tmp_path)
+    done = call("render", "room", "-o", "a.film", "--shard", shard, *SIZE, folder=tmp_path)
     assert done.returncode == 2 and done.stderr.count("\n") == 1 and shard in done.stderr
     assert not list(tmp_path.iterdir())
 
 
 def test_a_shard_goes_to_a_film(tmp_path: Path) -> None:
-    done = run("render", "room", "-o", "a.png", "--shard", "1/2", *SIZE, folder=tmp_path)
+    done = call("render", "room", "-o", "a.png", "--shard", "1/2", *SIZE, folder=tmp_path)
     assert done.returncode == 2 and "a.png" in done.stderr and ".film" in done.stderr
 
 

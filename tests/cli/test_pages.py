@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from cli_support import run
+from cli_support import call
 from PIL import Image
 from view_browser import chromium
 
@@ -89,9 +89,9 @@ def pair() -> tuple[Floats, Floats]:
 def test_a_comparison_shows_both_images_and_their_differences(tmp_path: Path, pair: tuple[Floats, Floats]) -> None:
     write_image(tmp_path / "a <b>.exr", pair[0])
     write_image(tmp_path / "b.npy", pair[1])
-    done = run("compare", "a <b>.exr", "b.npy", "-o", "page.html", folder=tmp_path)
+    done = call("compare", "a <b>.exr", "b.npy", "-o", "page.html", folder=tmp_path)
     assert done.returncode == 0 and not done.stderr
-    assert done.stdout == run("compare", "a <b>.exr", "b.npy", folder=tmp_path).stdout
+    assert done.stdout == call("compare", "a <b>.exr", "b.npy", folder=tmp_path).stdout
     page = (tmp_path / "page.html").read_text()
     reader = check_alone(page)
     shown = images(page)
@@ -144,7 +144,7 @@ def test_shrinking_averages_light() -> None:
 def test_a_page_that_cannot_be_is_refused(tmp_path: Path, output: str, words: str) -> None:
     write_image(tmp_path / "a.npy", np.zeros((2, 2, 3)))
     before = (tmp_path / "a.npy").read_bytes()
-    done = run("compare", "a.npy", "a.npy", "-o", output, folder=tmp_path)
+    done = call("compare", "a.npy", "a.npy", "-o", output, folder=tmp_path)
     assert done.returncode == 2 and words in done.stderr and done.stderr.count("\n") == 1
     assert (tmp_path / "a.npy").read_bytes() == before and len(list(tmp_path.iterdir())) == 1
 
@@ -152,13 +152,13 @@ def test_a_page_that_cannot_be_is_refused(tmp_path: Path, output: str, words: st
 def test_images_that_do_not_fit_leave_no_page(tmp_path: Path) -> None:
     write_image(tmp_path / "a.npy", np.zeros((2, 2, 3)))
     write_image(tmp_path / "b.npy", np.zeros((2, 3, 3)))
-    done = run("compare", "a.npy", "b.npy", "-o", "page.html", folder=tmp_path)
+    done = call("compare", "a.npy", "b.npy", "-o", "page.html", folder=tmp_path)
     assert done.returncode == 2 and "one size" in done.stderr
     assert not (tmp_path / "page.html").exists()
 
 
 def test_a_benchmark_has_a_page_with_its_numbers(tmp_path: Path) -> None:
-    done = run("bench", "S1", "--size", "24x16", "--spp", "1", "--repeats", "2", "--plot", "b.html", folder=tmp_path)
+    done = call("bench", "S1", "--size", "24x16", "--spp", "1", "--repeats", "2", "--plot", "b.html", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "b.html").read_text()
     check_alone(page)

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from cli_support import run
+from cases import for_each
+from cli_support import call
 
 from clrender.image.files import read_image
 
@@ -18,7 +19,9 @@ SMALL = ("--frames", "2", "--patches", "300", "--patch-rays", "16", "--spp", "1"
 
 
 def test_a_frame_is_a_picture_and_a_line(device: Device, tmp_path: Path) -> None:
-    result = run("radiosity", "room-diffuse", *MOVE, *SMALL, "-d", str(device.info.index), "-o", "out", folder=tmp_path)
+    result = call(
+        "radiosity", "room-diffuse", *MOVE, *SMALL, "-d", str(device.info.index), "-o", "out", folder=tmp_path
+    )
     assert result.returncode == 0, result.stderr
     names = [path.name for path in sorted((tmp_path / "out").iterdir())]
     assert names == ["frame-0000.png", "frame-0001.png"]
@@ -42,9 +45,9 @@ def test_a_scene_may_read_from_folders_that_are_named(device: Device, tmp_path: 
         'material = "white"\nemission = [1.0, 1.0, 1.0]\n'
     )
     line = ("scene/s.toml", "--move", "1", "--by", "0,0,0.1", *SMALL, "-d", str(device.info.index), "-o", "out")
-    refused = run("radiosity", *line, folder=tmp_path)
+    refused = call("radiosity", *line, folder=tmp_path)
     assert refused.returncode == 2 and "one.obj" in refused.stderr and not (tmp_path / "out").exists()
-    allowed = run("radiosity", *line, "--allow-path", "meshes", folder=tmp_path)
+    allowed = call("radiosity", *line, "--allow-path", "meshes", folder=tmp_path)
     assert allowed.returncode == 0, allowed.stderr
     assert len(list((tmp_path / "out").iterdir())) == 2
 
@@ -60,11 +63,11 @@ BAD = {
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("case", BAD)
+@for_each("case", BAD)
 def test_bad_command_lines_are_refused_in_one_sentence(case: str, tmp_path: Path) -> None:
     line, words = BAD[case]
     (tmp_path / "file").write_text("")
-    result = run("radiosity", "room-diffuse", *line.split(), folder=tmp_path)
+    result = call("radiosity", "room-diffuse", *line.split(), folder=tmp_path)
     assert result.returncode == 2 and result.stderr.count("\n") == 1 and result.stderr.startswith("error: ")
     assert all(word in result.stderr for word in words), result.stderr
     assert not result.stdout and [path.name for path in tmp_path.iterdir()] == ["file"]

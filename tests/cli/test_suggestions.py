@@ -10,7 +10,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from cli_support import run
+from cases import for_each
+from cli_support import call
 
 from clrender import SceneError, UsageError
 from clrender.drivers import discover
@@ -22,10 +23,8 @@ def job(**settings: object) -> RenderJob:
     return RenderJob.of(load("room"), size=(8, 8), **settings)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("spp", [1, 15, 17, 31, 33, 100, 255, 257, 300])
-@pytest.mark.parametrize(
-    "more", [{"replicate_spp": 16}, {"error": 0.5}, {"aov": ("stderr",)}, {"error": 0.5, "aov": ("stderr",)}]
-)
+@for_each("spp", [1, 15, 17, 31, 33, 100, 255, 257, 300])
+@for_each("more", [{"replicate_spp": 16}, {"error": 0.5}, {"aov": ("stderr",)}, {"error": 0.5, "aov": ("stderr",)}])
 def test_numbers_of_samples_that_are_suggested_are_accepted(spp: int, more: dict[str, object]) -> None:
     with pytest.raises(UsageError) as refused:
         job(spp=spp, **more)
@@ -35,7 +34,7 @@ def test_numbers_of_samples_that_are_suggested_are_accepted(spp: int, more: dict
         assert job(spp=int(suggested), **more).settings.spp == int(suggested)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("arguments", "message"),
     [
         (["--samples", "4"], "no such option '--samples'; did you mean '--spp'?"),
@@ -47,7 +46,7 @@ def test_numbers_of_samples_that_are_suggested_are_accepted(spp: int, more: dict
     ],
 )
 def test_options(arguments: list[str], message: str) -> None:
-    done = run("render", "room", *arguments, "-o", "a.png")
+    done = call("render", "room", *arguments, "-o", "a.png")
     assert done.returncode == 2
     assert f"error: {message}" in done.stderr
     assert "light-sampler" not in done.stderr
@@ -55,7 +54,7 @@ def test_options(arguments: list[str], message: str) -> None:
 
 
 def test_a_movement_that_is_too_far_is_refused_at_once(tmp_path: Path) -> None:
-    done = run("radiosity", "room-diffuse", "--move", "5", "--by", "1e30,0,0", "-o", str(tmp_path / "r"))
+    done = call("radiosity", "room-diffuse", "--move", "5", "--by", "1e30,0,0", "-o", str(tmp_path / "r"))
     assert (done.returncode, done.stdout) == (2, "")
     assert "--by: 24 frames would move the shape 2.3e+31 metres; 1e+12 is the most" in done.stderr
     assert not (tmp_path / "r").exists()
@@ -64,7 +63,7 @@ def test_a_movement_that_is_too_far_is_refused_at_once(tmp_path: Path) -> None:
 def test_lone_surrogates_are_refused(tmp_path: Path) -> None:
     camera = {"position": (0.0, 0.0, 1.0), "target": (0.0, 0.0, 0.0)}
     (tmp_path / "a.json").write_text(json.dumps({"title": "\ud800", "camera": camera}))
-    done = run("convert", "a.json", "b.toml", folder=tmp_path)
+    done = call("convert", "a.json", "b.toml", folder=tmp_path)
     assert done.returncode == 2
     assert 'a.json: title is the text "\\ud800", but must be a text without lone surrogates' in done.stderr
     with pytest.raises(SceneError, match=r"title is .* without lone surrogates"):
@@ -75,11 +74,11 @@ def test_lone_surrogates_are_refused(tmp_path: Path) -> None:
 
 def test_file_names_that_are_no_text(tmp_path: Path) -> None:
     odd = os.fsdecode(b"a\xff.toml")
-    done = run("convert", "sky", odd, folder=tmp_path)
+    done = call("convert", "sky", odd, folder=tmp_path)
     assert done.returncode == 2
     assert "a\\udcff.toml: the name is no UTF-8" in done.stderr
     assert list(tmp_path.iterdir()) == []
-    assert run("convert", "room", odd, folder=tmp_path).returncode == 0
+    assert call("convert", "room", odd, folder=tmp_path).returncode == 0
     assert load(tmp_path / odd).sha256() == load("room").sha256()
 
 
@@ -89,7 +88,7 @@ def test_a_page_of_an_image_whose_name_is_no_text(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     for name in (b"a\xff.npy", b"b.npy"):
         np.save(tmp_path / os.fsdecode(name), np.ones((8, 8, 3), np.float32))
-    done = run("compare", os.fsdecode(b"a\xff.npy"), "b.npy", "-o", "page.html", folder=tmp_path)
+    done = call("compare", os.fsdecode(b"a\xff.npy"), "b.npy", "-o", "page.html", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "a\\udcff.npy" in (tmp_path / "page.html").read_text("utf-8")
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import itertools
 import json
-import os
 import re
 import sys
 from collections.abc import Sequence
@@ -14,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 import pytest
-from cli_support import run
+from cli_support import call
 from fake_terminal import cursor_rows, pictures, run_at_terminal
 from replicate_support import REQUEST, SIZE, film_of, samples_of
 
@@ -64,7 +63,8 @@ class Watched:
         self.now, self.film = 0.0, film_of(samples_of(3, 40 * 90, SIZE), 40, 90, [SIZE], REQUEST)
         self.written = io.StringIO()
         monkeypatch.setattr(sys, "stderr", self.written)
-        monkeypatch.setattr(preview, "_screen", lambda: os.terminal_size((80, 24)))
+        monkeypatch.setenv("COLUMNS", "80")
+        monkeypatch.setenv("LINES", "24")
         monkeypatch.setattr("time.perf_counter", lambda: self.now)
 
         def develop(linear: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
@@ -137,7 +137,7 @@ def test_a_terminal_without_pictures_is_told_of_and_the_render_goes_on(tmp_path:
 
 
 def test_nothing_is_asked_where_stderr_is_no_terminal(tmp_path: Path) -> None:
-    done = run(*SMALL, "--preview", folder=tmp_path)
+    done = call(*SMALL, "--preview", folder=tmp_path)
     assert done.returncode == 0
     assert done.stderr.startswith("--preview: stderr is no terminal") and "\x1b" not in done.stderr
 
@@ -152,7 +152,7 @@ def test_nothing_is_asked_where_stderr_is_no_terminal(tmp_path: Path) -> None:
     ],
 )
 def test_contradictions_are_refused(tmp_path: Path, options: Sequence[str], words: str) -> None:
-    done = run(*SMALL, *options, folder=tmp_path)
+    done = call(*SMALL, *options, folder=tmp_path)
     assert done.returncode == 2 and words in done.stderr and done.stderr.count("\n") == 1
 
 
@@ -183,7 +183,7 @@ def test_styles_without_loading_them_are_the_styles_there_are() -> None:
 
 def test_progress_as_json(tmp_path: Path) -> None:
     arguments = ("--size", "100x75", "--spp", "128", "--replicate-spp", "4", "--progress", "json")
-    done = run("render", "room", *arguments, "-o", "a.film", "--stats", "s.json", folder=tmp_path)
+    done = call("render", "room", *arguments, "-o", "a.film", "--stats", "s.json", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     events = [json.loads(line) for line in done.stderr.splitlines()]
     progress = [each for each in events if each["event"] == "progress"]
@@ -210,12 +210,12 @@ def test_errors_are_said_only_where_they_are_known(tmp_path: Path) -> None:
     assert state(Progress(5, 1000, 12.0, 0, None)).endswith(" left")
     for film in (None, Film(9, 7, REQUEST), film_of(values, 9, 7, [SIZE], REQUEST), Film(9, 7)):
         assert state(Progress(7, 10, 1.0, 0, film)) == f"{words}, 0 s left"
-    done = run(*SMALL, "--progress", "json", folder=tmp_path)
+    done = call(*SMALL, "--progress", "json", folder=tmp_path)
     assert {json.loads(line)["relative_error"] for line in done.stderr.splitlines() if '"progress"' in line} == {None}
 
 
 def test_bad_input_is_a_plain_line_also_beside_json(tmp_path: Path) -> None:
-    done = run("render", "rooom", "--progress", "json", "-o", "a.png", folder=tmp_path)
+    done = call("render", "rooom", "--progress", "json", "-o", "a.png", folder=tmp_path)
     assert done.returncode == 2 and done.stderr.startswith("error: ") and done.stderr.count("\n") == 1
 
 
@@ -223,37 +223,37 @@ def test_bad_input_is_a_plain_line_also_beside_json(tmp_path: Path) -> None:
 
 
 def test_a_first_scene_renders_at_once(tmp_path: Path) -> None:
-    made = run("new", "my scenes", folder=tmp_path)
+    made = call("new", "my scenes", folder=tmp_path)
     assert made.returncode == 0 and not made.stderr
     assert [path.name for path in (tmp_path / "my scenes").iterdir()] == ["scene.toml"]
     # What it says is to be typed, typed
     line = re.search(r"clrender (render .*)\n", made.stdout)
     assert line and "'my scenes/scene.toml'" in line[1]
     words = [word.strip("'") for word in re.findall(r"'[^']*'|\S+", line[1])]
-    done = run(*words, "--spp", "2", "--size", "64x40", folder=tmp_path)
+    done = call(*words, "--spp", "2", "--size", "64x40", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert read_image(tmp_path / "my scenes" / "picture.png").shape == (40, 64, 3)
 
 
 def test_what_the_comments_of_the_first_scene_offer_is_valid(tmp_path: Path) -> None:
-    run("new", "a", folder=tmp_path)
+    call("new", "a", folder=tmp_path)
     scene = tmp_path / "a" / "scene.toml"
     for offer in ("aperture_radius", "focus_distance", "metallic"):
         text, count = re.subn(rf"^# ({offer} = )", r"\1", scene.read_text(), flags=re.MULTILINE)
         assert count == 1
         scene.write_text(text)
-    assert run("check", str(scene)).returncode == 0
+    assert call("check", str(scene)).returncode == 0
 
 
 def test_a_first_scene_overwrites_nothing(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     (tmp_path / "a" / "other").write_text("kept")
-    assert run("new", "a", folder=tmp_path).returncode == 0
+    assert call("new", "a", folder=tmp_path).returncode == 0
     (tmp_path / "a" / "scene.toml").write_text("mine")
     (tmp_path / "link").mkdir()
     (tmp_path / "link" / "scene.toml").symlink_to(tmp_path / "nowhere")
     for folder in ("a", "link"):
-        again = run("new", folder, folder=tmp_path)
+        again = call("new", folder, folder=tmp_path)
         assert again.returncode == 2 and "exists already and is not overwritten" in again.stderr
     assert (tmp_path / "a" / "scene.toml").read_text() == "mine"
     assert not (tmp_path / "nowhere").exists()
@@ -262,6 +262,6 @@ def test_a_first_scene_overwrites_nothing(tmp_path: Path) -> None:
 def test_a_first_scene_in_an_impossible_place_leaves_nothing(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     for folder in ("file", "no/such/place", "file/below"):
-        done = run("new", folder, folder=tmp_path)
+        done = call("new", folder, folder=tmp_path)
         assert done.returncode == 2 and done.stderr.startswith(f"error: {folder}"), done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["file"]

@@ -19,7 +19,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from cli_support import run
+from cases import for_each
+from cli_support import call
 from view_clients import Page, Server
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
@@ -90,10 +91,8 @@ REFUSED: dict[str, dict[str, str]] = {
 }
 
 
-@pytest.mark.parametrize("name", REFUSED)
-@pytest.mark.parametrize(
-    "path", ["/?token={token}", "/page/page.js?token={token}", "/download/image.film?token={token}"]
-)
+@for_each("name", REFUSED)
+@for_each("path", ["/?token={token}", "/page/page.js?token={token}", "/download/image.film?token={token}"])
 def test_nobody_else_is_answered(server: Server, name: str, path: str) -> None:
     headers = {key: value.format(port=server.port) for key, value in REFUSED[name].items()}
     status, body, sent = server.get(f"{path}?token={server.token}", headers)
@@ -116,7 +115,7 @@ def lines_of(server: Server) -> dict[str, str]:
     return {"Host": f"127.0.0.1:{server.port}", "Origin": f"http://127.0.0.1:{server.port}"}
 
 
-@pytest.mark.parametrize("token", [None, "", "x", "{token}x", "{part}", "%00", "%C3%A9"])
+@for_each("token", [None, "", "x", "{token}x", "{part}", "%00", "%C3%A9"])
 def test_without_the_token_there_is_nothing(server: Server, token: str | None) -> None:
     given = "" if token is None else "?token=" + token.format(token=server.token, part=server.token[:-1])
     for path in ("/", "/page/page.js", "/download/image.png", "/download/camera.toml", "/nothing"):
@@ -126,7 +125,7 @@ def test_without_the_token_there_is_nothing(server: Server, token: str | None) -
     assert refused.value.response.status_code == 403
 
 
-@pytest.mark.parametrize(
+@for_each(
     "path",
     [
         "/page/../engine.py",
@@ -154,7 +153,7 @@ def test_no_path_leads_out(server: Server, path: str) -> None:
     assert b"import" not in body
 
 
-@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "PATCH", "OPTIONS", "TRACE"])
+@for_each("method", ["POST", "PUT", "DELETE", "PATCH", "OPTIONS", "TRACE"])
 def test_nothing_is_done_by_http(server: Server, method: str) -> None:
     assert server.get(f"/?token={server.token}", {"Content-Length": "0"}, method)[0] == 405
 
@@ -253,11 +252,11 @@ def test_downloads_are_the_image(server: Server, tmp_path: Path) -> None:
         assert body.startswith(begin)
         assert name in headers["content-disposition"]
         (tmp_path / name).write_bytes(body)
-    done = run("render", *ARGUMENTS[:-2], "--seed", "3", "-d", "cpu", "-o", "a.film", folder=tmp_path)
+    done = call("render", *ARGUMENTS[:-2], "--seed", "3", "-d", "cpu", "-o", "a.film", folder=tmp_path)
     assert done.returncode == 0
     assert Film.load(tmp_path / "image.film").request == Film.load(tmp_path / "a.film").request
     assert Film.load(tmp_path / "a.film").provenance["image_sha256"] == digest
-    compared = run("compare", "image.film", "a.film", "--json", folder=tmp_path)
+    compared = call("compare", "image.film", "a.film", "--json", folder=tmp_path)
     assert json.loads(compared.stdout)["rmse"] == 0.0
     assert b"[camera]" in server.get(f"/download/camera.toml?token={server.token}")[1]
     assert server.get(f"/download/image.png?tone_map=nonsense&token={server.token}")[0] == 400
@@ -327,7 +326,7 @@ def test_an_open_address_is_warned_of(cache_folder: Path) -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(
+@for_each(
     ("arguments", "code", "words"),
     [
         (("no-such-scene",), 2, "no built-in scene"),
@@ -344,14 +343,14 @@ def test_an_open_address_is_warned_of(cache_folder: Path) -> None:
 def test_a_view_that_cannot_begin_says_why(
     cache_folder: Path, tmp_path: Path, arguments: tuple[str, ...], code: int, words: str
 ) -> None:
-    done = run("view", *arguments, "--no-open", folder=tmp_path)
+    done = call("view", *arguments, "--no-open", folder=tmp_path)
     assert (done.returncode, done.stdout) == (code, "")
     assert words in done.stderr
     assert done.stderr.count("\n") == 1
 
 
 def test_a_port_that_is_taken_is_told(server: Server) -> None:
-    done = run("view", "room", "--no-open", "--port", str(server.port))
+    done = call("view", "room", "--no-open", "--port", str(server.port))
     assert done.returncode == 2
     assert f"port {server.port}" in done.stderr
 

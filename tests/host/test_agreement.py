@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import numpy.typing as npt
 import pytest
+from cases import for_each
 from scipy import stats
 
 import clrender
@@ -53,7 +54,7 @@ def of_tiles(tiles: Floats, name: str = "path") -> Batches:
 # --- the tests themselves --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("df", [1.0, 2.0, 7.0, 15.0, 22.7, 62.0, 1000.0])
+@for_each("df", [1.0, 2.0, 7.0, 15.0, 22.7, 62.0, 1000.0])
 def test_students_distribution_is_scipys(df: float) -> None:
     t = np.concatenate([[0.0], np.logspace(-6, 2, 200), [np.inf]])
     np.testing.assert_allclose(p_value(t, df), 2.0 * stats.t.sf(t, df), rtol=1e-9, atol=1e-290)
@@ -240,7 +241,7 @@ def scene(*parts: dict[str, object], **materials: dict[str, object]) -> Scene:
     )
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("parts", "kinds"),
     [
         ([QUAD, POINT], set()),

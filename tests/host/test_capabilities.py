@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import for_each
 
 import clrender
 from clrender.errors import SceneError
@@ -97,7 +98,7 @@ def test_the_page_has_a_cell_for_each() -> None:
     assert set(CELLS) == {(row, name) for row in SCENES for name in INTEGRATORS}
 
 
-@pytest.mark.parametrize(("row", "name"), list(CELLS))
+@for_each(("row", "name"), list(CELLS))
 def test_cell(tmp_path: Path, row: str, name: str) -> None:
     write_image(tmp_path / "p.exr", np.full((4, 8, 3), 0.5, np.float32))
     (tmp_path / "p.ies").write_text("TILT=NONE\n1 1 1 2 1 1 2 0 0 0 1 1 1 0 90 0 7 7")

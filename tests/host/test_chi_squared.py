@@ -7,11 +7,12 @@ import math
 import numpy as np
 import pytest
 import scipy.stats
+from cases import for_each
 
 from clrender.statistics.chi_squared import goodness_of_fit, survival
 
 
-@pytest.mark.parametrize("freedom", [1, 2, 3, 10, 100, 719, 5000])
+@for_each("freedom", [1, 2, 3, 10, 100, 719, 5000])
 def test_the_distribution_is_that_of_scipy(freedom: int) -> None:
     for share in (1e-3, 0.1, 0.5, 0.9, 0.99, 1.0, 1.01, 1.1, 1.5, 2.0, 10.0):
         x = share * freedom

@@ -12,6 +12,7 @@ import click
 import numpy as np
 import pytest
 from assets import ASSETS, needs_assets
+from cases import for_each
 from PIL import Image
 
 import clrender
@@ -44,8 +45,8 @@ def written(scene: Scene, output: Path) -> Scene:
     return clrender.load(output)
 
 
-@pytest.mark.parametrize("ending", [".toml", ".json"])
-@pytest.mark.parametrize("name", list(builtin_names()))
+@for_each("ending", [".toml", ".json"])
+@for_each("name", list(builtin_names()))
 def test_built_in_scenes(tmp_path: Path, name: str, ending: str) -> None:
     scene = clrender.load(name)
     again = written(scene, tmp_path / f"out{ending}")

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import click
 import pytest
+from cases import for_each
 from doc_blocks import blocks
 from documented_files import make_files
 
@@ -71,7 +72,7 @@ def test_the_manual_page_is_that_of_the_command_line() -> None:
     assert generator("man_page")(page) == page, "run `python scripts/man_page.py`"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+@for_each("page", PAGES)
 def test_links_lead_somewhere(page: Path) -> None:
     text = page.read_text()
     for link in re.findall(r"\]\(([^)\s]+)\)", text):
@@ -90,7 +91,7 @@ def test_every_command_of_the_readme_exists_and_every_command_is_in_it() -> None
     assert named == set(commands())
 
 
-@pytest.mark.parametrize("page", [README, REFERENCE, *(path.read_text() for path in (ROOT / "docs").glob("[!n]*.md"))])
+@for_each("page", [README, REFERENCE, *(path.read_text() for path in (ROOT / "docs").glob("[!n]*.md"))])
 def test_every_option_exists(page: str) -> None:
     # Of scripts there are a few more, of pipx and podman, and of Dask
     scripts = "".join(path.read_text() for path in (ROOT / "scripts").glob("gpu_*") if path.is_file())
@@ -123,7 +124,7 @@ def completed(text: str) -> str:
     return text
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+@for_each("page", PAGES)
 def test_scenes_of_the_documentation_are_valid(tmp_path: Path, page: Path) -> None:
     make_files(tmp_path)
     for block in blocks(page):

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pydantic
-import pytest
+from cases import for_each
 from numpydoc.docscrape import NumpyDocString
 from numpydoc.validate import validate
 
@@ -80,13 +80,13 @@ def documented(name: str, section: str) -> dict[str, str]:
     return {part.strip(): each.type for each in doc[section] for part in each.name.split(",")}
 
 
-@pytest.mark.parametrize("name", NAMES)
+@for_each("name", NAMES)
 def test_it_has_a_docstring_with_its_parameters(name: str) -> None:
     faults = FAULTS - ({"PR01"} if fields_of(NAMES[name]) else set())  # which are documented as attributes
     assert not [(code, text) for code, text in validate(name)["errors"] if code in faults]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@for_each("name", NAMES)
 def test_what_it_returns_is_said(name: str) -> None:
     thing = NAMES[name]
     returned = str(getattr(function_of(thing), "__annotations__", {}).get("return", "None"))
@@ -98,7 +98,7 @@ def test_what_it_returns_is_said(name: str) -> None:
     assert not taken or re.search(r"^(Returns|Yields)$", doc, re.MULTILINE), f"{name} returns {returned}"
 
 
-@pytest.mark.parametrize("name", NAMES)
+@for_each("name", NAMES)
 def test_arrays_have_shapes_and_types(name: str) -> None:
     thing = NAMES[name]
     doc = inspect.getdoc(thing) or ""

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import for_each
 from click.testing import CliRunner
 
 from clrender.cli.tonemap import tonemap
@@ -50,7 +51,7 @@ def test_each_counts_in_stops(change: dict[str, float], stops: float) -> None:
     assert photographic_stops(**{**SUNNY_16, **change}) - photographic_stops(**SUNNY_16) == pytest.approx(stops)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("given", "words"),
     [
         ({"f_stop": 8.0}, "f_stop makes no exposure without shutter; give f_stop and shutter"),

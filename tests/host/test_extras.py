@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from cases import for_each
 from gltf_files import Model
 
 import clrender
@@ -39,7 +40,7 @@ def parts(requirement: str) -> tuple[str, frozenset[str]]:
     return name, frozenset(limits.replace(" ", "").split(","))
 
 
-@pytest.mark.parametrize("extra", ALONE)
+@for_each("extra", ALONE)
 def test_the_command_installs_what_the_extra_declares(extra: str) -> None:
     declared = SETUP["options.extras_require"][extra].strip().splitlines()
     assert {parts(each) for each in extras.packages(extra)} == {parts(each) for each in declared}
@@ -90,7 +91,8 @@ def test_the_script_that_started_a_command_is_asked_for_the_extra(tmp_path: Path
     # Before anything is said or written; where it has been tried, and without the script, the cure is told.
     asked = clrender_without(module, tmp_path, *command, CLRENDER_SCRIPT=str(script))
     assert asked == (7, "\n".join(["--extra", extra, *command, ""]))
-    for tried in ({"CLRENDER_SCRIPT": str(script), "CLRENDER_EXTRA": extra}, {}):
+    again = {"CLRENDER_SCRIPT": str(script), "CLRENDER_EXTRA": extra}
+    for tried in ({}, again) if case == "gltf" else ({},):
         status, said = clrender_without(module, tmp_path, *command, **tried)
         assert status == 2 and said.startswith("error: ") and said.count("\n") == 1
         assert extras.install_command(extra) in said

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fake_device import FakeDevice
 
-from clrender.device.fake import FakeDevice
 from clrender.errors import DeviceError, RenderError
 
 

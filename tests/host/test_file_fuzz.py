@@ -29,9 +29,9 @@ def answers(folder: Path, count: int, seed: int, endings: list[str]) -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("ending", [*FILES, *RASTERS, *SCENES])
-def test_mutated_files(tmp_path: Path, ending: str) -> None:
-    answers(tmp_path, 60, 1, [ending])
+@pytest.mark.parametrize("endings", [FILES, RASTERS, SCENES], ids=["files", "pictures", "scenes"])
+def test_mutated_files(tmp_path: Path, endings: list[str]) -> None:
+    answers(tmp_path, 60, 1, endings)
 
 
 def test_two_thousand_serialized_meshes(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from cases import for_each
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -81,7 +82,7 @@ EDGES = [0.0, -0.0, 1.0, -1.0, 2.0**-64, -(2.0**-64), 2.0**-65, 1.5 * 2.0**-64, 
 EDGES += [float(np.nextafter(np.float32(2.0**43), np.float32(0))), -(2.0**42.5), 2.0**-41 * 1.9999999, 1e-6, 1e9]
 
 
-@pytest.mark.parametrize("value", EDGES)
+@for_each("value", EDGES)
 def test_fixed_point_of_an_edge(value: float) -> None:
     words, accepted = fixed_point(np.float32(value))
     assert accepted
@@ -96,7 +97,7 @@ def test_fixed_point_of_any_value(value: float) -> None:
     assert integer(words) == (expected(value) if inside else 0)
 
 
-@pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan, 2.0**43, -(2.0**43), 3e38])
+@for_each("value", [np.inf, -np.inf, np.nan, 2.0**43, -(2.0**43), 3e38])
 def test_values_out_of_range_are_not_accepted(value: float) -> None:
     words, accepted = fixed_point(np.array([[value, 1.0]], np.float32))
     assert accepted.tolist() == [[False, True]]
@@ -110,8 +111,8 @@ def test_sums_become_the_nearest_float64(total: int) -> None:
     assert to_float64(words)[0] == float(Fraction(total, 2**64))
 
 
-@pytest.mark.parametrize("shift", range(73))
-@pytest.mark.parametrize("tail", [0, 1, -1])
+@for_each("shift", range(73))
+@for_each("tail", [0, 1, -1])
 def test_ties_round_to_even_at_every_position(shift: int, tail: int) -> None:
     for significand in (2**53 + 1, 2**53 + 3, 2**54 - 1):  # the last bit is the half
         total = max((significand << shift) + tail, 0)

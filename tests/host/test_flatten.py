@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import for_each
 from numpy.typing import NDArray
 
 from clrender import layout
@@ -113,7 +114,7 @@ def test_an_empty_scene_is_padded() -> None:
     assert scene.environment == layout.NONE
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("shape", "area", "content"),
     [
         ({"type": "box", "center": [5, 0, 0], "size": [1, 2, 3]}, 22.0, 6.0),
@@ -268,8 +269,8 @@ def test_light_probabilities_follow_power() -> None:
     assert scene.arrays["shapes"]["first_light"].tolist() == [0, 12, 13, layout.NONE]
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 10, 1000, 100_000])
-@pytest.mark.parametrize("spread", [0.0, 1.0, 12.0])
+@for_each("count", [1, 2, 3, 10, 1000, 100_000])
+@for_each("spread", [0.0, 1.0, 12.0])
 def test_alias_table_reproduces_probabilities(count: int, spread: float) -> None:
     power = np.exp(spread * np.random.default_rng(count).standard_normal(count))
     probability, threshold, alias = alias_table(power)

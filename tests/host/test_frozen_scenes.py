@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import for_each
 
 import clrender
 from clrender import scene as scenes
@@ -26,7 +27,7 @@ def room() -> scenes.Scene:
     return scenes.load("room")
 
 
-@pytest.mark.parametrize(
+@for_each(
     "assign",
     [
         lambda s: setattr(s.image, "width", 5),
@@ -170,7 +171,7 @@ BAD: list[tuple[Any, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("paths", "message"), BAD)
+@for_each(("paths", "message"), BAD)
 def test_what_is_not_allowed_is_refused(paths: Any, message: str) -> None:
     with pytest.raises(SceneError, match=message):
         room().changed(paths)

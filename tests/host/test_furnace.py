@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import for_each
 from furnace_support import material
 
 from clrender.errors import SceneError, UsageError
@@ -128,7 +129,7 @@ def test_what_is_meant() -> None:
     assert metals.eta("gold") == 1.0
 
 
-@pytest.mark.parametrize("kind", MATERIAL_TYPES)
+@for_each("kind", MATERIAL_TYPES)
 def test_every_type_is_known_by_its_name_or_says_what_it_needs(kind: str) -> None:
     try:
         subject = subjects_of(kind)
@@ -145,7 +146,7 @@ def test_white_materials() -> None:
     assert gold.metal is None and max(gold.index[0]) < 0.01 and min(gold.index[1]) > 100.0  # type: ignore[union-attr, index]
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("text", "expected"),
     [
         ("conducto", ['"conducto"', 'did you mean "conductor"']),

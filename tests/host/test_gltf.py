@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from assets import ASSETS, needs_assets
+from cases import for_each
 from gltf_files import QUAD, Model, picture_uri
 
 import clrender
@@ -56,7 +57,7 @@ def test_a_quad_has_its_vertices_triangles_and_picture_upright(tmp_path: Path, n
     assert scene.materials["material 0"].model_dump()["base_color"]["texture"] == "/images/0"
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("mode", "corners", "triangles"),
     [
         (4, [0, 1, 2, 0, 2, 3], [(0, 1, 2), (0, 2, 3)]),
@@ -224,7 +225,7 @@ def animated(model: Model, node: int, path: str, times: list[float], values: Any
     model.add("animations", {"samplers": [sampler], "channels": [channel]})
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("kind", "seconds", "x"),
     [
         ("LINEAR", None, 7.0),
@@ -401,7 +402,7 @@ def test_textures_have_their_channels_samplers_and_sets(tmp_path: Path) -> None:
     np.testing.assert_array_equal(second[0], [(0, 0), (0, 1), (1, 1)])
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("alpha", "mode", "cutoff", "opacity", "kept_cutoff"),
     [
         (0.25, "OPAQUE", None, 1.0, None),
@@ -533,7 +534,7 @@ REQUIRED = {
 }
 
 
-@pytest.mark.parametrize("name", REQUIRED)
+@for_each("name", REQUIRED)
 def test_required_extensions_are_refused_by_name(tmp_path: Path, name: str) -> None:
     model = Model()
     model.node(mesh=model.quad())
@@ -551,7 +552,7 @@ def _broken(change: Callable[[dict[str, Any]], Any]) -> Model:
     return model
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("change", "words"),
     [
         (lambda r: r["accessors"][0].update(count=5), "/accessors/0 needs 60 bytes"),

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from cases import for_each
 
 from clrender import layout
 from clrender.cli import main
@@ -59,7 +60,7 @@ def scene_file(folder: Path, **instance: Any) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("array", "sentence"),
     [
         (np.zeros((2, 3)), "holds an array (2, 3) of float64, but must hold (n, 3, 4) or (n, 4, 4) floating"),
@@ -105,7 +106,7 @@ def test_files_outside_are_refused(tmp_path: Path) -> None:
         load(scene_file(tmp_path / "in", transforms="../places.npy"))
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("changed", "sentence"),
     [
         ({"group": "two"}, 'shapes[0].group names a group "two" that does not exist; known here: one'),
@@ -237,11 +238,11 @@ def test_large_groups_keep_their_trees(places: int, shapes: tuple[dict[str, Any]
 
 @pytest.mark.thorough
 def test_too_many_primitives_are_told() -> None:
-    faces = [[0, 1, 2]] * 1000
+    faces = [[0, 1, 2]] * 20_000
     mesh = {"type": "mesh", "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": faces}
     scene = of({"transforms": "a.npy"}, mesh)
     scene = scene.with_files(
-        transforms={"a.npy": TransformArray(np.broadcast_to(np.eye(4)[:3], (NUMBER_LIMIT // 1000 + 1, 3, 4)))}
+        transforms={"a.npy": TransformArray(np.broadcast_to(np.eye(4)[:3], (NUMBER_LIMIT // 20_000 + 1, 3, 4)))}
     )
     with pytest.raises(SceneError, match="triangles with all instances counted, but 4294967280 is the most"):
         flatten(scene, 8, 8)

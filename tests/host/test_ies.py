@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import for_each
 
 from clrender import RenderJob, layout
 from clrender.errors import SceneError
@@ -88,7 +89,7 @@ def test_tilt(tmp_path: Path, how: str) -> None:
     assert read(tmp_path, text).tilt_factor(30.0) == 1.0
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("angles", "values", "around", "expected"),
     [
         ("0 90", "1 1 2 2", [0, 90, 180, 270, 360], [1, 2, 1, 2, 1]),
@@ -177,7 +178,7 @@ def test_a_job_carries_the_file(tmp_path: Path) -> None:
             scene_from_portable(description, bad)
 
 
-@pytest.mark.parametrize("wrong", ["shape", "order", "negative", "open", "beyond", "tilt"])
+@for_each("wrong", ["shape", "order", "negative", "open", "beyond", "tilt"])
 def test_assets_that_are_no_lamps(wrong: str) -> None:
     """Kernels would read beyond their tables."""
     arrays = {

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import OpenEXR
 import pytest
+from cases import for_each
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -290,7 +291,7 @@ def test_png_of_sixteen_bits_that_cannot_be_read(tmp_path: Path) -> None:
         read_image(tmp_path / "a.png")
 
 
-@pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGBA", "RGB"])
+@for_each("mode", ["1", "L", "LA", "P", "RGBA", "RGB"])
 def test_png_of_every_mode(tmp_path: Path, mode: str) -> None:
     picture = Image.fromarray(to_display(ramp() / 5)).convert(mode)
     picture.save(tmp_path / "a.png")
@@ -334,7 +335,7 @@ def npy(header: str | bytes, body: bytes = bytes(12), version: int = 1) -> bytes
 GOOD = "{'descr': '<f4', 'fortran_order': False, 'shape': (1, 1, 3)}"
 
 
-@pytest.mark.parametrize(
+@for_each(
     "data",
     [
         npy(GOOD.replace("}", "")),
@@ -430,8 +431,8 @@ def test_hdr_round_trip(image: Picture, tmp_path_factory: pytest.TempPathFactory
 # --- files that are none ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["pipe", "socket", "device", "folder"])
-@pytest.mark.parametrize("ending", [".exr", ".npy", ".hdr", ".png", ".jpg"])
+@for_each("kind", ["pipe", "socket", "device", "folder"])
+@for_each("ending", [".exr", ".npy", ".hdr", ".png", ".jpg"])
 def test_what_is_no_file_is_refused_at_once(tmp_path: Path, kind: str, ending: str) -> None:
     path = tmp_path / f"a{ending}"
     with special(path, kind):

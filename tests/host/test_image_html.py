@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pytest
+from cases import for_each
 from PIL import Image
 
 from clrender.film import Film
@@ -76,9 +76,7 @@ def test_colours_tell_names_of_mattes_apart() -> None:
     assert not shown[1].any() and not shown[0, 2].any()
 
 
-@pytest.mark.parametrize(
-    "key", ["albedo", "emission", "tangent", "position", "uv", "samples", "unconverged", "material"]
-)
+@for_each("key", ["albedo", "emission", "tangent", "position", "uv", "samples", "unconverged", "material"])
 def test_every_layer_has_a_picture(key: str) -> None:
     channels = {"uv": 2, "samples": 1, "unconverged": 1, "material": 1}.get(key, 3)
     layer = np.linspace(0.0, 1.0, 20 * 30 * channels, dtype=np.float32).reshape(20, 30, channels)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from cases import for_each
 
 import clrender
 from clrender.errors import SceneError, UsageError
@@ -146,8 +147,8 @@ def test_what_an_integrator_does_not_take_is_refused(scene: Scene, how: dict[str
         RenderJob.of(scene, **how)
 
 
-@pytest.mark.parametrize("kind", ["oren_nayar", "conductor", "principled", "mix", "dielectric", "lambert"])
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@for_each("kind", ["oren_nayar", "conductor", "principled", "mix", "dielectric", "lambert"])
+@for_each("integrator", INTEGRATORS)
 def test_materials_that_an_integrator_does_not_take_are_refused(integrator: str, kind: str) -> None:
     materials = {
         "oren_nayar": {"type": "oren_nayar", "reflectance": (0.5, 0.5, 0.5)},

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import for_each
 
 from clrender import layout
 from clrender.errors import SceneError
@@ -94,7 +95,7 @@ def test_clear_principled_materials_are_media() -> None:
     assert flatten(of_each(a={**clear, "ior": 1.0}), 8, 8).arrays["materials"]["ior"][0] == 1.0
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("more", "message"),
     [
         ({"transmission": 0.0}, r"materials.a.attenuation_color does nothing without transmission; give it some"),
@@ -104,7 +105,6 @@ def test_clear_principled_materials_are_media() -> None:
         ({"attenuation_color": [0.5, 0.0, 1.0]}, r"attenuation_color\[1\] is 0, which no thickness of a medium does"),
         ({"attenuation_distance": -1.0}, r"materials.a.attenuation_distance"),
     ],
-    ids=str,
 )
 def test_principled_absorption_that_is_refused(more: dict[str, Any], message: str) -> None:
     absorbs = {"transmission": 1.0, "attenuation_color": [0.5, 1.0, 0.25], "attenuation_distance": 2.0}
@@ -117,7 +117,7 @@ def test_what_no_shape_uses_does_not_count() -> None:
     assert len(scene_media(what).rows) == 1
 
 
-@pytest.mark.parametrize(
+@for_each(
     "materials, left_out",
     [
         ({"a": glass(1.0, priority=0), "b": glass(priority=1)}, "a"),
@@ -128,7 +128,6 @@ def test_what_no_shape_uses_does_not_count() -> None:
         ({"a": tinted(1.0)}, ""),
         ({"a": glass(1.0, attenuation_color=[1.0] * 3, attenuation_distance=1.0)}, "a"),
     ],
-    ids=str,
 )
 def test_what_changes_nothing_is_left_out(materials: dict[str, Any], left_out: str) -> None:
     what = of_each(**materials)
@@ -254,7 +253,7 @@ def test_reuse_refuses_them(key: str, material: dict[str, Any]) -> None:
     assert RenderJob.of(of_each(a=glass()), integrator="reuse")
 
 
-@pytest.mark.parametrize(
+@for_each(
     "center, size, warned",
     [
         ((0.0, 0.0, 2.0), (2.0, 2.0, 2.0), True),  # face to face
@@ -264,9 +263,8 @@ def test_reuse_refuses_them(key: str, material: dict[str, Any]) -> None:
         ((2.0, 0.0, 2.0), (2.0, 2.0, 2.0), False),  # an edge in common
         ((3.0, 0.0, 0.0), (2.0, 2.0, 2.0), False),  # in the same planes, apart
     ],
-    ids=str,
 )
-@pytest.mark.parametrize("turn", [[0, 0, 0], [10, 20, 30]], ids=str)
+@for_each("turn", [[0, 0, 0], [10, 20, 30]])
 def test_faces_that_coincide_are_told(center: Sequence[float], size: Sequence[float], turn: Any, warned: bool) -> None:
     def box(center: Sequence[float], size: Sequence[float], material: str) -> dict[str, Any]:
         rotated = {"rotate_degrees": turn}

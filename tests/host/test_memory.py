@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from cases import for_each
 
 import clrender
 from clrender.errors import MemoryRefused, UsageError
@@ -17,7 +18,7 @@ GIB = 1 << 30
 AMOUNT = Bytes(1 << 24)
 
 
-@pytest.mark.parametrize(("text", "value"), [
+@for_each(("text", "value"), [
     ("16777216", 1 << 24), ("16384K", 1 << 24), ("16m", 1 << 24), ("1.5G", 3 * GIB // 2), ("2GiB", 2 * GIB),
     ("2 GB", 2 * GIB), ("1T", 1 << 40),
 ])  # fmt: skip
@@ -25,7 +26,7 @@ def test_amounts_have_suffixes(text: str, value: int) -> None:
     assert AMOUNT.parse(text) == value == AMOUNT.accept(value)
 
 
-@pytest.mark.parametrize("text", ["", "G", "1,5G", "-2G", "2X", "1e9", "inf", "15.9M", "9" * 30, "2G 1M", "٣G"])
+@for_each("text", ["", "G", "1,5G", "-2G", "2X", "1e9", "inf", "15.9M", "9" * 30, "2G 1M", "٣G"])
 def test_other_texts_are_no_amounts(text: str) -> None:
     with pytest.raises(NotAllowed, match=r"must be a number of bytes from 16777216 to"):
         AMOUNT.parse(text)
@@ -36,8 +37,8 @@ def test_a_film_takes_what_is_reckoned() -> None:
     assert sum(band.nbytes for band in film.bands()) + film.counts.nbytes == 173 * 91 * film_bytes(False)
 
 
-@pytest.mark.parametrize("limit", [1 << 24, 100 << 20, GIB])
-@pytest.mark.parametrize("tile", [8, 64, 65536])
+@for_each("limit", [1 << 24, 100 << 20, GIB])
+@for_each("tile", [8, 64, 65536])
 def test_a_unit_has_room_for_a_tile(limit: int, tile: int) -> None:
     side = tile_side(largest_tile(limit, tile), 8192, 8192)
     slots = unit_slots(limit)

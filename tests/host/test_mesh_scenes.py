@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import for_each
 
 import clrender
 from clrender.errors import SceneError
@@ -40,7 +41,7 @@ def read(folder: Path, data: str | bytes, name: str = "m.stl") -> MeshData:
 # --- STL --------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@for_each(
     "data",
     [
         binary_stl(CUBE, TRIANGLES),
@@ -84,7 +85,7 @@ def test_stl_colours_and_normals_are_told(tmp_path: Path) -> None:
     assert read(tmp_path, turned).warning.startswith("one facet has a normal against the order")
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("data", "expected"),
     [
         (binary_stl(CUBE, TRIANGLES)[:-1], "is truncated: 6 facets are 384 bytes, but it has 383"),
@@ -171,8 +172,8 @@ def test_ply_names_what_it_leaves_out(tmp_path: Path) -> None:
         assert expected in said
 
 
-@pytest.mark.parametrize("ending", [".obj", ".ply", ".stl"])
-@pytest.mark.parametrize("data", [b"", b"\0" * 100, b"\xff\xfe" + b"a" * 100])
+@for_each("ending", [".obj", ".ply", ".stl"])
+@for_each("data", [b"", b"\0" * 100, b"\xff\xfe" + b"a" * 100])
 def test_files_that_are_none(tmp_path: Path, ending: str, data: bytes) -> None:
     path = tmp_path / f"m{ending}"
     path.write_bytes(data)

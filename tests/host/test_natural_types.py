@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import for_each
 from replicate_support import film_of, same, samples_of
 
 import clrender
@@ -95,7 +96,7 @@ def test_environments() -> None:
     assert loaded.origin == {"name": "room-diffuse", "environment": 0.5}
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("call", "words"),
     [
         (lambda: clrender.load(5), "a scene to load is 5, but must be the name of a file"),  # type: ignore[arg-type]

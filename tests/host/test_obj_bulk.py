@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 import pytest
+from cases import for_each
 
 from clrender.errors import SceneError
 from clrender.meshes import obj_bulk, obj_records
@@ -67,8 +68,8 @@ def test_vectors_are_as_python_reads_them() -> None:
             np.testing.assert_array_equal(values.view(np.int64), expected.view(np.int64))
 
 
-@pytest.mark.parametrize(("form", "columns"), [("{0}", 1), ("{0}/{1}", 2), ("{0}//{2}", 2), ("{0}/{1}/{2}", 3)])
-@pytest.mark.parametrize("size", [3, 4, 7])
+@for_each(("form", "columns"), [("{0}", 1), ("{0}/{1}", 2), ("{0}//{2}", 2), ("{0}/{1}/{2}", 3)])
+@for_each("size", [3, 4, 7])
 def test_corners(form: str, columns: int, size: int) -> None:
     draw = np.random.default_rng(size)
     indices = 10 ** draw.integers(0, 9, (400 * size, 3)) + draw.integers(0, 9, (400 * size, 3))

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import for_each
 from PIL import Image
 
 import clrender
@@ -47,7 +48,7 @@ ROUGH = (2.0 / 98.0) ** 0.25
 """Of Ns 96."""
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("mtl", "expected"),
     [
         ("Kd .5 .25 0\nKs .5 .5 .5\nillum 1", {"type": "lambert", "reflectance": (0.5, 0.25, 0.0)}),
@@ -124,7 +125,7 @@ def pictures(folder: Path) -> None:
     Image.new("L", (4, 4), 99).save(folder / "grey.png")
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("mtl", "key", "expected"),
     [
         ("Kd .5 1 1\nmap_Kd maps/a b.png", "reflectance", {"texture": "maps/a b.png", "scale": (0.5, 1.0, 1.0)}),
@@ -187,7 +188,7 @@ def test_faces_without_texture_coordinates(tmp_path: Path) -> None:
 # --- what is said of the rest -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("obj", "mtl", "expected"),
     [
         ("mtllib none.mtl\nusemtl a\n", None, 'line 1: "none.mtl" does not exist'),
@@ -215,7 +216,7 @@ def test_notes(tmp_path: Path, obj: str, mtl: str | None, expected: str) -> None
     assert all(note.startswith(f"{tmp_path}/m.obj: ") and note.count(str(tmp_path)) == 1 for note in scene.notes)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("obj", "mtl", "expected"),
     [
         ("usemtl a\nf 1 2 x\n", "", "line 11 is not a face"),
@@ -324,7 +325,7 @@ def test_lines_written_alike_are_read_as_others_are(tmp_path: Path, corner: str,
     assert same(read_mesh("a.obj", tmp_path, (), "x"), read_mesh("b.obj", tmp_path, (), "x"))
 
 
-@pytest.mark.parametrize(
+@for_each(
     "line",
     [
         "f 1 2 0",

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from cases import for_each
 
 from clrender.files.package_data import kernels_folder, scenes_folder
 
@@ -36,7 +37,7 @@ def test_the_kernels_keep_their_rules() -> None:
     assert LINTER.main([]) == 0
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("line", "fault"),
     [
         ("float a = dot(b, c);", "dot differs from driver to driver"),

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import peer_scenes
 import pytest
+from cases import for_each
 
 from clrender.flatten.flat_scene import flatten
 from clrender.importers import load
@@ -167,7 +168,7 @@ def test_the_winding_of_a_mesh_without_normals_decides_and_a_mirror_turns_it(
     assert front(scene, 0) == pytest.approx(expected, abs=1e-6)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("before", "normals", "expected"),
     [
         ("", "", (0, 0, 1)),

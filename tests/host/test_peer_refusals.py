@@ -8,6 +8,7 @@ from pathlib import Path
 
 import peer_scenes
 import pytest
+from cases import for_each
 
 from clrender.errors import SceneError
 from clrender.importers import load
@@ -28,7 +29,7 @@ def refusal(path: Path, text: str | bytes) -> str:
     return message
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("inside", "line", "words"),
     [
         ("<shape", 3, "is no sound XML"),
@@ -86,7 +87,7 @@ ENTITIES = """<?xml version="1.0"?>
 <scene version="3.0.0"><string name="x" value="&b;"/></scene>"""
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("text", "words"),
     [
         (ENTITIES, "line 2: has a document type or entities"),
@@ -111,7 +112,7 @@ def test_parameters_do_not_expand_without_end(tmp_path: Path) -> None:
     assert "become too long" in message
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("world", "line", "words"),
     [
         ("Shpae", 3, 'did you mean "Shape"?'),

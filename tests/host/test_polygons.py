@@ -8,6 +8,7 @@ import warnings
 import numpy as np
 import numpy.typing as npt
 import pytest
+from cases import for_each
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -52,8 +53,8 @@ def check(points: Points) -> None:
             assert np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2 == pytest.approx(expected, rel=1e-5)
 
 
-@pytest.mark.parametrize("shape", [L_SHAPE, U_SHAPE, COMB, DART, KEYHOLE, ON_A_LINE, spiral(3)], ids=str)
-@pytest.mark.parametrize("turned", [False, True])
+@for_each("shape", [L_SHAPE, U_SHAPE, COMB, DART, KEYHOLE, ON_A_LINE, spiral(3)])
+@for_each("turned", [False, True])
 def test_concave_polygons_are_covered_once(shape: list[tuple[float, float]], turned: bool) -> None:
     points = np.array([(x, y, 0.0) for x, y in shape])
     if turned:

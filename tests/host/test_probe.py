@@ -16,6 +16,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from cases import for_each
 
 from clrender.device import cache, program_cache
 from clrender.device.info import DeviceInfo
@@ -144,7 +145,7 @@ def test_a_child_does_not_import_what_lies_in_the_users_folder(tmp_path: Path, m
     assert ask([sys.executable, "-c", f"import json; print({MARK + '{}'!r})"], 5.0) == Answer({})
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("answer", "verdict", "reason"),
     [
         (Answer({"hash": GOOD, "differences": []}), "ok", ""),
@@ -262,7 +263,7 @@ def test_a_list_without_a_device_is_kept_where_that_is_normal(fake_driver: list[
     assert len(cache_files("drivers")) == 1
 
 
-@pytest.mark.parametrize(
+@for_each(
     "name",
     ["POCL_CACHE_DIR", "POCL_DEVICES", "RUSTICL_ENABLE", "CL_CONFIG_X", "OCL_X", "OPENCL_LAYERS", "LD_LIBRARY_PATH",
      "LD_PRELOAD", "MESA_SHADER_CACHE_DIR", "GALLIVM_PERF", "CUDA_VISIBLE_DEVICES", "ROCR_VISIBLE_DEVICES",

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import for_each
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from replicate_support import REQUEST, SIZE, Floats, film_of, same, samples_of, sums_of, words
@@ -210,8 +211,8 @@ def test_a_file_with_parts_of_replicates_is_refused(tmp_path: Path) -> None:
         Film.load(tmp_path / "a.film")
 
 
-@pytest.mark.parametrize("size", [1, 4, 64])
-@pytest.mark.parametrize("workers", [1, 3])
+@for_each("size", [1, 4, 64])
+@for_each("workers", [1, 3])
 def test_no_unit_parts_a_replicate(size: int, workers: int) -> None:
     rng = np.random.default_rng(size + workers)
     remaining = Remaining(Plan(100, 60, 0, 192, 16, whole=size, short_units=True), workers)

@@ -17,6 +17,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from cases import for_each
 from gltf_files import Model
 from peer_scenes import MITSUBA, MITSUBA_06, PBRT, write_parts
 
@@ -262,7 +263,7 @@ def test_the_host_keeps_its_rules() -> None:
     assert LINTER.lint(ROOT / "clrender") == []
 
 
-@pytest.mark.parametrize(
+@for_each(
     "line",
     [
         *("a @ b", "a @= b", "np.dot(a, b)", "a.dot(b)", "np.linalg.norm(a)", "numpy.einsum('ij,j', a, b)"),

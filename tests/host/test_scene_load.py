@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from cases import for_each
 from special_files import special
 
 from clrender import scene as scenes
@@ -160,8 +161,8 @@ def test_start_up_imports_nothing_slow() -> None:
     assert done.stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize("kind", ["pipe", "socket", "device", "folder"])
-@pytest.mark.parametrize("ending", [".toml", ".json"])
+@for_each("kind", ["pipe", "socket", "device", "folder"])
+@for_each("ending", [".toml", ".json"])
 def test_a_scene_that_is_no_file_is_refused_at_once(tmp_path: Path, kind: str, ending: str) -> None:
     path = tmp_path / f"s{ending}"
     with special(path, kind), pytest.raises(SceneError, match=r"only regular files are read|is a folder"):

@@ -9,6 +9,7 @@ from typing import BinaryIO
 
 import numpy as np
 import pytest
+from cases import for_each
 from special_files import special
 
 from clrender.errors import SceneError
@@ -35,7 +36,7 @@ def corners(mesh: MeshData) -> np.ndarray:
 EXPECTED = np.array(POINTS, dtype=np.float64)[np.array(FAN)]
 
 
-@pytest.mark.parametrize(
+@for_each(
     "text",
     [
         QUAD_AND_TRIANGLE,
@@ -146,7 +147,7 @@ def test_links_within_the_folder_and_allowed_folders(tmp_path: Path) -> None:
 # --- texts as other programs write them ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@for_each(
     "data",
     [
         b"\xef\xbb\xbf" + QUAD_AND_TRIANGLE.encode(),
@@ -313,8 +314,8 @@ def test_meshes_stream(tmp_path: Path) -> None:
         tracemalloc.stop()
 
 
-@pytest.mark.parametrize("kind", ["pipe", "socket", "device", "folder"])
-@pytest.mark.parametrize("ending", [".ply", ".obj"])
+@for_each("kind", ["pipe", "socket", "device", "folder"])
+@for_each("ending", [".ply", ".obj"])
 def test_what_is_no_file_is_refused_at_once(tmp_path: Path, kind: str, ending: str) -> None:
     path = tmp_path / f"m{ending}"
     with special(path, kind):

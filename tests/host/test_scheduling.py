@@ -15,6 +15,7 @@ from unittest.mock import patch
 import numpy as np
 import numpy.typing as npt
 import pytest
+from cases import for_each
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -203,8 +204,8 @@ def taken(plan: Plan, rates: Sequence[float], cost: float = 0.0) -> list[tuple[i
     return done
 
 
-@pytest.mark.parametrize("rates", [[1e6], [1e6, 1e6], [1e7, 3e5, 40.0]], ids=str)
-@pytest.mark.parametrize(("width", "height", "spp", "tile"), SIZES)
+@for_each("rates", [[1e6], [1e6, 1e6], [1e7, 3e5, 40.0]])
+@for_each(("width", "height", "spp", "tile"), SIZES)
 def test_units_cover_every_sample_of_every_slot_once(
     width: int, height: int, spp: int, tile: int, rates: list[float]
 ) -> None:
@@ -250,22 +251,22 @@ def share_of_the_sum(plan: Plan, rates: Sequence[float], cost: float) -> float:
     return work / sum(rates) / max(end for _, _, end in done)
 
 
-@pytest.mark.parametrize("rate", [4.4e6, 1.37e6], ids=["S1", "S3-1M"])
-@pytest.mark.parametrize("speeds", SPEEDS, ids=str)
+@for_each("rate", [4.4e6, 1.37e6])
+@for_each("speeds", SPEEDS)
 def test_several_devices_are_as_fast_as_the_sum_of_their_speeds(rate: float, speeds: list[float]) -> None:
     """800 x 800 at 64 samples, by devices of a part of the speed that two cores have, and 2 ms beside each unit."""
     assert share_of_the_sum(Plan(800, 800, 0, 64, 64), [rate * speed for speed in speeds], 0.002) >= 0.95
 
 
-@pytest.mark.parametrize(("rate", "spp"), [(4.4e7, 256), (5e8, 1024)])
-@pytest.mark.parametrize("speeds", SPEEDS, ids=str)
+@for_each(("rate", "spp"), [(4.4e7, 256), (5e8, 1024)])
+@for_each("speeds", SPEEDS)
 def test_several_fast_devices_are(rate: float, spp: int, speeds: list[float]) -> None:
     """1920 x 1080: a second and more of work, in which what each unit costs is not to show."""
     assert share_of_the_sum(Plan(1920, 1080, 0, spp, 64), [rate * speed for speed in speeds], 0.002) >= 0.95
 
 
-@pytest.mark.parametrize("rate", [4.4e6, 5e8])
-@pytest.mark.parametrize("speeds", SPEEDS, ids=str)
+@for_each("rate", [4.4e6, 5e8])
+@for_each("speeds", SPEEDS)
 def test_several_distant_devices_are(rate: float, speeds: list[float]) -> None:
     """50 ms beside each unit, as over a network, where there is work for a minute."""
     spp = int(60.0 * rate * sum(speeds) / (1920 * 1080))
@@ -299,7 +300,7 @@ def test_no_unit_is_longer_than_it_should_be_where_devices_share() -> None:
     assert longest <= 1.0
 
 
-@pytest.mark.parametrize(("tile", "width", "height", "side"), [
+@for_each(("tile", "width", "height", "side"), [
     (64, 800, 600, 64), (1, 800, 600, 4), (6, 800, 600, 8), (64, 5, 3, 8), (64, 1, 1, 4), (65536, 100, 7, 100),
 ])  # fmt: skip
 def test_side_of_a_tile(tile: int, width: int, height: int, side: int) -> None:
@@ -579,10 +580,8 @@ def test_an_exception_of_whoever_is_asked_to_stop_ends_all_threads(calls: int) -
             raise ZeroDivisionError("in the callback")
         return False
 
-    begun = time.monotonic()
     with cut_as(small_units), pytest.raises(ZeroDivisionError, match="in the callback"):
         go(plan, [FakeWorker(plan) for _ in range(3)], Film(30, 22), None, stops)
-    assert time.monotonic() - begun < TIME_LIMITS
     assert no_threads_left(before)
 
 
@@ -592,10 +591,8 @@ def test_an_exception_of_whoever_watches_ends_all_threads() -> None:
     def tell(samples: int, rays: int) -> None:
         raise KeyboardInterrupt
 
-    begun = time.monotonic()
     with cut_as(small_units), pytest.raises(KeyboardInterrupt):
         go(plan, [FakeWorker(plan) for _ in range(3)], Film(30, 22), tell)
-    assert time.monotonic() - begun < TIME_LIMITS
     assert no_threads_left(before)
 
 

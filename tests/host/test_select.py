@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
+from cases import for_each
 
 from clrender.device.info import DeviceInfo
 from clrender.drivers import select as select_function
@@ -33,7 +34,7 @@ def chosen(*specs: str, known: Sequence[DeviceInfo] = KNOWN) -> list[int]:
     return [info.index for info in choose(specs, known, lambda info: info, lambda line: None)]
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("specs", "indices"),
     [
         (["auto"], [6]),
@@ -132,7 +133,7 @@ def test_no_device_of_the_kind_and_none_at_all() -> None:
         chosen("auto", known=[])
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("spec", "message"),
     [
         ("7", r"--device 7: there is no device with that index; there are 0 = llvmpipe"),

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 import pytest
+from cases import for_each
 from serialized_files import serialized
 
 import clrender
@@ -44,8 +45,8 @@ def read(folder: Path, data: bytes, index: int = 0) -> tuple[MeshData, bool]:
     return read_serialized_mesh("m.serialized", folder, (), "here", index)
 
 
-@pytest.mark.parametrize("version", [3, 4])
-@pytest.mark.parametrize("index", range(len(MESHES)))
+@for_each("version", [3, 4])
+@for_each("index", range(len(MESHES)))
 def test_meshes(tmp_path: Path, version: int, index: int) -> None:
     mesh, faceted = read(tmp_path, serialized(MESHES, version), index)
     wanted = MESHES[index]
@@ -125,7 +126,7 @@ def raw(body: bytes, version: int = 4) -> bytes:
     return struct.pack("<HH", 0x041C, version) + zlib.compress(body) + struct.pack("<QI", 0, 1)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("data", "index", "words"),
     [
         (b"", 0, "is empty"),

@@ -12,6 +12,7 @@ import click
 import jsonschema
 import numpy as np
 import pytest
+from cases import for_each
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -287,7 +288,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", REFUSED)
+@for_each("case", REFUSED)
 def test_what_makes_no_sense_is_refused_in_one_sentence(case: str) -> None:
     chosen, words = REFUSED[case]
     with pytest.raises(UsageError) as caught:
@@ -296,7 +297,7 @@ def test_what_makes_no_sense_is_refused_in_one_sentence(case: str) -> None:
     assert_one_sentence(caught.value)
 
 
-@pytest.mark.parametrize("size", [(800,), 800, "800x800", (1, 2, 3), (0, 4), (4.0, 4), (True, 4)])
+@for_each("size", [(800,), 800, "800x800", (1, 2, 3), (0, 4), (4.0, 4), (True, 4)])
 def test_a_size_is_two_whole_numbers(size: Any) -> None:
     with pytest.raises(UsageError, match=r"size is|width is") as caught:
         settings_for(ROOM, size, {})

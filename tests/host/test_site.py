@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from cases import for_each
 from site_links import faults
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -26,7 +27,7 @@ def test_a_sound_site_has_no_fault(tmp_path: Path) -> None:
     assert faults(tmp_path) == []
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("body", "said"),
     [
         ('<a href="b.html">b</a>', "no such file"),

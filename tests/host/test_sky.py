@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import for_each
 
 from clrender import layout
 from clrender.errors import SceneError
@@ -117,7 +118,7 @@ def test_elementary_functions() -> None:
     ]
 
 
-@pytest.mark.parametrize("sky", SKIES, ids=str)
+@for_each("sky", SKIES)
 def test_sky_of_another_program(sky: tuple[float, float, tuple[float, float, float]]) -> None:
     elevation, turbidity, albedo = sky
     up, azimuth = np.array(LOOKS).T
@@ -128,7 +129,7 @@ def test_sky_of_another_program(sky: tuple[float, float, tuple[float, float, flo
     np.testing.assert_allclose(sky_radiance(elevation, turbidity, albedo, up, apart).T, SKIES[sky], rtol=1e-5)
 
 
-@pytest.mark.parametrize("sun", SUNS, ids=str)
+@for_each("sun", SUNS)
 def test_sun_of_another_program(sun: tuple[float, float]) -> None:
     """It takes products of what is linear between two wavelengths, where clrender's are linear."""
     disc = sun_disc(*sun)
@@ -236,7 +237,7 @@ PLACES = {
 }
 
 
-@pytest.mark.parametrize("place", PLACES, ids=str)
+@for_each("place", PLACES)
 def test_published_positions(place: tuple[float, float, str]) -> None:
     elevation, azimuth = sun_position(*place)
     wanted = PLACES[place]
@@ -263,7 +264,7 @@ def test_directions_of_the_compass() -> None:
     np.testing.assert_allclose(given.sun_axis, (x * c + z * s, y, z * c - x * s), atol=1e-12)
 
 
-@pytest.mark.parametrize("hour", range(5, 20))
+@for_each("hour", range(5, 20))
 def test_the_sundial_goes_right(hour: int) -> None:
     """The sun is in the plane of the gnomon's edge and of the line of its hour."""
     scene = load("sundial")

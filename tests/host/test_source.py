@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from cases import for_each
 
 from clrender.device.source import expand, kernels_sha256, load_source
 from clrender.errors import RenderError
@@ -99,7 +100,7 @@ def test_a_folder_with_blanks_and_an_entry_elsewhere(tmp_path: Path) -> None:
     assert places(expand(str(entry), root)) == {"mark_b": "b.h:4", "mark_a": f"{entry}:2"}
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("text", "message"),
     [
         ('#include "rom/b.h"\n', r'a\.cl:1: kernel file "rom/b\.h" is not in .*; did you mean "room/b\.h"\?'),

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import for_each
 from PIL import Image
 from special_files import special
 
@@ -46,7 +47,7 @@ def scene(folder: Path, *shapes: dict[str, Any], **materials: Any) -> Scene:
 # --- what may be said -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("reflectance", "expected"),
     [
         ([0.5, 0.5], "materials.m.reflectance has only 2 entries, but must have 3"),
@@ -71,7 +72,7 @@ def test_bad_textures(reflectance: Any, expected: str) -> None:
     assert str(error.value).startswith("Scene: ") and expected in str(error.value), str(error.value)
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("emission", "expected"),
     [
         ([1.0, -1.0, 1.0], "shapes[0].emission[1] is -1.0, but must be at least 0"),
@@ -208,7 +209,7 @@ BAD: dict[str, tuple[str, Callable[[Path], bytes | None], str]] = {
 }
 
 
-@pytest.mark.parametrize("name", BAD)
+@for_each("name", BAD)
 def test_bad_files(tmp_path: Path, name: str) -> None:
     """One sentence, with the place and the file, and little memory taken."""
     file, content, expected = BAD[name]
@@ -385,8 +386,8 @@ UVS = [(0.0, 0.5), (2.0, 0.25), (3.0, -1.0), (0.125, 4.0)]
 SPLIT = np.array([[UVS[0], UVS[1], UVS[2]], [UVS[0], UVS[2], UVS[3]]])
 
 
-@pytest.mark.parametrize("names", ["s t", "u v", "texture_u texture_v"])
-@pytest.mark.parametrize("normals", [False, True])
+@for_each("names", ["s t", "u v", "texture_u texture_v"])
+@for_each("normals", [False, True])
 def test_ply(tmp_path: Path, names: str, normals: bool) -> None:
     more = "".join(f"property float {name}\n" for name in [*(["nx", "ny", "nz"] if normals else []), *names.split()])
     middle = "0 0 1 " if normals else ""

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from cases import for_each
 
 from clrender.errors import UsageError
 from clrender.image.tone_map import TONE_MAPS, display_values, srgb_decode, srgb_encode, to_display
@@ -17,7 +18,7 @@ def gray(value: float, tone_map: str, exposure: float = 0.0) -> float:
     return float(values[1])
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("linear", "display"),
     [
         (0.0, 0.0),
@@ -79,7 +80,7 @@ def test_agx_turns_a_strong_color_towards_white() -> None:
     assert saturation[0] > saturation[1] > saturation[2]
 
 
-@pytest.mark.parametrize("tone_map", TONE_MAPS)
+@for_each("tone_map", TONE_MAPS)
 def test_operators_grow_and_stay_within_bounds(tone_map: str) -> None:
     grays = np.concatenate([[0.0], np.logspace(-8, 8, 400)])
     values = display_values(np.stack([grays] * 3, -1), tone_map)
@@ -87,7 +88,7 @@ def test_operators_grow_and_stay_within_bounds(tone_map: str) -> None:
     assert np.diff(values[:, 1]).min() >= -1e-4  # AgX's polynomial dips by less than that at its end
 
 
-@pytest.mark.parametrize("tone_map", TONE_MAPS)
+@for_each("tone_map", TONE_MAPS)
 def test_what_is_no_radiance_is_still_a_color(tone_map: str) -> None:
     odd = np.array([[np.nan, -1.0, 0.0], [np.inf, 3e38, 1e30], [-np.inf, -0.0, 1e-45]], np.float32)
     image = to_display(odd[None], tone_map)
@@ -95,7 +96,7 @@ def test_what_is_no_radiance_is_still_a_color(tone_map: str) -> None:
     assert not image[0, 0].any()
 
 
-@pytest.mark.parametrize("tone_map", TONE_MAPS)
+@for_each("tone_map", TONE_MAPS)
 def test_exposure_counts_stops(tone_map: str) -> None:
     values = np.random.default_rng(0).random((50, 3))
     np.testing.assert_array_equal(display_values(values, tone_map, 2.0), display_values(values * 4, tone_map))

@@ -13,6 +13,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
+from cases import for_each
 from click.testing import CliRunner
 from scipy.stats import binomtest, hypergeom
 
@@ -431,7 +432,7 @@ def test_another_number_of_samples_than_its_settings_say(folder: Path, spp: Any)
 # --- how surely ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("total", "checked"), [(1, 1), (7, 3), (50, 10), (2500, 250), (2500, 2400)])
+@for_each(("total", "checked"), [(1, 1), (7, 3), (50, 10), (2500, 250), (2500, 2400)])
 def test_probabilities_are_those_of_the_hypergeometric_distribution(total: int, checked: int) -> None:
     for wrong in {0, 1, total // 3, total // 2, total - checked, total - checked + 1, total}:
         expected = hypergeom.sf(0, total, wrong, checked)

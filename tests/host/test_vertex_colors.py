@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import for_each
 
 from clrender.errors import SceneError
 from clrender.flatten.flat_scene import flatten
@@ -121,7 +122,7 @@ def test_jobs_carry_colours(tmp_path: Path) -> None:
     assert flatten(again.scene, 8, 8).sha256 == flatten(job.scene, 8, 8).sha256
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("more", "message"),
     [
         ({"colors": [[1, 0, 0]] * 3}, r"colors has 3 entries, but there are 4 vertices"),

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import for_each
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -71,7 +72,7 @@ def of_materials() -> EditedScene:
 # --- messages ---
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("text", "words"),
     [
         ("", "JSON"),
@@ -193,7 +194,7 @@ def test_the_camera_as_toml_is_that_camera(edited: EditedScene, keys: dict[str, 
     assert max(text.splitlines(), key=len).count("=") == 1
 
 
-@pytest.mark.parametrize("name", MATERIALS)
+@for_each("name", MATERIALS)
 def test_every_number_of_a_material_can_be_given_back(name: str) -> None:
     edited = of_materials()
     material = edited.scene.materials[name]
@@ -229,7 +230,7 @@ def test_a_page_is_told_of_every_setting_that_it_may_change(edited: EditedScene)
 HOST = {"host": "127.0.0.1:8000"}
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("headers", "token", "allowed"),
     [
         (HOST, "secret", True),

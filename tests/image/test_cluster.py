@@ -17,6 +17,7 @@ from typing import Any, cast
 import numpy as np
 import psutil
 import pytest
+from cases import for_each
 from cluster_support import DEVICE, Machines, machines, namespaces
 
 import clrender
@@ -138,7 +139,7 @@ def test_a_time_limit_holds(local: DaskCluster, here: Session) -> None:
     assert image.interrupted and image.stats["samples"] > 0
 
 
-@pytest.mark.parametrize(
+@for_each(
     "address",
     ["", "local", "local:", "local:0", "local:-1", "local:257", "local:x", "host", "host:8786", "http://host:1", "tcp://",
      "tcp://host", "tcp://host:0", "tcp://host:99999", "tcp://a b:1", "tcp://host:8786/x"],
@@ -148,7 +149,7 @@ def test_what_is_no_address_is_refused(address: str) -> None:
         check_address(address)
 
 
-@pytest.mark.parametrize("address", ["local:1", "tcp://host:8786", "tls://10.0.0.1:1", "tcp://[::1]:8786"])
+@for_each("address", ["local:1", "tcp://host:8786", "tls://10.0.0.1:1", "tcp://[::1]:8786"])
 def test_addresses(address: str) -> None:
     check_address(address)
 
@@ -318,10 +319,8 @@ def test_all_workers_or_the_scheduler_gone(
                     running.end(0)
                     running.end(1)
 
-        begun = time.monotonic()
         with pytest.raises(IncompleteRender) as caught:
             render_on(cluster, checkpoint=saved, on_progress=on_progress, **how)  # type: ignore[arg-type]
-        assert time.monotonic() - begun < 60.0
     message = str(caught.value)
     assert "\n" not in message and running.address in message, message
     assert ("the scheduler has not answered" if gone == "scheduler" else "no worker is there") in message

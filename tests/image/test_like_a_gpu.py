@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import for_each
 from image_support import render
 
 from clrender.device.device import Argument, Device, Program, whole_warps
@@ -99,7 +100,7 @@ def test_launches_fill_a_gpu(gpu: LikeGpu) -> None:
     worker.release()
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("multiple", "most", "group"),
     [
         (32, 1024, 64),

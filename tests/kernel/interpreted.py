@@ -117,6 +117,7 @@ RENDERS: Final = {
     "path-1": Run("path", 1, samples=2),
     "path-4": Run("path", 4),
     "path-8-single": Run("path", 8, "single"),
+    "path-1-rough": Run("path", 1, rough=True),
     "path-4-rough": Run("path", 4, samples=2, rough=True),
     "path-4-sky": Run("path", 4, samples=2, sky=True),
     "path-1-sky": Run("path", 1, sky=True),

@@ -31,8 +31,9 @@ pytestmark = [
 ]
 
 ERROR = re.compile(r"^(Invalid|Uninitialized|Controlflow|Read-write|Write-write|Unaligned|Work-group|Work-item)", re.M)
-QUICK = {"path-4"}
-"""Of the ways to render the plainest; the others are slow tests."""
+QUICK = {"path-4", "path-1-rough"}
+"""The plainest way to render, and every kind of material in one lane: values that one lane leaves unset, where several
+compute them for their neighbours, show there alone. The other ways are slow tests."""
 
 
 def interpreted(names: list[str], folder: Path, *options: str) -> tuple[dict[str, str], str]:

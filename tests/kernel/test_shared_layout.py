@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pytest
+from cases import for_each
 
 from clrender import layout
 from clrender.device import bvh, radix_sort
@@ -74,7 +74,7 @@ def test_an_array_of_structs_is_read_member_by_member(all_devices: list[Device],
         assert (got[0], got[1].view(np.uint32), got[2]) == (10.0, 7, 0.75), device.info.title
 
 
-@pytest.mark.parametrize(
+@for_each(
     ("file", "name", "value"),
     [
         ("geometry/bvh.h", "BVH_NODE_WORDS", bvh.NODE_WORDS),

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import numpy.typing as npt
 import pytest
+from cases import for_each
 from kernel_support import FOLDER
 from PIL import Image
 
@@ -165,7 +166,7 @@ def files() -> dict[str, tuple[Callable[[Path], None], Floats, dict[str, Any]]]:
     return found
 
 
-@pytest.mark.parametrize("name", files())
+@for_each("name", files())
 def test_every_kind_of_file(device: Device, tmp_path: Path, name: str) -> None:
     write, expected, keys = files()[name]
     write(tmp_path / name)
@@ -226,7 +227,7 @@ def test_the_table_of_srgb_is_exact(tmp_path: Path) -> None:
 # --- coordinates ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("wraps", list(itertools.product(WRAPS, WRAPS)), ids="-".join)
+@for_each("wraps", list(itertools.product(WRAPS, WRAPS)))
 def test_wrap_modes(device: Device, tmp_path: Path, wraps: tuple[str, str]) -> None:
     write_image(tmp_path / "a.exr", FLOATS)
     points = some_points(3.0)

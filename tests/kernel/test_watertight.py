@@ -56,14 +56,16 @@ def leaks(device: Device, name: str, place: str, count: int, seed: int) -> tuple
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize("millions", [2, pytest.param(10, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", CLOSED)
-def test_nothing_escapes_in_ten_million_rays(device: Device, name: str) -> None:
-    total = 0
+def test_nothing_escapes_in_millions_of_rays(device: Device, name: str, millions: int) -> None:
+    """In all bodies together. Without the slack of the triangle test a tenth of those in each escape."""
+    total, count = 0, 30_000 * millions
     for number, place in enumerate(PLACES):
-        escaped, sent = leaks(device, name, place, 300000, 90 + number)
+        escaped, sent = leaks(device, name, place, count, 90 + number)
         assert escaped == 0, f"{escaped} of {sent} rays escaped from {name}, {place}"
         total += sent
-    assert total * len(CLOSED) > 1e7
+    assert total * len(CLOSED) >= 1e6 * millions
 
 
 def left(

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import for_each
 from render_support import Studio, disk, lambert, quad, scene, sphere, triangle
 
 from clrender.scene import Scene
@@ -79,7 +80,7 @@ def test_dark_sides_are_black(studio: Studio, way: str) -> None:
         assert picture.max() == 0.0, f"{name}: {np.count_nonzero(picture.max(axis=2))} pixels are lit"
 
 
-@pytest.mark.parametrize("name", EMITTERS)
+@for_each("name", EMITTERS)
 def test_bright_sides_are_not(studio: Studio, name: str) -> None:
     """The same scenes with the emitter turned round: so there was something to find."""
     assert studio.image(lit_by(name, flipped=True), 24, spp=4).mean() > 0.05

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from cases import for_each
 from environment_support import PICTURES, DevicePicture, brighter, cells, irradiance, luminance, radiance, under
 from exact import polygon_irradiance
 from render_support import Studio, lambert, quad, scene
@@ -71,8 +72,8 @@ def test_a_quarter_turn_brings_what_was_at_z_to_x(device: Device) -> None:
     np.testing.assert_allclose(turned[:3], still[:3], atol=1e-4)
 
 
-@pytest.mark.parametrize("name", PICTURES)
-@pytest.mark.parametrize("degrees", [0.0, -1234.5])
+@for_each("name", PICTURES)
+@for_each("degrees", [0.0, -1234.5])
 def test_radiance_is_interpolated(device: Device, name: str, degrees: float) -> None:
     pixels = PICTURES[name]
     directions = sphere_directions(4000, 6)

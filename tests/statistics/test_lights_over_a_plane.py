@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from cases import for_each
 from exact import disk_irradiance, mirrored, polygon_irradiance, sphere_irradiance
 from render_support import Studio, disk, down, lambert, quad, scene, sphere, triangle
 from stats_support import Evidence
@@ -71,8 +72,8 @@ def test_polygon(evidence: Evidence, studio: Studio, name: str, sampling: str) -
     judge(evidence, studio, lit([facing(light, 2.0)]), irradiance, sampling, 128)
 
 
-@pytest.mark.parametrize("sampling", SAMPLING)
-@pytest.mark.parametrize("name", ["square above", "tilted", "triangle"])
+@for_each("sampling", SAMPLING)
+@for_each("name", ["square above", "tilted", "triangle"])
 def test_polygon_from_behind_is_dark(studio: Studio, name: str, sampling: str) -> None:
     what = lit([facing(POLYGONS[name], 2.0, front=False)])
     assert not studio.pixels(what, 16, spp=16, sampling=sampling).any()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from cases import for_each
 from material_support import (
     SOURCE,
     WHITE,
@@ -288,7 +289,7 @@ def test_smooth_metals_send_all_light_back_at_grazing_angles(device: Device, alp
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("name", RECIPROCAL)
+@for_each("name", RECIPROCAL)
 def test_reciprocity(device: Device, name: str) -> None:
     """Also through glass, where f is over the square of the index on the side of the light."""
     material, wo, wi = RECIPROCAL[name], directions(510, 4096), directions(511, 4096)
@@ -422,7 +423,7 @@ def test_rough_diffuse_light_against_its_formula(device: Device) -> None:
         np.testing.assert_allclose(f[:, 0] / wi[:, 2], exact, rtol=1e-5, atol=allowed)
 
 
-@pytest.mark.parametrize("metal", METALS)
+@for_each("metal", METALS)
 def test_metals_reflect_by_fresnel(device: Device, metal: str) -> None:
     """Complex arithmetic against the kernel's and the host's real one, at smooth metals."""
     for angle in (0.0, 45.0, 80.0, 89.0):
@@ -459,8 +460,8 @@ def test_a_white_sphere_in_white_light_is_invisible(device: Device, name: str) -
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("integrator", ["path", "direct", "whitted"])
-@pytest.mark.parametrize("name", ["oren_nayar 0.5", "conductor 0.1", "plastic 0.25"])
+@for_each("integrator", ["path", "direct", "whitted"])
+@for_each("name", ["oren_nayar 0.5", "conductor 0.1", "plastic 0.25"])
 def test_a_point_light_over_a_plane(device: Device, name: str, integrator: str) -> None:
     """Each sample is f cosθ I / d²; a pixel so small that both directions are the same over all of it."""
     eye, light, intensity = towards(35.0, 0.3) * 3.0, towards(50.0, 0.7) * 2.0, 10.0
