@@ -30,7 +30,13 @@ _ENDINGS = (".toml", ".json")
 @choice_options
 @allow_path_option
 def convert(
-    scene: str, output: Path, force: bool, time_at: float | None, variant: str | None, allow_paths: tuple[Path, ...]
+    scene: str,
+    output: Path,
+    force: bool,
+    time_at: float | None,
+    variant: str | None,
+    strict: bool,
+    allow_paths: tuple[Path, ...],
 ) -> None:
     """Convert SCENE, in any supported format, to OUTPUT (.toml or .json) in clrender's format.
 
@@ -47,7 +53,7 @@ def convert(
     from clrender.importers import load
     from clrender.version import __version__
 
-    loaded = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant)
+    loaded = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant, strict=strict)
     check_distinct([output], scene_files(scene, loaded))
     folder = output.with_name(f"{output.stem}-files")
     export = exported(loaded, folder.name)

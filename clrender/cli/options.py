@@ -269,7 +269,10 @@ def progress_options(command: Any) -> Any:
 
 
 def choice_options(command: Any) -> Any:
-    """Decorator: the options for choices that a glTF file leaves open."""
+    """Decorator: the options for choices that a file of another format leaves open."""
+    command = click.option(
+        "--strict", is_flag=True, help="Refuse a file of another format for faults that are otherwise noted."
+    )(command)
     command = click.option("--variant", metavar="NAME", help="Material variant of a glTF file.")(command)
     return click.option(
         "--time-at",

@@ -114,6 +114,7 @@ def render(
     quiet: bool,
     time_at: float | None,
     variant: str | None,
+    strict: bool,
     allow_paths: tuple[Path, ...],
     **settings: Any,
 ) -> None:
@@ -142,7 +143,9 @@ def render(
         begun = time.perf_counter()
         waiting = stack.enter_context(Waiting(None if quiet else STYLES[progress]().say))
         waiting.stage("reading")
-        description = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant, environment=environment)
+        description = load(
+            scene, allow_paths=allow_paths, time_at=time_at, variant=variant, environment=environment, strict=strict
+        )
         description = description.with_exposure(f_stop, shutter, iso)
         read_seconds = time.perf_counter() - begun
         check_distinct(written, scene_files(scene, description))

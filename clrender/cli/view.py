@@ -78,6 +78,7 @@ def view(
     environment: Path | float | None,
     time_at: float | None,
     variant: str | None,
+    strict: bool,
     allow_paths: tuple[Path, ...],
     **settings: Any,
 ) -> None:
@@ -93,7 +94,14 @@ def view(
     for path in outputs:
         check_output(path)
     source = _SceneFile(
-        scene, {"allow_paths": allow_paths, "time_at": time_at, "variant": variant, "environment": environment}
+        scene,
+        {
+            "allow_paths": allow_paths,
+            "time_at": time_at,
+            "variant": variant,
+            "environment": environment,
+            "strict": strict,
+        },
     )
     check_distinct(outputs, [Path(scene)])
     with Waiting(partial(click.echo, err=True)) as waiting:

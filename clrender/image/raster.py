@@ -21,7 +21,7 @@ from clrender.image.tone_map import srgb_decode
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
 
-__all__ = ["RASTER_ENDINGS", "open_raster", "raster_floats", "raster_words", "read_raster"]
+__all__ = ["RASTER_ENDINGS", "open_raster", "raster_ending", "raster_floats", "raster_words", "read_raster"]
 
 
 @dataclass(frozen=True)
@@ -68,6 +68,12 @@ _FORMATS: Final[Mapping[str, _Format]] = {
 """Those with a signature first."""
 RASTER_ENDINGS: Final = (".tga", ".bmp", ".ppm", ".pgm", ".pbm", ".pnm", ".tif", ".tiff", ".gif", ".dds")
 """Extensions of their files."""
+
+
+def raster_ending(start: bytes) -> str | None:
+    """Extension of the format of a file that begins with these bytes; of TGA, which has no signature, a guess."""
+    names = {"BMP": ".bmp", "GIF": ".gif", "TIFF": ".tif", "DDS": ".dds", "PNM": ".ppm", "TGA": ".tga"}
+    return next((names[name] for name, each in _FORMATS.items() if each.signature(start)), None)
 
 
 def open_raster(file: IO[bytes], most: int) -> ImageFile | None:

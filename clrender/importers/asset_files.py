@@ -29,6 +29,8 @@ class AssetFiles:
     folder : pathlib.Path
         The scene file's folder.
     allow_paths : sequence of pathlib.Path
+    strict : bool
+        Whether faults of the scene that could be forgiven, or left out, refuse it; see `Draft`.
 
     Attributes
     ----------
@@ -36,8 +38,8 @@ class AssetFiles:
         Files that were read besides the scene's own.
     """
 
-    def __init__(self, source: str, folder: Path, allow_paths: Sequence[Path] = ()) -> None:
-        self.source, self.folder, self.allow_paths = source, folder, tuple(allow_paths)
+    def __init__(self, source: str, folder: Path, allow_paths: Sequence[Path] = (), strict: bool = False) -> None:
+        self.source, self.folder, self.allow_paths, self.strict = source, folder, tuple(allow_paths), strict
         self.opened: list[Path] = []
         self._searched: list[str] = []
 

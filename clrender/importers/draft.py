@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from clrender.errors import SceneError
 from clrender.meshes.data import MeshData
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.groups import TransformArray
@@ -18,6 +19,10 @@ _MOST_NOTES: Final = 40
 @dataclass
 class Draft:
     """A scene under construction by an importer.
+
+    What is wrong in a file is answered in one of three ways. What cannot be drawn refuses the file. What makes a part
+    impossible leaves out that part. What a specification forbids, but leaves no doubt about the image, is forgiven. The
+    last two are noted and counted, and refuse the file as well if that is asked for (``--strict``).
 
     Attributes
     ----------
@@ -36,6 +41,8 @@ class Draft:
         What is not supported and what was done instead; a sentence each, without the file's name.
     wants_light : bool
         Whether it needs a default environment although it has emissive surfaces, if it has no other lights.
+    forgiven, left_out : int
+        Faults that were forgiven, and parts that were left out for theirs.
     """
 
     description: dict[str, Any] = field(default_factory=lambda: {"materials": {}, "shapes": [], "lights": []})
@@ -45,6 +52,8 @@ class Draft:
     places: dict[str, TransformArray] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     wants_light: bool = False
+    forgiven: int = 0
+    left_out: int = 0
     _more: int = field(default=0, repr=False)
 
     def note(self, sentence: str) -> None:
@@ -55,6 +64,36 @@ class Draft:
             self.notes.append(sentence)
         else:
             self._more += 1
+
+    def forgive(self, fault: SceneError, source: str, strict: bool) -> None:
+        """Note a fault that leaves no doubt about the image.
+
+        Parameters
+        ----------
+        fault : SceneError
+            The error with which the file would be refused; what follows its last semicolon is the remedy.
+        source : str
+            Name of the file, with which the message begins.
+        strict : bool
+            Whether to refuse the file.
+
+        Raises
+        ------
+        SceneError
+            The fault itself, if `strict`.
+        """
+        if strict:
+            raise fault
+        self.forgiven += 1
+        sentence = str(fault).removeprefix(f"{source}: ")
+        self.note(f"{sentence.rpartition('; ')[0] or sentence}: read all the same")
+
+    def leave_out(self, fault: SceneError, source: str, strict: bool) -> None:
+        """Note a fault for which a part is left out; for the parameters see `forgive`."""
+        if strict:
+            raise fault
+        self.left_out += 1
+        self.note(f"{str(fault).removeprefix(f'{source}: ')}: left out")
 
     def said(self) -> list[str]:
         """All notes, and a last one with the number of omitted notes."""

@@ -44,6 +44,7 @@ def load(
     time_at: float | None = None,
     variant: str | None = None,
     environment: str | Path | float | None = None,
+    strict: bool = False,
 ) -> Scene:
     """Read and validate a scene and the files it names.
 
@@ -60,6 +61,9 @@ def load(
         Name of a glTF file's material variant (KHR_materials_variants).
     environment : str, pathlib.Path or float, optional
         Environment map or radiance, for a scene that has none; see `clrender.scene.Scene.with_environment`.
+    strict : bool
+        Whether a file of another format is refused for faults that are otherwise forgiven, or for which a part is left
+        out, with a note.
 
     Returns
     -------
@@ -105,7 +109,7 @@ def load(
     for folder in folders:
         if not folder.is_dir():
             raise SceneError(f"{quoted(str(folder))} is no folder, so nothing in it can be allowed")
-    files = AssetFiles(ascii(str(path))[1:-1], path.parent, folders)
+    files = AssetFiles(ascii(str(path))[1:-1], path.parent, folders, strict)
     scene = completed(read(path, files, choices) if ending in _CHOOSING else read(path, files), files)
     scene = scene.with_origin(origin)
     return scene if environment is None else scene.with_environment(environment)

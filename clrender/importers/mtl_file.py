@@ -100,12 +100,12 @@ class MtlMaterial:
         return value
 
     def color(self, key: str, default: float) -> tuple[float, float, float]:
-        """A colour; one number is a grey, and ``xyz`` is converted to linear Rec. 709.
+        """A colour; one number is a grey, and ``xyz`` is converted to linear Rec. 709. A spectrum's is the default.
 
         Raises
         ------
         SceneError
-            It is not a colour, or a spectrum in a file.
+            It is not a colour.
         """
         if key not in self.lines:
             return (default, default, default)
@@ -114,7 +114,9 @@ class MtlMaterial:
         values = [_number(word) for word in words[xyz:]]
         found = [value for value in values if value is not None]
         if len(found) != len(values) or len(found) not in (1, 3):
-            right = "but must be one number or three; a spectrum (.rfl) is not read"
+            if words[:1] == ["spectral"]:
+                return (default, default, default)
+            right = "but must be one number or three"
             raise SceneError(f"{self.place(key)}: {key} is {quoted(self.lines[key][0])}, {right}")
         red, green, blue = found if len(found) == 3 else found * 3
         return _rec709(red, green, blue) if xyz else (red, green, blue)
@@ -164,7 +166,7 @@ def read_mtl(data: bytes, label: str) -> dict[str, MtlMaterial]:
     Raises
     ------
     SceneError
-        It is not text, a statement precedes the first material, or a material has no name.
+        It is not text, or a statement precedes the first material.
     """
     if b"\0" in data:
         raise SceneError(f"{label} is no text file: it holds zero bytes; save it as UTF-8 or plain ASCII")
@@ -177,8 +179,6 @@ def read_mtl(data: bytes, label: str) -> dict[str, MtlMaterial]:
             continue
         keyword, rest = words[0].lower(), words[1].strip() if len(words) > 1 else ""
         if keyword == "newmtl":
-            if not rest:
-                raise SceneError(f"{label}: line {number}: newmtl has no name; give one")
             now = MtlMaterial(rest, label)
             found.setdefault(rest, now)
             if len(found) > _MATERIAL_LIMIT:

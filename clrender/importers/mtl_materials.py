@@ -102,10 +102,15 @@ class _Converter:
         given, clear = self._source.number("d", 1.0), self._source.number("tr", 0.0)
         if "d" in self._source and "tr" in self._source and abs(given - (1.0 - clear)) > 1e-3:
             self._note(f"has d {given:g} and Tr {clear:g}, which contradict each other: d counts")
+        if "d" not in self._source and clear == 1.0:
+            self._note("has Tr 1 without d, by which many programs mean opaque: taken so")
+            return 1.0
         return min(max(given if "d" in self._source else 1.0 - clear, 0.0), 1.0)
 
     def _shares(self, key: str, default: float) -> _Color:
         """A colour clamped to 0 to 1."""
+        if key in self._source and self._source.lines[key][0].startswith("spectral"):
+            self._note(f"has a {key.capitalize()} by a spectrum (.rfl), which is not read: left out")
         color = self._source.color(key, default)
         red, green, blue = (min(max(each, 0.0), 1.0) for each in color)
         if (red, green, blue) != color:
@@ -225,7 +230,7 @@ class _Converter:
         channel = "a" if picture is not None and base is not None and picture.name == base.name else "luminance"
         opacity = self._pictures.share(picture, self._d, channel) or self._d
         if self._d == 0.0:
-            self._note("has d 0 (or Tr 1) and is not seen at all")
+            self._note("has d 0 and is not seen at all")
         if opacity != 1.0:
             material["opacity"] = opacity
 

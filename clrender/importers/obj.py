@@ -73,9 +73,13 @@ def read(path: Path, files: AssetFiles) -> Draft:
         if size == 0:
             raise SceneError(f"{label} is empty; it must hold a mesh")
         try:
-            records = read_records(file, label, None, statements=True)
+            records = read_records(file, label, None, statements=True, strict=files.strict)
         except OSError as error:
             raise SceneError(f"{label} cannot be read: {error.strerror or error}") from None
+    for fault in records.faults:
+        draft.left_out += 1
+        draft.note(fault)
+    records.faults.clear()
     faces = ObjFaces(records, label)
     runs = _runs(records.statements, records.counts["f"])
     _note_statements(records, runs, faces, draft)
@@ -179,7 +183,7 @@ def _materials(
         if source is None:
             found[number] = None, Converted({"type": "lambert", "reflectance": [GREY] * 3}, None)
             continue
-        name = wanted[:200]
+        name = wanted[:200] or "unnamed"
         while name in used:
             name = f"{name[:190]} {len(used)}"
         used.add(name)

@@ -18,7 +18,7 @@ from clrender.meshes.vertex_colors import VertexColors, linear_colors
 __all__ = ["ObjFaces", "read_obj"]
 
 _Whole = NDArray[np.int64]
-_SOME_NORMALS: Final = "gives normals to some corners of its faces only; give them to all or to none"
+_SOME_NORMALS: Final = "some corners have no normals, and got that of their face"
 
 
 def read_obj(file: BinaryIO, size: int, label: str, colors: VertexColors | None = None) -> MeshData:
@@ -133,7 +133,7 @@ class ObjFaces:
         Raises
         ------
         SceneError
-            There are too many triangles, or some corners have no normals.
+            There are too many triangles.
         """
         sizes = self.sizes if faces is None else self.sizes[faces]
         total = int(sizes.sum()) - 2 * len(sizes)
@@ -150,9 +150,12 @@ class ObjFaces:
             used, corners = _used(corners)
             vertices = vertices[used]
         if (corner_normals >= 0).any():
+            table = self._normals
             if (corner_normals < 0).any():
-                raise SceneError(f"{self.label} {_SOME_NORMALS}")
-            vertices, normals, corners = _with_normals(vertices, self._normals, corners, corner_normals)
+                table = np.concatenate([table, np.zeros((1, 3))])
+                corner_normals = np.where(corner_normals < 0, len(table) - 1, corner_normals)
+                warning = "; ".join(each for each in (warning, _SOME_NORMALS) if each)
+            vertices, normals, corners = _with_normals(vertices, table, corners, corner_normals)
         elif smoothing is not None and smoothing.any():
             groups = _groups(smoothing if faces is None else smoothing[faces])
             vertices, corners = _split(vertices, corners, np.repeat(groups, sizes))
@@ -167,7 +170,7 @@ class ObjFaces:
             vertices,
             (corners.reshape(-1, 3) if triangles is None else corners[triangles]).astype(np.uint32),
             normals,
-            "; ".join(each for each in (crossed_warning(crossed), warning) if each),
+            "; ".join(each for each in (*self.records.faults, crossed_warning(crossed), warning) if each),
             by_triangle(uvs),
             colors=by_triangle(shades),
         )

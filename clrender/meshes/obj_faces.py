@@ -116,7 +116,7 @@ def _any_corners(lines: Lines, block: Block, label: str) -> _Whole:
     kept: list[tuple[int, int, int]] = []
     words = iter(lines.text.split())
     for place, count in zip(lines.places.tolist(), lines.words.tolist(), strict=True):
-        good = count >= 3
+        good = True
         for word in (next(words) for _ in range(count)):
             match = _CORNER.fullmatch(word.decode("latin-1"))
             indices = [int(each) for each in match.groups() if each] if match else [0]
@@ -125,4 +125,4 @@ def _any_corners(lines: Lines, block: Block, label: str) -> _Whole:
                 kept.append((int(match[1]), int(match[2] or 0), int(match[3] or 0)))
         if not good:
             raise bad_line(block, place, label, "is not a face of 3 or more vertex indices")
-    return np.array(kept, np.int64)
+    return np.array(kept, np.int64).reshape(-1, 3)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import BinaryIO, Final, NamedTuple
 
 import numpy as np
@@ -31,6 +31,9 @@ _KEPT: Final = frozenset(("o", "s", "usemtl", "mtllib"))
 """Keywords of statements that are kept, as shapes depend on them."""
 _STATEMENT_LIMIT: Final = 2**20
 """Most statements that differ from the last one of their kind."""
+_OUTLINES: Final = re.compile(rb"(?m)^([ \t]*)fo(?=[ \t])")
+_FACES: Final = "such faces are left out"
+_NORMALS: Final = "such corners have the normal of their face"
 _KIND_LIMIT: Final = 256
 """Most other keywords that are counted."""
 
@@ -79,6 +82,12 @@ class ObjRecords:
         The last statement of each kind.
     some_colored : bool
         Whether only some positions have colours, or more than were requested.
+    strict : bool
+        Whether faces that cannot be drawn refuse the file.
+    faults : list of str
+        What was left out otherwise.
+    doubtful : bool
+        Whether there may be such faces.
     """
 
     positions: list[NDArray[np.float64]] = field(default_factory=list)
@@ -94,9 +103,21 @@ class ObjRecords:
     others: dict[str, int] = field(default_factory=dict)
     latest: dict[str, str] = field(default_factory=dict)
     some_colored: bool = False
+    strict: bool = False
+    faults: list[str] = field(default_factory=list)
+    doubtful: bool = False
+
+    def tell(self, fault: SceneError, label: str, what: str) -> None:
+        """Note a fault for which something is left out, the first of its kind alone, or raise it if `strict`."""
+        if self.strict:
+            raise fault
+        if not any(known.endswith(what) for known in self.faults):
+            self.faults.append(f"{str(fault).removeprefix(label).lstrip(': ')}: {what}")
 
 
-def read_records(file: BinaryIO, label: str, colors: bool | None, statements: bool = False) -> ObjRecords:
+def read_records(
+    file: BinaryIO, label: str, colors: bool | None, statements: bool = False, strict: bool = False
+) -> ObjRecords:
     """Read all lines of an OBJ file.
 
     Parameters
@@ -109,14 +130,18 @@ def read_records(file: BinaryIO, label: str, colors: bool | None, statements: bo
         Whether each position must have a colour after it, as in ``v x y z r g b``; None: read them if all have one.
     statements : bool
         Whether to keep statements, which are neither vertices nor faces.
+    strict : bool
+        Whether faces that cannot be drawn refuse the file; else they are left out.
 
     Raises
     ------
     SceneError
         If it is damaged, or has no faces.
     """
-    found = ObjRecords()
+    found = ObjRecords(strict=strict)
     for block in line_blocks(file, label, obj=True):
+        if b"fo" in block.text:  # what faces were called once
+            block = replace(block, text=_OUTLINES.sub(rb"\1f ", block.text))
         for run in runs(block):
             if not (run.kind and _add_alike(run, found, colors)):
                 _read_block(run.block, found, label, colors, statements)
@@ -130,8 +155,30 @@ def read_records(file: BinaryIO, label: str, colors: bool | None, statements: bo
         index, line = found.largest[kind]
         if index >= found.counts[kind]:
             held = f"only {found.counts[kind]} are in the file" if found.counts[kind] else "none is in the file"
-            raise SceneError(f"{label}: line {line} has a face that names {what} {index + 1}, but {held}")
+            fault = SceneError(f"{label}: line {line} has a face that names {what} {index + 1}, but {held}")
+            found.tell(fault, label, _FACES if kind == "v" else _NORMALS)
+            found.doubtful = True
+    if found.doubtful:
+        _leave_out(found, label)
     return found
+
+
+def _leave_out(found: ObjRecords, label: str) -> None:
+    """Take out faces of fewer than three corners, or of vertices that there are not, and such normals."""
+    sizes, corners, uvs, normals = (
+        np.concatenate(parts) for parts in (found.sizes, found.corners, found.corner_uvs, found.corner_normals)
+    )
+    kept = sizes >= 3
+    face = np.repeat(np.arange(len(sizes)), sizes)
+    kept[face[(corners < 0) | (corners >= found.counts["v"])]] = False
+    if not kept.any():
+        raise SceneError(f"{label} holds no face that can be drawn: {found.faults[0].partition(': such ')[0]}")
+    normals[normals >= found.counts["vn"]] = -1
+    of_kept = kept[face]
+    found.sizes, found.counts["f"] = [sizes[kept]], int(np.count_nonzero(kept))
+    found.corners, found.corner_uvs, found.corner_normals = [corners[of_kept]], [uvs[of_kept]], [normals[of_kept]]
+    before = np.concatenate([[0], np.cumsum(kept)])
+    found.statements = [each._replace(faces=int(before[each.faces])) for each in found.statements]
 
 
 def _add_alike(run: Run, found: ObjRecords, colors: bool | None) -> bool:
@@ -213,7 +260,13 @@ def _read_block(block: Block, found: ObjRecords, label: str, colors: bool | None
     if is_kind["v"].any():
         some = lines("v")
         size = 6 if colors or (colors is None and bool((some.words >= 6).all())) else 3
-        found.positions.append(_vectors(some, size, block, label))
+        try:
+            found.positions.append(_vectors(some, size, block, label))
+        except SceneError:
+            if size == 3 or colors:
+                raise
+            size = 3
+            found.positions.append(_vectors(some, size, block, label))
         found.some_colored |= size == 3 and bool((some.words >= 6).any())
         found.counts["v"] += len(some.words)
     for kind, into, size in (("vt", found.uvs, 2), ("vn", found.normals, 3)):
@@ -247,6 +300,15 @@ def _vectors(lines: Lines, size: int, block: Block, label: str) -> NDArray[np.fl
     numbers = parse_numbers(lines.text, (lines.starts, lines.ends))
     if size == 2 and (lines.words == 1).all() and numbers is not None:
         return np.stack([numbers, np.zeros_like(numbers)], axis=1)  # texture coordinates of a 1D texture
+    sound = numbers is not None and bool(np.isfinite(numbers).all())
+    if not sound and size == 3 and (lines.words > size).any() and (lines.words >= size).all():
+        # What follows a position need not be numbers
+        number_of = np.arange(len(lines.starts)) - np.repeat(np.cumsum(lines.words) - lines.words, lines.words)
+        leading = number_of < size
+        kept = [lines.text[a:b] for a, b in zip(lines.starts[leading], lines.ends[leading], strict=True)]
+        numbers = parse_numbers(b" ".join(kept) + b"\n")
+        if numbers is not None and np.isfinite(numbers).all():
+            return numbers.reshape(-1, size)
     if numbers is None or (lines.words < size).any() or not np.isfinite(numbers).all():
         what = f"is not a {_VECTORS[size]} of {size} numbers"
         for place in lines.places.tolist():
@@ -262,6 +324,10 @@ def _vectors(lines: Lines, size: int, block: Block, label: str) -> NDArray[np.fl
 
 def _add_faces(lines: Lines, before: Mapping[str, _Whole], block: Block, found: ObjRecords, label: str) -> None:
     """Add the faces of a block; `before` holds the number of vertices and other records before each face."""
+    if (lines.words < 3).any():
+        place = int(lines.places[np.argmax(lines.words < 3)])
+        found.tell(bad_line(block, place, label, "is not a face of 3 or more vertex indices"), label, _FACES)
+        found.doubtful = True
     parsed = face_corners(lines, block, label)
     face: _Whole | None = None
     for column, kind in enumerate(_INDEXED):
@@ -275,9 +341,12 @@ def _add_faces(lines: Lines, before: Mapping[str, _Whole], block: Block, found: 
                 corner = int(np.argmax(wrong))
                 what = {"v": "vertex", "vn": "normal"}[kind]
                 named = f"names {what} {given[corner]}, which the file does not hold"
-                raise bad_line(block, int(lines.places[face[corner]]), label, named)
-        top = int(np.argmax(index))
-        if index[top] - 1 > found.largest[kind][0]:
+                fault = bad_line(block, int(lines.places[face[corner]]), label, named)
+                found.tell(fault, label, _FACES if kind == "v" else _NORMALS)
+                index = np.where(wrong, 0, index)
+                found.doubtful = True
+        top = int(np.argmax(index)) if len(index) else 0
+        if len(index) and index[top] - 1 > found.largest[kind][0]:
             at = int(np.searchsorted(np.cumsum(lines.words), top, side="right"))
             found.largest[kind] = (int(index[top]) - 1, block.line_number(int(lines.places[at])))
         (found.corners, found.corner_uvs, found.corner_normals)[column].append(index - 1)

@@ -223,9 +223,7 @@ def test_notes(tmp_path: Path, obj: str, mtl: str | None, expected: str) -> None
         ("usemtl a\nf 1 2 9\n", "", "line 11 has a face that names vertex 9"),
         ("v 1e13 0 0\nf -1 2 3\n", "", "is (1e+13, 0, 0), but must be"),
         (FACE, "Kd 1 1 1\n", '"m.mtl": line 1: "kd" stands before the first newmtl'),
-        (FACE, "newmtl\n", '"m.mtl": line 1: newmtl has no name'),
         ("usemtl a\n" + FACE, "newmtl a\n\nKd 1 x 1\n", '"m.mtl": line 3: kd is "1 x 1", but must be'),
-        ("usemtl a\n" + FACE, "newmtl a\nKd spectral x.rfl 1\n", "a spectrum (.rfl) is not read"),
         ("usemtl a\n" + FACE, "newmtl a\nNs 1e999\nKs 1 1 1\n", 'line 2: ns is "1e999", but must be one number'),
         ("usemtl a\n" + FACE, "newmtl a\nmap_Kd -bm x.png\n", "line 2: -bm of map_kd must be followed by a number"),
         ("usemtl a\n" + FACE, "newmtl a\nmap_Kd -clamp on\n", "line 2: map_kd names no picture"),
@@ -329,8 +327,6 @@ def test_lines_written_alike_are_read_as_others_are(tmp_path: Path, corner: str,
     "line",
     [
         "f 1 2 0",
-        "f 1 2 9999",
-        "f 1 2",
         "f 1 2 3x",
         "v 1.0 2.0 .",
         "v 1.0 2.0 -.",
@@ -356,3 +352,61 @@ def test_many_statements_beside_one_continued_line(tmp_path: Path) -> None:
     assert time.process_time() - begun < 5.0
     scene = load(tmp_path, SQUARE + "".join(f"usemtl m{i}\nf 1 2 3\n" for i in range(3000)))
     assert len(scene.shapes) == 1 and "2984 more materials are in no library" in said(scene)
+
+
+# --- faults that are forgiven ----------------------------------------------------------------------------------------
+
+
+@for_each(
+    ("wrong", "words"),
+    [
+        ("f 1 2 9999", "names vertex 9999, but only"),
+        ("f 1 2 99999999999999999", "names vertex 99999999999999999, but only"),
+        ("f -9999 2 1", "names vertex -9999, which the file does not hold"),
+        ("f 1 2", "is not a face of 3 or more vertex indices"),
+        ("f", "is not a face of 3 or more vertex indices"),
+    ],
+)
+def test_faces_that_cannot_be_drawn_are_left_out(tmp_path: Path, wrong: str, words: str) -> None:
+    """Alone or among many, between objects, and by `strict` they refuse the file."""
+    many = "v 0.0 1.0 2.0\nv 1.0 1.0 2.0\nv 0.0 2.0 2.0\n" * 200 + "o a\n" + "f 1 2 3\n" * 300
+    for text in (f"{SQUARE}o a\nf 1 2 3\nf 1 3 4\n", many):
+        sound = load(tmp_path, text + "o b\nf 1 2 3\n")
+        scene = load(tmp_path, f"{text}{wrong}\no b\n{wrong}\nf 1 2 3\n")
+        assert scene.sha256() == sound.sha256() and [each.name for each in scene.shapes] == ["a", "b"]
+        assert words in said(scene) and "such faces are left out" in said(scene)
+    mesh = read_mesh("m.obj", tmp_path, (), "x")
+    assert "such faces are left out" in mesh.warning and len(mesh.triangles) == 301
+    with pytest.raises(SceneError, match=r"m\.obj: line \d+ "):
+        clrender.load(tmp_path / "m.obj", strict=True)
+
+
+def test_corners_without_normals_have_that_of_their_face(tmp_path: Path) -> None:
+    text = SQUARE + "vn 0 0 1\n"
+    some = load(tmp_path, f"{text}f 1//1 2//1 3\n")
+    assert "got that of their face" in meshes(some)[0].warning
+    normals = meshes(some)[0].normals
+    assert normals is not None and (np.abs(normals).sum(axis=1) == 0.0).any()
+    bad = load(tmp_path, f"{text}f 1//1 2//1 3//7\n")
+    assert bad.sha256() == some.sha256() and "names normal 7, but only 1 are in the file" in said(bad)
+
+
+def test_what_follows_a_position_need_not_be_a_colour(tmp_path: Path) -> None:
+    scene = load(tmp_path, "v 0 0 0 1 0 0\nv 1 0 0 nan nan nan\nv 0 1 0 1 0 0\nf 1 2 3\n")
+    assert scene.sha256() == load(tmp_path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").sha256()
+
+
+def test_the_old_word_for_faces(tmp_path: Path) -> None:
+    assert load(tmp_path, SQUARE + "fo 1 2 3\n").sha256() == load(tmp_path, SQUARE + "f 1 2 3\n").sha256()
+
+
+def test_a_material_without_a_name_and_one_by_a_spectrum(tmp_path: Path) -> None:
+    scene = load(tmp_path, f"mtllib m.mtl\n{SQUARE}usemtl\nf 1 2 3\n", "newmtl \nKd 0.8 0 0\n")
+    assert next(iter(scene.materials)) == "unnamed"
+    scene = load(tmp_path, f"mtllib m.mtl\n{SQUARE}usemtl a\nf 1 2 3\n", "newmtl a\nKd spectral x.rfl 1\n")
+    assert "has a Kd by a spectrum (.rfl), which is not read" in said(scene)
+
+
+def test_tr_of_one_without_d_means_opaque(tmp_path: Path) -> None:
+    scene = load(tmp_path, f"mtllib m.mtl\n{SQUARE}usemtl a\nf 1 2 3\n", "newmtl a\nKd 1 0 0\nTr 1\n")
+    assert "Tr 1 without d" in said(scene) and scene.materials["a"].opacity == 1.0

@@ -99,13 +99,26 @@ class Accessors:
         views = [self._document.items("bufferViews")[part["bufferView"]] for part in parts if "bufferView" in part]
         return all(self._buffers[view["buffer"]] is not None for view in views)
 
+    def _directions(self) -> set[int]:
+        """Accessors of normals and tangents."""
+        primitives = [each for mesh in self._document.items("meshes") for each in mesh["primitives"]]
+        return {
+            each["attributes"][key] for each in primitives for key in ("NORMAL", "TANGENT") if key in each["attributes"]
+        }
+
     def _check(self, index: int, accessor: dict[str, Any]) -> None:
         at = f"/accessors/{index}"
         numbers = self.raw(index)
         low, high = _extremes(numbers)
         if numbers.dtype.kind == "f" and not (np.isfinite(low).all() and np.isfinite(high).all()):
-            row = int(np.argmax(~np.isfinite(numbers.reshape(len(numbers), -1)).all(axis=1)))
-            raise self._document.fault(at, f"has a number in element {row} that is not finite; export it again")
+            finite = np.isfinite(numbers.reshape(len(numbers), -1)).all(axis=1)
+            text = f"has a number in element {int(np.argmax(~finite))} that is not finite; export it again"
+            if index not in self._directions():
+                raise self._document.fault(at, text)
+            self._document.forgive(at, text)
+            # As of no length: there the surface has its own normal
+            self._arrays[index] = np.where(finite[:, None], numbers, numbers.dtype.type(0))
+            return
         for key, found, sign in (("min", low, 1.0), ("max", high, -1.0)):
             if key not in accessor:
                 continue
@@ -117,7 +130,7 @@ class Accessors:
             if bad.any():
                 part = int(np.argmax(bad))
                 text = f"is {given[part]:g}, but there is a number {there[part]:g} in the data; export it again"
-                raise self._document.fault(f"{at}/{key}/{part}", text)
+                self._document.forgive(f"{at}/{key}/{part}", text)
 
     def _read(self, index: int) -> NDArray[Any]:
         accessor, at = self._document.items("accessors")[index], f"/accessors/{index}"

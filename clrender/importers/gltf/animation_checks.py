@@ -61,12 +61,14 @@ def _strided(document: Document, accessor: dict[str, Any]) -> bool:
 def _check_times(document: Document, accessors: Accessors, sampler: dict[str, Any], at: str) -> None:
     for key in ("input", "output"):
         if _strided(document, document.items("accessors")[sampler[key]]):
-            raise document.fault(f"{at}/{key}", "names data with a byteStride, which an animation must not have")
+            document.forgive(
+                f"{at}/{key}", "names data with a byteStride, which an animation must not have; export it again"
+            )
     accessor = document.items("accessors")[sampler["input"]]
     if accessor.get("type") != "SCALAR" or accessor["componentType"] != 5126:
         raise document.fault(f"{at}/input", "must name floats, the times of its key frames; export it again")
     if "min" not in accessor or "max" not in accessor:
-        raise document.fault(f"{at}/input", "names an accessor without min and max; export it again")
+        document.forgive(f"{at}/input", "names an accessor without min and max; export it again")
     if sampler.get("interpolation") == "CUBICSPLINE" and accessor["count"] < 2:
         raise document.fault(f"{at}/input", "has one key frame, but a cubic spline needs two; export it again")
     if not accessors.known(sampler["input"]):

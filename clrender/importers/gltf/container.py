@@ -37,10 +37,10 @@ def opened(path: Path, files: AssetFiles, draft: Draft) -> Document:
     data = memoryview(files.scene(path))
     if bytes(data[:4]) == _MAGIC:
         text, binary = _chunks(data, files.source, draft)
-        return Document(_parsed(bytes(text), files.source), binary, files, draft)
+        return Document(_parsed(bytes(text), files, draft), binary, files, draft)
     if path.suffix.lower() == ".glb" and bytes(data[:64]).lstrip()[:1] not in (b"", b"{", b"[", b"\xef"):  # nor JSON
         raise SceneError(f'{files.source}: byte 0: a GLB begins with "glTF", but this file does not; export it again')
-    return Document(_parsed(bytes(data), files.source), None, files, draft)
+    return Document(_parsed(bytes(data), files, draft), None, files, draft)
 
 
 def _chunks(data: memoryview, source: str, draft: Draft) -> tuple[memoryview, memoryview]:
@@ -83,12 +83,13 @@ def _constant(name: str) -> Any:
     raise _NoJson(f"{name} is no number of JSON")
 
 
-def _parsed(text: bytes, source: str) -> dict[str, Any]:
+def _parsed(text: bytes, files: AssetFiles, draft: Draft) -> dict[str, Any]:
     """Root object of JSON in UTF-8."""
+    source = files.source
     if text[:3] == b"\xef\xbb\xbf":
-        raise SceneError(
-            f"{source}: byte 0: the JSON begins with a byte order mark, which glTF forbids; save without it"
-        )
+        fault = f"{source}: byte 0: the JSON begins with a byte order mark, which glTF forbids; save without it"
+        draft.forgive(SceneError(fault), source, files.strict)
+        text = text[3:]
     if not text.strip():
         raise SceneError(f"{source}: the file is empty; it must hold the JSON of a glTF scene")
     try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,8 @@ from clrender.importers.gltf.matrices import Matrix, from_columns, product
 __all__ = ["Surface", "joint_transforms", "morphed", "skinned"]
 
 _Points = NDArray[np.float32]
+_ROUNDED: Final = 1e-4
+"""Largest difference of a last row from 0, 0, 0, 1 that is taken for an error of rounding."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +79,13 @@ def joint_transforms(document: Document, accessors: Accessors, index: int, world
     if accessor.get("type") != "MAT4" or accessor["componentType"] != 5126 or accessor["count"] < len(joints):
         raise document.fault(at, f"must name {len(joints)} matrices (MAT4) of floats; export it again")
     inverse = accessors.raw(number)[: len(joints)].astype(np.float64)
-    if (inverse[:, 3] != (0.0, 0.0, 0.0, 1.0)).any():
-        raise document.fault(at, "holds a matrix whose last row is not 0, 0, 0, 1; export it again")
+    off = float(np.abs(inverse[:, 3] - (0.0, 0.0, 0.0, 1.0)).max())
+    if off > 0.0:
+        text = "holds a matrix whose last row is not 0, 0, 0, 1; export it again"
+        if not off <= _ROUNDED:
+            raise document.fault(at, text)
+        document.forgive(at, text)
+        inverse[:, 3] = 0.0, 0.0, 0.0, 1.0
     columns = inverse.transpose(0, 2, 1).reshape(len(joints), 16).tolist()
     return [product(joint, from_columns(each)) for joint, each in zip(joints, columns, strict=True)]
 

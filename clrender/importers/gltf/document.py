@@ -42,6 +42,14 @@ class Document:
         """An error at a JSON pointer, after which the sentence continues."""
         return SceneError(f"{self.files.source}: {pointer or 'the root of its JSON'} {sentence}")
 
+    def forgive(self, pointer: str, sentence: str) -> None:
+        """Note what the specification forbids, but leaves no doubt about the image; see `Draft.forgive`."""
+        self.draft.forgive(self.fault(pointer, sentence), self.files.source, self.files.strict)
+
+    def leave_out(self, pointer: str, sentence: str) -> None:
+        """Note why a part is left out; see `Draft.leave_out`."""
+        self.draft.leave_out(self.fault(pointer, sentence), self.files.source, self.files.strict)
+
     def note(self, sentence: str) -> None:
         """Add a note about a deviation from the file, unless it is a duplicate."""
         self.draft.note(sentence)

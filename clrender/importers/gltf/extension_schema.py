@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from clrender.importers.gltf.rules import Rule, Table, Walk, choice, flag, integer, many, named, number, ref
+from clrender.importers.gltf.rules import Rule, Table, Walk, choice, flag, integer, many, named, number, ref, share
 
 __all__ = [
     "LIGHTS",
@@ -18,7 +18,7 @@ __all__ = [
     "VARIANTS",
 ]
 
-_SHARE: Final = number(0.0, 1.0)
+_SHARE: Final = share()
 _COLOR: Final = many(_SHARE, 3, 3)
 _PAIR: Final = many(number(-1e6, 1e6), 2, 2)
 
@@ -60,6 +60,14 @@ MATERIAL_EXTENSIONS: Final[Mapping[str, Rule]] = dict(
         ),
         _material("emissive_strength", emissiveStrength=number(0.0)),
         _material("ior", ior=number(0.0)),
+        _material(
+            "pbrSpecularGlossiness",
+            diffuseFactor=many(_SHARE, 4, 4),
+            diffuseTexture=TEXTURE_INFO,
+            specularFactor=_COLOR,
+            glossinessFactor=_SHARE,
+            specularGlossinessTexture=TEXTURE_INFO,
+        ),
         _material(
             "sheen",
             sheenColorFactor=_COLOR,

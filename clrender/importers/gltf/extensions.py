@@ -22,6 +22,7 @@ _READ: Final = frozenset(
         "KHR_materials_diffuse_transmission",
         "KHR_materials_emissive_strength",
         "KHR_materials_ior",
+        "KHR_materials_pbrSpecularGlossiness",
         "KHR_materials_sheen",
         "KHR_materials_specular",
         "KHR_materials_transmission",
@@ -44,15 +45,12 @@ _CURES: Final[Mapping[str, str]] = {
     "--environment FILE",
     "KHR_lights_image_based": "light of cube maps is not read; export it without, and give its light with "
     "--environment FILE",
-    "KHR_materials_pbrSpecularGlossiness": "materials by specular and glossiness are not read; convert them to "
-    "metallic and roughness (gltf-transform metalrough)",
 }
 """Why some required extensions are refused."""
 _INSTEAD: Final[Mapping[str, str]] = {
     "EXT_meshopt_compression": "buffers are read where the file holds them without compression as well",
     "KHR_meshopt_compression": "buffers are read where the file holds them without compression as well",
     "KHR_texture_basisu": "pictures are read where the file holds them as PNG or JPEG as well",
-    "KHR_materials_pbrSpecularGlossiness": "such materials are drawn by their metallic and roughness",
     "KHR_materials_iridescence": "surfaces reflect without colours of thin films",
     "KHR_materials_dispersion": "glass bends all colours alike",
     "KHR_animation_pointer": "what it moves stays as it is in the file",
@@ -78,7 +76,7 @@ def check_required(document: Document) -> None:
     for index, name in enumerate(required):
         if name not in used:
             lacks = f"is {quoted(name)}, but extensionsUsed lacks it; add it there"
-            raise document.fault(f"/extensionsRequired/{index}", lacks)
+            document.forgive(f"/extensionsRequired/{index}", lacks)
         if name not in _READ:
             why = _CURES.get(name, "that extension is not known; export it without")
             raise document.fault(f"/extensionsRequired/{index}", f"is {quoted(name)}: {why}")
@@ -101,8 +99,8 @@ def check_declared(walk: Walk, document: Document) -> None:
     used = document.items("extensionsUsed")
     for name, at in walk.met.items():
         if name not in used:
-            raise document.fault(at, "is an extension that extensionsUsed does not name; add it there")
-    for name in used:
+            document.forgive(at, "is an extension that extensionsUsed does not name; add it there")
+    for name in dict.fromkeys((*used, *walk.met)):
         if name not in _READ:
             instead = _INSTEAD.get(name, "it was left out")
             document.note(f"{quoted(name)[1:-1]} is not read: {instead}")

@@ -17,6 +17,10 @@ __all__ = ["Materials", "Used"]
 _LEAST_LEFT: Final = 1e-3
 """Replaces 0 in an attenuation colour, which no finite medium has."""
 _HIGH_INDEX: Final = 1000.0
+_GREY: Final = 0.5
+"""Stands for a picture that is missing."""
+_MOST_SPECULAR: Final = 0.98
+"""Largest reflectance at normal incidence for which an index of refraction is found."""
 
 
 @dataclass(frozen=True)
@@ -127,10 +131,15 @@ class _Material:
         if "KHR_materials_unlit" in self._extensions:
             self._unlit(base)
             return self.made_of
-        self._base_layer(base)
+        glossy = "KHR_materials_pbrSpecularGlossiness" in self._extensions
+        if glossy:
+            base = self._specular_glossiness(self._extension("pbrSpecularGlossiness"))
+        else:
+            self._base_layer(base)
         self._glass()
         self._sheet()
-        self._dielectric()
+        if not glossy:
+            self._dielectric()
         self._layers()
         self._emission()
         self._alpha(base)
@@ -155,6 +164,8 @@ class _Material:
         texture = self._textures.made(info, f"{self._at}{at}") if any(factor) else None
         if texture is not None:
             texture |= {"color_space": "srgb", "scale": factor}
+        elif self._textures.lost(info):
+            factor = [_GREY * x for x in factor] if key == "base_color" else [0.0 for _ in factor]
         self.made_of[key] = factor if texture is None else texture
 
     def _base(self) -> dict[str, Any]:
@@ -172,6 +183,29 @@ class _Material:
         for key, name, channel in (("metallic", "metallicFactor", "b"), ("roughness", "roughnessFactor", "g")):
             place = f"{at}/metallicRoughnessTexture"
             self._number(key, base.get(name, 1.0), base.get("metallicRoughnessTexture"), place, channel)
+
+    def _specular_glossiness(self, given: dict[str, Any]) -> dict[str, Any]:
+        """KHR_materials_pbrSpecularGlossiness: a diffuse colour, and a reflectance at normal incidence by colour.
+
+        The index of refraction is the one of the largest reflectance, and `specular_color` has the others relative to
+        it. Returns what stands for the base of metallic and roughness.
+        """
+        at = "/extensions/KHR_materials_pbrSpecularGlossiness"
+        base = {"baseColorFactor": given.get("diffuseFactor", [1.0] * 4)}
+        if "diffuseTexture" in given:
+            base["baseColorTexture"] = given["diffuseTexture"]
+        self._color("base_color", base["baseColorFactor"][:3], given.get("diffuseTexture"), f"{at}/diffuseTexture")
+        specular = given.get("specularFactor", [1.0] * 3)
+        most = min(max(specular), _MOST_SPECULAR)
+        root = math.sqrt(most)
+        self.made_of |= {"metallic": 0.0, "roughness": 1.0 - given.get("glossinessFactor", 1.0)}
+        self.made_of["ior"] = (1.0 + root) / (1.0 - root)
+        texture = given.get("specularGlossinessTexture")
+        color = [min(x / most, 1.0) for x in specular] if most > 0.0 else [0.0] * 3
+        self._color("specular_color", color, texture, f"{at}/specularGlossinessTexture")
+        if texture is not None:
+            self._note(f"{at}/specularGlossinessTexture: its alpha, the glossiness, was left out")
+        return base
 
     def _glass(self) -> None:
         """KHR_materials_transmission: a thin wall, but with KHR_materials_volume the boundary of a solid."""

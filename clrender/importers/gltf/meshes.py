@@ -184,7 +184,11 @@ class Meshes:
             order = self._accessors.raw(primitive["indices"]).astype(np.uint32, copy=False)
             if int(order.max()) >= count:
                 text = f"hold {int(order.max())}, but there are only {count} vertices; export it again"
-                raise self._document.fault(f"{at}/indices", text)
+                if mode != 4:
+                    raise self._document.fault(f"{at}/indices", text)
+                self._document.leave_out(f"{at}/indices", text)
+                whole = order[: len(order) - len(order) % 3].reshape(-1, 3)
+                order = whole[(whole < count).all(axis=1)].reshape(-1)
         else:
             order = np.arange(count, dtype=np.uint32)
         if mode == 4:

@@ -11,7 +11,21 @@ from clrender.errors import SceneError
 from clrender.importers.gltf.document import Document, escaped
 from clrender.wording import quoted, shown
 
-__all__ = ["LEFT_OUT", "Rule", "Table", "Walk", "choice", "flag", "integer", "many", "named", "number", "ref", "text"]
+__all__ = [
+    "LEFT_OUT",
+    "Rule",
+    "Table",
+    "Walk",
+    "choice",
+    "flag",
+    "integer",
+    "many",
+    "named",
+    "number",
+    "ref",
+    "share",
+    "text",
+]
 
 LEFT_OUT: Final = object()
 """Marks an unknown value that may be ignored: its key is removed."""
@@ -40,6 +54,10 @@ class Walk:
     def fault(self, at: str, sentence: str) -> SceneError:
         """See `Document.fault`."""
         return self.document.fault(at, sentence)
+
+    def forgive(self, at: str, sentence: str) -> None:
+        """See `Document.forgive`."""
+        self.document.forgive(at, sentence)
 
     def unknown(self, at: str, key: str, table: str) -> None:
         """Note a property that is not in the specification, once per name and kind of object."""
@@ -72,6 +90,20 @@ def number(low: float = -math.inf, high: float = math.inf, above: float = -math.
             bound = f"above {above:g}" if not found > above else f"from {low:g} to {high:g}"
             raise walk.fault(at, f"is {shown(value)}, but must be {bound}")
         return found
+
+    return rule
+
+
+def share() -> Rule:
+    """Rule: a number from 0 to 1; others are cut off."""
+    finite = number()
+
+    def rule(walk: Walk, value: Any, at: str) -> float:
+        found: float = finite(walk, value, at)
+        held = min(max(found, 0.0), 1.0)
+        if found != held:
+            walk.forgive(at, f"is {shown(value)}, but must be from 0 to 1, where it was cut off; export it again")
+        return held
 
     return rule
 
@@ -144,16 +176,17 @@ def ref(collection: str) -> Rule:
     return rule
 
 
-def many(each: Rule, least: int = 1, most: int | None = None, distinct: bool = False) -> Rule:
-    """Rule: an array."""
+def many(each: Rule, least: int = 1, most: int | None = None, distinct: bool = False, filled: bool = False) -> Rule:
+    """Rule: an array. One without entries is forgiven, but for where it has to be `filled`."""
 
     def rule(walk: Walk, value: Any, at: str) -> list[Any]:
         if not isinstance(value, list):
             raise walk.fault(at, f"is {shown(value)}, but must be an array")
         if len(value) < least:
-            raise walk.fault(
-                at, f"has {len(value) or 'no'} entries, but must have at least {least}; leave it out or fill it"
-            )
+            sentence = f"has {len(value) or 'no'} entries, but must have at least {least}; leave it out or fill it"
+            if value or least > 1 or filled:
+                raise walk.fault(at, sentence)
+            walk.forgive(at, sentence)
         if most is not None and len(value) > most:
             raise walk.fault(at, f"has {len(value)} entries, but must have at most {most}")
         for index, one in enumerate(value):
@@ -161,7 +194,11 @@ def many(each: Rule, least: int = 1, most: int | None = None, distinct: bool = F
         if distinct and len(set(value)) < len(value):
             first = {one: i for i, one in reversed(list(enumerate(value)))}
             index = next(i for i, one in enumerate(value) if first[one] < i)
-            raise walk.fault(f"{at}/{index}", f"is {shown(value[index])}, which is there already; leave it out")
+            sentence = f"is {shown(value[index])}, which is there already; leave it out"
+            if filled:  # the order has a meaning
+                raise walk.fault(f"{at}/{index}", sentence)
+            walk.forgive(f"{at}/{index}", sentence)
+            return list(dict.fromkeys(value))
         return value
 
     return rule

@@ -14,7 +14,7 @@ from clrender.importers.gltf.extension_schema import (
     TEXTURE_TRANSFORM,
     VARIANTS,
 )
-from clrender.importers.gltf.rules import Table, choice, flag, integer, many, named, number, ref, text
+from clrender.importers.gltf.rules import Table, choice, flag, integer, many, named, number, ref, share, text
 
 __all__ = ["COMPONENTS", "ROOT"]
 
@@ -74,7 +74,7 @@ _BUFFER_VIEW = Table(
     {
         "buffer": ref("buffers"),
         "byteOffset": integer(),
-        "byteLength": _COUNT,
+        "byteLength": integer(),
         "byteStride": integer(4, 252),
         "target": integer(among=(34962, 34963)),
     },
@@ -110,10 +110,10 @@ _MATERIAL = Table(
         "pbrMetallicRoughness": Table(
             "pbrMetallicRoughness",
             {
-                "baseColorFactor": many(number(0.0, 1.0), 4, 4),
+                "baseColorFactor": many(share(), 4, 4),
                 "baseColorTexture": TEXTURE_INFO,
-                "metallicFactor": number(0.0, 1.0),
-                "roughnessFactor": number(0.0, 1.0),
+                "metallicFactor": share(),
+                "roughnessFactor": share(),
                 "metallicRoughnessTexture": TEXTURE_INFO,
             },
         ),
@@ -125,7 +125,7 @@ _MATERIAL = Table(
         ),
         "occlusionTexture": Table(
             "an occlusion texture",
-            {**TEXTURE_INFO.properties, "strength": number(0.0, 1.0)},
+            {**TEXTURE_INFO.properties, "strength": share()},
             ("index",),
             TEXTURE_TRANSFORM,
         ),
@@ -158,7 +158,7 @@ _NODE = Table(
         "skin": ref("skins"),
         "matrix": many(number(), 16, 16),
         "mesh": ref("meshes"),
-        "rotation": many(number(-1.0, 1.0), 4, 4),
+        "rotation": many(number(), 4, 4),
         "scale": many(number(), 3, 3),
         "translation": many(number(), 3, 3),
         "weights": many(number()),
@@ -215,7 +215,7 @@ _SKIN = Table(
     {
         "inverseBindMatrices": ref("accessors"),
         "skeleton": ref("nodes"),
-        "joints": many(ref("nodes"), distinct=True),
+        "joints": many(ref("nodes"), distinct=True, filled=True),
     },
     ("joints",),
 )
@@ -232,7 +232,9 @@ ROOT: Final = Table(
         "cameras": many(_CAMERA),
         "images": many(_IMAGE),
         "materials": many(_MATERIAL),
-        "meshes": many(Table("a mesh", {"primitives": many(_PRIMITIVE), "weights": many(number())}, ("primitives",))),
+        "meshes": many(
+            Table("a mesh", {"primitives": many(_PRIMITIVE, filled=True), "weights": many(number())}, ("primitives",))
+        ),
         "nodes": many(_NODE),
         "samplers": many(_SAMPLER),
         "scene": ref("scenes"),

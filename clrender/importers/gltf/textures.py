@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
+from clrender.errors import SceneError
 from clrender.exact.angles import sin_cos
+from clrender.image.raster import raster_ending
 from clrender.importers.gltf.accessors import Accessors
 from clrender.importers.gltf.document import Document
 
@@ -28,6 +30,7 @@ class Textures:
 
     def __init__(self, document: Document, accessors: Accessors) -> None:
         self._document, self._accessors = document, accessors
+        self._missing: set[int] = set()
 
     def made(self, info: dict[str, Any] | None, at: str) -> dict[str, Any] | None:
         """A texture as in a scene file, without channel and colour space; None if there is none that can be read.
@@ -42,7 +45,7 @@ class Textures:
         Raises
         ------
         SceneError
-            Its image cannot be read.
+            Its image cannot be read, and the file is to be refused for that.
         """
         if info is None:
             return None
@@ -53,9 +56,10 @@ class Textures:
             self._document.note(f"{at} was left out: it asks for TEXCOORD_{uv_set}, but two sets are known")
             return None
         source = self._source(texture, place)
-        if source is None:
+        picture = None if source is None else self._picture(source)
+        if picture is None:
             return None
-        made: dict[str, Any] = {"texture": self._picture(source)}
+        made: dict[str, Any] = {"texture": picture}
         if uv_set:
             made["uv_set"] = uv_set
         if transform:
@@ -65,6 +69,14 @@ class Textures:
         if sampler.get("magFilter") == _NEAREST:
             made["filter"] = "nearest"
         return made
+
+    def lost(self, info: dict[str, Any] | None) -> bool:
+        """Whether a texture was left out because its image is missing."""
+        if info is None:
+            return False
+        texture = self._document.items("textures")[info["index"]]
+        webp = self._document.extension(texture, "EXT_texture_webp") or {}
+        return webp.get("source", texture.get("source")) in self._missing
 
     def _source(self, texture: dict[str, Any], at: str) -> int | None:
         webp = self._document.extension(texture, "EXT_texture_webp") or {}
@@ -76,19 +88,25 @@ class Textures:
             self._document.note(f"{at} was left out: it names no picture that could be read")
         return source
 
-    def _picture(self, index: int) -> str:
-        """Name of an image in the draft: its JSON pointer, which messages then show."""
+    def _picture(self, index: int) -> str | None:
+        """Name of an image in the draft: its JSON pointer, which messages then show; None if it cannot be read."""
         name = f"/images/{index}"
-        if name not in self._document.draft.pictures:
-            image = self._document.items("images")[index]
+        if name in self._document.draft.pictures or index in self._missing:
+            return None if index in self._missing else name
+        image = self._document.items("images")[index]
+        try:
             if "uri" in image:
                 data = self._document.files.read(image["uri"], f"{name}/uri")
             else:
                 data = bytes(self._accessors.view(image["bufferView"]))
-            self._document.draft.pictures[name] = data, self._ending(data, name)
+            self._document.draft.pictures[name] = data, self._ending(data, image, name)
+        except SceneError as fault:
+            self._document.draft.leave_out(fault, self._document.files.source, self._document.files.strict)
+            self._missing.add(index)
+            return None
         return name
 
-    def _ending(self, data: bytes, at: str) -> str:
+    def _ending(self, data: bytes, image: dict[str, Any], at: str) -> str:
         for magic, ending in _MAGIC:
             if data.startswith(magic):
                 return ending
@@ -97,7 +115,12 @@ class Textures:
         if data.startswith(_KTX2):
             text = "is a KTX2 (Basis Universal), which is not read; export it as PNG, JPEG or WebP"
             raise self._document.fault(at, text)
-        raise self._document.fault(at, "is no PNG, JPEG or WebP, which pictures must be; export it again")
+        raster = raster_ending(data[:32])
+        told = f"{image.get('uri', '')[:40]} {image.get('uri', '')[-4:]} {image.get('mimeType', '')}".lower()
+        if raster is None or (raster == ".tga" and "tga" not in told and "targa" not in told):
+            raise self._document.fault(at, "is no PNG, JPEG or WebP, which pictures must be; export it again")
+        self._document.forgive(at, f"is a picture in {raster[1:].upper()}, not in PNG, JPEG or WebP; export it again")
+        return raster
 
 
 def _transform(transform: dict[str, Any]) -> dict[str, Any]:

@@ -15,6 +15,8 @@ __all__ = ["BYTES", "element_bytes", "validate"]
 
 BYTES: Final = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 """Bytes of a component, by its type."""
+_ROUNDED: Final = 1e-4
+"""Largest difference of a last row from 0, 0, 0, 1 that is taken for an error of rounding."""
 _VERSION: Final = re.compile(r"([0-9]{1,9})\.([0-9]{1,9})\Z")
 
 
@@ -32,6 +34,8 @@ def validate(document: Document) -> None:
     ROOT(walk, document.root, "")
     check_declared(walk, document)
     for index, view in enumerate(document.items("bufferViews")):
+        if view["byteLength"] == 0:
+            document.forgive(f"/bufferViews/{index}/byteLength", "is 0, but must be at least 1; leave the view out")
         _check_view(document, view, f"/bufferViews/{index}")
     for index, accessor in enumerate(document.items("accessors")):
         _check_accessor(document, accessor, f"/accessors/{index}")
@@ -54,6 +58,9 @@ def _check_version(document: Document) -> None:
     found: dict[str, tuple[int, int]] = {}
     for key in ("version", "minVersion"):
         if key in asset:
+            if isinstance(asset[key], int | float) and not isinstance(asset[key], bool):
+                document.forgive(f"/asset/{key}", 'is a number, but must be a text such as "2.0"; export it again')
+                asset[key] = f"{float(asset[key]):.1f}" if abs(asset[key]) < 1e6 else ""
             match = _VERSION.match(asset[key]) if isinstance(asset[key], str) else None
             if match is None:
                 raise document.fault(f"/asset/{key}", 'is no version such as "2.0"; export it again')
@@ -63,7 +70,7 @@ def _check_version(document: Document) -> None:
             "/asset/version", f"is {quoted(asset['version'])}, but only glTF 2.0 is read; export it so"
         )
     if found.get("minVersion", (0, 0)) > found["version"]:
-        raise document.fault("/asset/minVersion", "is above its version; export it again")
+        document.forgive("/asset/minVersion", "is above its version; export it again")
     if found["version"] > (2, 0):
         document.note(f"/asset/version is {quoted(asset['version'])}; it is read as 2.0")
 
@@ -84,7 +91,7 @@ def _check_view(document: Document, view: dict[str, Any], at: str) -> None:
     if stride > size:
         raise document.fault(f"{at}/byteStride", f"is {stride}, more than the view's {size} bytes; export it again")
     if view.get("target") == 34963:
-        raise document.fault(f"{at}/byteStride", "is given to a view of indices, which must have none; leave it out")
+        document.forgive(f"{at}/byteStride", "is given to a view of indices, which must have none; leave it out")
 
 
 def element_bytes(accessor: dict[str, Any]) -> tuple[int, int, int]:
@@ -132,12 +139,15 @@ def _check_room(document: Document, accessor: dict[str, Any], at: str, matrix: b
     tight, step, _ = element_bytes(accessor)
     stride = view.get("byteStride", step)
     if start % size:
-        raise document.fault(f"{at}/byteOffset", f"is {start}, but must be a multiple of {size}, as its numbers are")
-    if (start + view.get("byteOffset", 0)) % size:
+        text = f"is {start}, but must be a multiple of {size}, as its numbers are; export it again"
+        document.forgive(f"{at}/byteOffset", text)
+    elif (start + view.get("byteOffset", 0)) % size:
         total = start + view.get("byteOffset", 0)
-        raise document.fault(at, f"begins at byte {total} of its buffer, which must be a multiple of {size}")
+        document.forgive(
+            at, f"begins at byte {total} of its buffer, which must be a multiple of {size}; export it again"
+        )
     if matrix and start % 4:
-        raise document.fault(f"{at}/byteOffset", "puts a matrix where no multiple of 4 bytes is; export it again")
+        document.forgive(f"{at}/byteOffset", "puts a matrix where no multiple of 4 bytes is; export it again")
     if stride < tight:
         raise document.fault(at, f"has elements of {tight} bytes, but byteStride is {stride}; export it again")
     end = start + stride * (accessor["count"] - 1) + tight
@@ -176,15 +186,27 @@ def _check_camera(document: Document, camera: dict[str, Any], at: str) -> None:
 
 
 def _check_tree(document: Document) -> None:
-    """Check that no node has two parents or is its own ancestor, and that scenes refer to root nodes."""
+    """Check that no node has two parents or is its own ancestor, and that scenes refer to root nodes.
+
+    A node stays with the first of its parents, and what a scene names beside its parent is drawn with the parent.
+    """
     nodes = document.items("nodes")
     parents: dict[int, int] = {}
     for index, node in enumerate(nodes):
+        kept: list[int] = []
         for number, child in enumerate(node.get("children", [])):
-            if child in parents or child == index:
-                who = "itself" if child == index else f"a child of node {parents[child]} already"
-                raise document.fault(f"/nodes/{index}/children/{number}", f"names node {child}, which is {who}")
+            at = f"/nodes/{index}/children/{number}"
+            if child == index:
+                raise document.fault(at, f"names node {child}, which is itself")
+            if child in parents:
+                document.forgive(
+                    at, f"names node {child}, which is a child of node {parents[child]} already; leave it out"
+                )
+                continue
             parents[child] = index
+            kept.append(child)
+        if "children" in node:
+            node["children"] = kept
     sound = {index for index in range(len(nodes)) if index not in parents}
     for index in range(len(nodes)):
         way: list[int] = []
@@ -195,29 +217,54 @@ def _check_tree(document: Document) -> None:
             raise document.fault(f"/nodes/{index}/children", "lead back to the node itself; export it again")
         sound.update(way)
     for index, scene in enumerate(document.items("scenes")):
-        for number, root in enumerate(scene.get("nodes", [])):
+        listed = set(scene.get("nodes", []))
+        for number, root in enumerate(list(scene.get("nodes", []))):
             if root in parents:
                 text = f"names node {root}, which is a child of node {parents[root]}; name only roots"
-                raise document.fault(f"/scenes/{index}/nodes/{number}", text)
+                document.forgive(f"/scenes/{index}/nodes/{number}", text)
+                if _has_ancestor(root, parents, listed):
+                    scene["nodes"].remove(root)
+
+
+def _has_ancestor(node: int, parents: dict[int, int], among: set[int]) -> bool:
+    """Whether one of these nodes is above it."""
+    while node in parents:
+        node = parents[node]
+        if node in among:
+            return True
+    return False
 
 
 def _check_node(document: Document, node: dict[str, Any], at: str) -> None:
-    if "matrix" in node and any(key in node for key in ("translation", "rotation", "scale")):
-        raise document.fault(f"{at}/matrix", "is given beside translation, rotation or scale; keep one or the other")
+    others = [key for key in ("translation", "rotation", "scale") if key in node]
+    if "matrix" in node and others:
+        document.forgive(
+            f"{at}/matrix", "is given beside translation, rotation or scale, and counts; keep one or the other"
+        )
+        for key in others:
+            del node[key]
     matrix = node.get("matrix")
     if matrix is not None and matrix[3::4] != [0.0, 0.0, 0.0, 1.0]:
-        raise document.fault(f"{at}/matrix", "has a last row that is not 0, 0, 0, 1: only affine transforms are known")
-    if "rotation" in node and sum(x * x for x in node["rotation"]) < 1e-6:
-        raise document.fault(f"{at}/rotation", "is no rotation: its quaternion must have length 1")
+        text = "has a last row that is not 0, 0, 0, 1: only affine transforms are known"
+        if max(abs(x - y) for x, y in zip(matrix[3::4], (0.0, 0.0, 0.0, 1.0), strict=True)) > _ROUNDED:
+            raise document.fault(f"{at}/matrix", text)
+        document.forgive(f"{at}/matrix", f"{text}; export it again")
+        matrix[3::4] = [0.0, 0.0, 0.0, 1.0]
+    if "rotation" in node and (
+        max(abs(x) for x in node["rotation"]) > 1.0 or sum(x * x for x in node["rotation"]) < 1e-6
+    ):
+        document.forgive(f"{at}/rotation", "is no rotation: its quaternion must have length 1; export it again")
+        if sum(x * x for x in node["rotation"]) < 1e-6:
+            del node["rotation"]
     if "skin" in node and "mesh" not in node:
-        raise document.fault(f"{at}/skin", "is given without a mesh; leave it out")
+        document.forgive(f"{at}/skin", "is given without a mesh; leave it out")
+        del node["skin"]
     if "weights" in node:
         meshes = document.items("meshes")
         targets = _targets(meshes[node["mesh"]]) if "mesh" in node else 0
         if len(node["weights"]) != targets:
-            raise document.fault(
-                f"{at}/weights", f"has {len(node['weights'])} numbers, but the mesh has {targets} targets"
-            )
+            text = f"has {len(node['weights'])} numbers, but the mesh has {targets} targets; export it again"
+            document.forgive(f"{at}/weights", text)
 
 
 def _targets(mesh: dict[str, Any]) -> int:
