@@ -16,10 +16,12 @@ from clrender.flatten.bounds import scene_bounds
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
 from clrender.importers.instancing import share_meshes
+from clrender.importers.shared.meshes import without_area
 from clrender.importers.studio import studio_light
 from clrender.scene import EnvironmentLight, Mesh, Scene
 from clrender.scene.frozen import frozen
 from clrender.scene.validation_errors import scene_error
+from clrender.wording import quoted
 
 __all__ = ["completed"]
 
@@ -40,6 +42,7 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
     SceneError
         It is not a valid scene, or has nothing to frame.
     """
+    _leave_out_flat(draft, files)
     share_meshes(draft)
     framed = "camera" not in draft.description
     notes = draft.said()
@@ -68,6 +71,19 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
         scene = scene.with_files(environments={_STUDIO: studio_light(scene.camera)})
     scene.read_named()
     return scene.with_notes((f"{files.source}: {note}" for note in notes), files.opened)
+
+
+def _leave_out_flat(draft: Draft, files: AssetFiles) -> None:
+    """Take out shapes whose mesh, in the draft, has no triangle with an area."""
+    flat = {name for name, mesh in draft.meshes.items() if without_area(mesh.vertices, mesh.triangles)}
+    if not flat:
+        return
+    description = draft.description
+    for shapes in (description["shapes"], *(group["shapes"] for group in description.get("groups", {}).values())):
+        for shape in [each for each in shapes if each.get("file") in flat]:
+            text = f"the mesh {quoted(shape['file'])} has no triangle with an area; give it some"
+            draft.leave_out(SceneError(f"{files.source}: {text}"), files.source, files.strict)
+            shapes.remove(shape)
 
 
 def _shines(description: dict[str, Any]) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Final
 
+from clrender.errors import SceneError
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
 from clrender.importers.mtl_materials import GREY
@@ -37,16 +38,29 @@ def read(path: Path, files: AssetFiles) -> Draft:
     if colored:
         shape["vertex_colors"] = "auto"
     draft.description["shapes"].append(shape)
+    if header.texture:
+        _add_texture(header.texture, files, draft, name)
     for sentence in _left_out(header)[:_LISTED]:
         draft.note(sentence)
     return draft
+
+
+def _add_texture(picture: str, files: AssetFiles, draft: Draft, material: str) -> None:
+    """Give the material the picture of a comment TextureFile, as MeshLab means it."""
+    try:
+        name = files.name(picture.replace("\\", "/"), "the comment TextureFile")
+        files.open(name, "the comment TextureFile")[0].close()
+    except SceneError as fault:
+        draft.leave_out(fault, files.source, files.strict)
+        return
+    draft.description["materials"][material]["reflectance"] = {"texture": name}
 
 
 def _left_out(header: PlyHeader) -> list[str]:
     """Contents of the file that are not used."""
     found = []
     for element in header.elements:
-        if element.name not in ("vertex", "face"):
+        if element is not header.element("vertex") and element is not header.surface:
             found.append(f"the element {quoted(element.name)} is not read")
             continue
         known = READ_OF_VERTICES if element.name == "vertex" else READ_OF_FACES

@@ -6,6 +6,7 @@ Format: G. Turk, "The PLY Polygon File Format" (1994). Files are streamed: only 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import BinaryIO, Final
 
 import numpy as np
@@ -60,9 +61,9 @@ def read_ply(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
     least = header.size + sum(element.least_bytes for element in header.elements)
     if header.encoding != "ascii" and size < least:
         raise SceneError(f"{label} is truncated: it has {size} bytes, but its header promises at least {least}")
-    vertex, face = header.element("vertex"), header.element("face")
+    vertex, face = header.element("vertex"), header.surface
     assert vertex is not None and face is not None
-    held = {entry.name for entry in vertex.properties}
+    held = {entry.name for entry in vertex.properties if not entry.count_kind}
     uv = next((pair for pair in _UVS if held >= set(pair)), ())
     normal, color = (
         names if wanted and held >= set(names) else () for names, wanted in ((_NORMAL, True), (_COLOR, colors))
@@ -73,7 +74,8 @@ def read_ply(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
     table = np.empty((0, 3), np.float32)
     index = face.index_list
     assert index is not None
-    wanted = [entry for entry in face.lists if _of_corners(entry, colors is not None)]
+    strips = face.name == "tristrips"
+    wanted = [entry for entry in face.lists if _of_corners(entry, colors is not None) and not strips]
     lists: list[Lists] = []
     for element in header.elements:
         if element is vertex:
@@ -91,12 +93,31 @@ def read_ply(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
     shades = part(color)
     linear = None if shades is None or colors is None else _linear(shades, vertex, colors, label)
     corners = {entry.name: found for entry, found in zip(wanted, lists[1:], strict=True)}
-    return _mesh(table, *lists[0], part(normal), part(uv), linear, corners, label)
+    indices, sizes = _of_strips(*lists[0]) if strips else lists[0]
+    mesh = _mesh(table, indices, sizes, part(normal), part(uv), linear, corners, label)
+    if header.unknown:
+        text = f"{header.unknown} lines of its header are none of PLY's, and not read"
+        mesh = replace(mesh, warning="; ".join(each for each in (text, mesh.warning) if each))
+    return mesh
+
+
+def _of_strips(entries: NDArray[np.int64], sizes: NDArray[np.int64]) -> Lists:
+    """Triangles of strips, which -1 separates within a list: every other one is turned."""
+    ends = np.cumsum(sizes)[:-1]
+    # A separator between lists as well; then three entries in a row without one are a triangle
+    joined = np.insert(entries, ends, -1)
+    place = np.arange(len(joined))
+    began = np.maximum.accumulate(np.where(joined < 0, place + 1, 0)) if len(joined) else place
+    a, b, c = joined[:-2], joined[1:-1], joined[2:]
+    whole = (a >= 0) & (b >= 0) & (c >= 0) & (a != b) & (b != c) & (a != c)
+    odd = ((place - began)[:-2] % 2 == 1)[:, None]
+    triangles = np.where(odd, np.stack([a, c, b], axis=1), np.stack([a, b, c], axis=1))[whole]
+    return triangles.reshape(-1), np.full(len(triangles), 3, np.int64)
 
 
 def has_colors(header: PlyHeader) -> bool:
     """Whether the vertices, or the corners of faces, have colours."""
-    vertex, face = header.element("vertex"), header.element("face")
+    vertex, face = header.element("vertex"), header.surface
     names = set() if vertex is None else {entry.name for entry in vertex.properties}
     return names >= set(_COLOR) or any(entry.name == "corner_colors" for entry in (face.lists if face else ()))
 
@@ -123,6 +144,8 @@ def _mesh(
     of_corners: Mapping[str, Lists],
     label: str,
 ) -> MeshData:
+    if not len(sizes):
+        raise SceneError(f"{label} has no face element with anything in it; a mesh needs vertices and faces")
     if (sizes < 3).any():
         raise SceneError(f"{label}: face {int(np.argmax(sizes < 3))} has fewer than three vertices")
     total = len(corners) - 2 * len(sizes)

@@ -42,6 +42,8 @@ class BinaryRecords:
 
     def columns(self, element: Element, names: list[str]) -> NDArray[np.floating]:
         """Scalar properties of every record, as a table."""
+        if element.lists:
+            return self._columns_between_lists(element, names)
         record = np.dtype([(entry.name, self._kind(entry.kind)) for entry in element.properties])
         table = property_table(element, names)
         step = max(1, _CHUNK // record.itemsize)
@@ -51,6 +53,36 @@ class BinaryRecords:
             for column, name in enumerate(names):
                 with np.errstate(over="ignore"):
                     table[start : start + count, column] = rows[name]
+        return table
+
+    def _columns_between_lists(self, element: Element, names: list[str]) -> NDArray[np.floating]:
+        """The same where records have lists, so that each may have another length."""
+        table = property_table(element, names)
+        done, data = 0, b""
+        while done < element.count:
+            data += self._read(min(_CHUNK, self._left))
+            start = 0
+            while done < element.count:
+                _, counts, end = self._walk(element, data, start)
+                if end > len(data):
+                    break
+                at, lengths = start, iter(counts)
+                for entry in element.properties:
+                    if entry.count_kind:
+                        at += entry.count_bytes + next(lengths) * entry.entry_bytes
+                        continue
+                    if entry.name in names:
+                        value = np.frombuffer(data, self._kind(entry.kind), 1, at)[0]
+                        with np.errstate(over="ignore"):
+                            table[done, names.index(entry.name)] = value
+                    at += entry.entry_bytes
+                done, start = done + 1, end
+            data = data[start:]
+            if done < element.count:
+                _, _, end = self._walk(element, data, 0)
+                data += self._read(max(0, end - len(data)))
+        self._file.seek(-len(data), os.SEEK_CUR)
+        self._left += len(data)
         return table
 
     def lists(self, element: Element, wanted: Sequence[Property]) -> list[Lists]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import BinaryIO, Final
 
@@ -96,6 +98,15 @@ class PlyHeader:
     """Size of the header, bytes."""
     lines: int
     """Number of lines of the header."""
+    texture: str = ""
+    """The picture that a comment of MeshLab's names."""
+    unknown: int = 0
+    """Number of lines that are none of a header's."""
+
+    @property
+    def surface(self) -> Element | None:
+        """The element of faces, or of triangle strips."""
+        return self.element("face") or self.element("tristrips")
 
     def element(self, name: str) -> Element | None:
         """The element of that name."""
@@ -110,20 +121,20 @@ def read_header(file: BinaryIO, label: str) -> PlyHeader:
     SceneError
         If it is not the header of a mesh with positions and faces, or its counts are too large.
     """
-    if file.readline(16).rstrip(b"\r\n") != b"ply":
-        raise SceneError(f'{label} is no PLY file: its first line is not "ply"')
-    encoding, lines = "", 1
+    encoding, lines, size, texture, unknown = "", 0, 0, "", 0
     elements: list[Element] = []
-    while True:
+    for line, end in _header_lines(file, label):
         lines += 1
-        line = file.readline(_HEADER_LIMIT)
-        if not line.endswith(b"\n") or file.tell() > _HEADER_LIMIT:
-            raise SceneError(f"{label} has no complete header; the file is truncated or no PLY file")
         words = line.decode("latin-1").split()
+        if lines == 1:
+            continue
         if words == ["end_header"]:
+            size = end
             break
         keyword = words[0] if words else ""
         if keyword in ("comment", "obj_info"):
+            if len(words) > 2 and words[1].lower() == "texturefile":
+                texture = texture or line.decode("utf-8", "replace").split(None, 2)[2].strip()
             continue
         if keyword == "format" and len(words) == 3:
             encoding = words[1]
@@ -131,13 +142,29 @@ def read_header(file: BinaryIO, label: str) -> PlyHeader:
             elements.append(_element(words, label))
         elif keyword == "property" and elements:
             _add_property(elements, words, label)
-        else:
+        elif keyword in ("format", "element", "property"):
             raise SceneError(f"{label} has a header line that cannot be read: {quoted(' '.join(words))}")
+        else:
+            unknown += 1  # a comment without the word
+    file.seek(size)
     if encoding not in ("ascii", "binary_little_endian", "binary_big_endian"):
         raise SceneError(f"{label} has the format {quoted(encoding)}, which is none of PLY's")
-    header = PlyHeader(encoding, elements, file.tell(), lines)
+    header = PlyHeader(encoding, elements, size, lines, texture, unknown)
     _check_mesh(header, label)
     return header
+
+
+def _header_lines(file: BinaryIO, label: str) -> Iterator[tuple[bytes, int]]:
+    """Lines of the header, and the byte after each; they end in a line feed, a carriage return or both."""
+    data = file.read(_HEADER_LIMIT)
+    match = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
+    if match is None:
+        raise SceneError(f'{label} is no PLY file: its first line is not "ply"')
+    ending, at = match[1], 0
+    while (end := data.find(ending, at)) >= 0:
+        yield data[at:end], end + len(ending)
+        at = end + len(ending)
+    raise SceneError(f"{label} has no complete header; the file is truncated or no PLY file")
 
 
 def _element(words: list[str], label: str) -> Element:
@@ -166,16 +193,13 @@ def _add_property(elements: list[Element], words: list[str], label: str) -> None
 
 def _check_mesh(header: PlyHeader, label: str) -> None:
     names = [element.name for element in header.elements]
-    for name in ("vertex", "face"):
-        element = header.element(name)
+    for name, element in (("vertex", header.element("vertex")), ("face", header.surface)):
         if element is None or element.count == 0:
             raise SceneError(f"{label} has no {name} element with anything in it; a mesh needs vertices and faces")
-        if names.count(name) > 1:
-            raise SceneError(f"{label} has two elements {quoted(name)}")
+        if names.count(element.name) > 1:
+            raise SceneError(f"{label} has two elements {quoted(element.name)}")
         if name == "vertex":
-            if element.lists:
-                raise SceneError(f"{label} has vertices with lists, which are not read; export it without them")
-            scalars = [entry.name for entry in element.properties]
+            scalars = [entry.name for entry in element.properties if not entry.count_kind]
             missing = [axis for axis in "xyz" if axis not in scalars]
             if missing:
                 raise SceneError(f"{label} has vertices without the property {quoted(missing[0])}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO, Final, TypeVar
 
@@ -121,14 +122,29 @@ def _reader(ending: str) -> Callable[[BinaryIO, int, str, VertexColors | None], 
     return None
 
 
+def _with_finite_normals(mesh: MeshData) -> MeshData:
+    """The mesh, whose normals are zero where they are not finite: there it has those of its triangles."""
+    normals = mesh.normals
+    if normals is None or not len(normals) or (np.isfinite(normals.min()) and np.isfinite(normals.max())):
+        return mesh
+    finite = np.isfinite(normals).all(axis=1)
+    if finite.all():
+        return mesh
+    count = int(np.count_nonzero(~finite))
+    text = f"{count} normals are not finite: there the surface has those of its triangles"
+    warning = "; ".join(each for each in (mesh.warning, text) if each)
+    return replace(mesh, normals=np.where(finite[:, None], normals, normals.dtype.type(0)), warning=warning)
+
+
 def checked_mesh(mesh: MeshData, label: str) -> MeshData:
-    """Validate that all numbers of a mesh are finite and in range.
+    """Validate that all numbers of a mesh are finite and in range; normals that are not finite become zeros.
 
     Raises
     ------
     SceneError
         The message begins with `label`.
     """
+    mesh = _with_finite_normals(mesh)
     for array, what in ((mesh.vertices, "vertex"), (mesh.normals, "normal")):
         for start in range(0, 0 if array is None else len(array), 2**20):
             assert array is not None

@@ -22,6 +22,8 @@ _MAGIC: Final = 0x041C
 _OFFSETS: Final = {3: "<u4", 4: "<u8"}
 """Type of the table of offsets, by version."""
 _NORMALS, _UVS, _COLORS, _FACETED, _SINGLE, _DOUBLE = 0x1, 0x2, 0x8, 0x10, 0x1000, 0x2000
+_IGNORED: Final = 0xF00
+"""Bits that some writers set, and Mitsuba does not look at."""
 _KNOWN: Final = _NORMALS | _UVS | _COLORS | _FACETED | _SINGLE | _DOUBLE
 _MESH_LIMIT: Final = 2**20
 _NAME_LIMIT: Final = 2**12
@@ -152,7 +154,7 @@ class _Stream:
 
 def _mesh(stream: _Stream, version: int, label: str) -> SerializedMesh:
     (flags,) = struct.unpack("<I", stream.read(4))
-    if flags & ~_KNOWN or (flags & _SINGLE and flags & _DOUBLE):
+    if flags & ~(_KNOWN | _IGNORED) or (flags & _SINGLE and flags & _DOUBLE):
         raise SceneError(f"{label} has the flags {flags:#x}, which mean nothing; export it again")
     if version == 4:
         for _ in range(_NAME_LIMIT + 1):

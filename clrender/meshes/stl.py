@@ -52,7 +52,7 @@ def read_stl(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
     count = int.from_bytes(head[80:84], "little") if len(head) == _HEAD else -1
     warnings: list[str] = []
     # Some binary files begin with "solid", too; the file size tells them apart
-    if size == _HEAD + 50 * count or head.lstrip()[:5].lower() != b"solid":
+    if size == _HEAD + 50 * count or head.removeprefix(b"\xef\xbb\xbf").lstrip()[:5].lower() != b"solid":
         points, normals = _binary(file, size, count, head, label, warnings)
     else:
         file.seek(0)
@@ -73,12 +73,19 @@ def _binary(
     """Corners (F, 3, 3) and normals (F, 3) of the facets."""
     if count < 0:
         raise SceneError(f"{label} is no STL file: it has {size} bytes, but a binary one has 84 at least")
+    whole, rest = divmod(size - _HEAD, 50)
+    if size != _HEAD + 50 * count and whole and (rest == 0 or count <= whole):
+        # Writers that do not know the number beforehand, or add something of their own
+        known = whole if count == 0 or count > whole else count
+        warnings.append(f"says that it holds {count} facets, but has bytes for {whole}: {known} are read")
+        count = known
     if count > TRIANGLE_LIMIT:
         raise SceneError(f"{label} holds {count} triangles, but at most {TRIANGLE_LIMIT} are read")
     promised = _HEAD + 50 * count
-    if size != promised:
-        what = "is truncated" if size < promised else "has bytes left over"
-        raise SceneError(f"{label} {what}: {count} facets are {promised} bytes, but it has {size}; export it again")
+    if size < promised:
+        raise SceneError(
+            f"{label} is truncated: {count} facets are {promised} bytes, but it has {size}; export it again"
+        )
     points, normals = np.empty((count, 3, 3), np.float32), np.empty((count, 3), np.float32)
     colored = b"COLOR=" in head[:80]
     for start in range(0, count, _CHUNK):

@@ -19,6 +19,8 @@ _FACET: Final = b"facet normal . . . outer loop vertex . . . vertex . . . vertex
 """The words of a facet; a dot stands for a number."""
 _NUMBERS: Final = [place for place, word in enumerate(_FACET) if word == b"."]
 _SOLID: Final = re.compile(rb"^[ \t]*(?:end[ \t]?)?solid\b[^\n]*", re.MULTILINE)
+_NO_NORMAL: Final = re.compile(rb"\bfacet\b(?=\s+outer\b)")
+"""A facet without a normal, which the order of its corners gives."""
 _Floats = NDArray[np.float64]
 
 
@@ -47,7 +49,7 @@ def read_facets(file: BinaryIO, label: str) -> tuple[_Floats, _Floats]:
     total, last = 0, 1
     for block in line_blocks(file, label):
         # A solid's name is arbitrary
-        words = rest + _SOLID.sub(b"", block.text.lower()).split()
+        words = rest + _SOLID.sub(b"", _NO_NORMAL.sub(b"facet normal 0 0 0", block.text.lower())).split()
         whole = len(words) - len(words) % len(_FACET)
         numbers = _numbers(words[:whole])
         if numbers is None:

@@ -8,12 +8,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.flatten.surfaces import SMALLEST
 from clrender.importers.gltf.accessors import Accessors
 from clrender.importers.gltf.deform import Surface, morphed, skinned
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.materials import Materials, Used
 from clrender.importers.gltf.matrices import Matrix
+from clrender.importers.shared.meshes import without_area
 from clrender.importers.shared.tangents import mikktspace
 from clrender.meshes.data import COORDINATE_LIMIT, MeshData
 from clrender.meshes.read import UV_LIMIT
@@ -113,7 +113,7 @@ class Meshes:
                 f"{at}/attributes/POSITION", f"goes beyond {COORDINATE_LIMIT:g}; make it smaller"
             )
         triangles = self._triangles(primitive, mode, len(positions), at)
-        if triangles is None or _are_flat(positions, triangles):
+        if triangles is None or without_area(positions, triangles):
             self._document.note(f"{at} was left out: it has no triangle with an area")
             return None
         material = self._materials.of(primitive)
@@ -241,13 +241,3 @@ class Meshes:
             linear = np.clip(linear, 0.0, 1.0)
         corners: NDArray[np.float32] = np.ascontiguousarray(linear)[triangles]
         return corners
-
-
-def _are_flat(positions: NDArray[np.float32], triangles: NDArray[np.uint32]) -> bool:
-    """Whether no triangle has an area; usually the first few disprove it."""
-    for start in (0, 64):
-        some = triangles[start : 64 if start == 0 else None]
-        a, b, c = (positions[some[:, i]].astype(np.float32) for i in range(3))
-        if len(some) and np.abs(np.cross(b - a, c - a)).max() >= SMALLEST:
-            return False
-    return True

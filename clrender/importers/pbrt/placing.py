@@ -13,7 +13,7 @@ from clrender.exact.angles import root
 from clrender.exact.matrices import determinant, length, lengths, product, times, total
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
-from clrender.importers.shared.matrices import Matrix, handedness, translation
+from clrender.importers.shared.matrices import Matrix, handedness, is_affine, translation
 from clrender.importers.shared.staging import Staging
 from clrender.wording import quoted
 
@@ -66,6 +66,10 @@ class Placer:
         matrix : (4, 4) float64
             Its transform to world space; that of the part itself is ignored.
         """
+        if not is_affine(matrix):
+            fault = self._staging.fault(part.line, "the shape's transform cannot be inverted; give it another")
+            self._staging.draft.leave_out(fault, self._staging.files.source, self._staging.files.strict)
+            return
         described = dict(part.described)
         if part.emission is None:
             _placed(self._staging, described, matrix, part.line)

@@ -21,7 +21,7 @@ from clrender.importers.pbrt.shapes import ShapeReader
 from clrender.importers.pbrt.state import TRANSFORMS, Graphics, moved
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.pbrt.tokens import FILE_LIMIT, Directive, directives
-from clrender.importers.shared.matrices import Matrix, inverse
+from clrender.importers.shared.matrices import Matrix, inverse, is_affine
 from clrender.importers.shared.staging import Staging
 from clrender.wording import quoted, suggestion
 
@@ -41,6 +41,8 @@ _BARE: Final = frozenset(
         "ReverseOrientation",
     ]
 )
+_TIMES: Final = frozenset(["All", "StartTime", "EndTime"])
+"""Words without quotes that follow ActiveTransform."""
 _WITHOUT_EFFECT: Final = frozenset(["Accelerator", "Option"])
 
 
@@ -111,8 +113,14 @@ class _World:
             "ActiveTransform": self._active,
             "TransformTimes": self._active,
         }
+        before = ""
         for directive in directives(data, source):
             name = directive.name
+            if before == "ActiveTransform" and name in _TIMES:
+                self._tell_moving(name)
+                before = name
+                continue
+            before = name
             if name in _BARE and (directive.texts or directive.numbers):
                 raise directive.fault(f"{name} takes nothing; remove what stands behind it")
             if name in TRANSFORMS:
@@ -179,7 +187,11 @@ class _World:
             self._state, self._stack = before
 
     def _active(self, directive: Directive) -> None:
-        if directive.name == "ActiveTransform" and directive.texts != ("All",):
+        if directive.name == "ActiveTransform" and directive.texts:
+            self._tell_moving(directive.texts[0])
+
+    def _tell_moving(self, when: str) -> None:
+        if when != "All":
             self.staging.note("moving transforms are read as one: without motion blur")
 
     def _color_space(self, directive: Directive) -> None:
@@ -189,7 +201,7 @@ class _World:
     # --- scene contents
 
     def _camera(self, directive: Directive) -> None:
-        into_world = inverse(self._state.matrix)
+        into_world = inverse(self._matrix(directive))
         self._systems["camera"] = into_world
         self._settings.camera = Camera(directive, into_world)
         if self._state.outside and self._state.outside in self._media:
@@ -237,7 +249,7 @@ class _World:
         self._state = replace(self._state, inside=inside, outside=outside)
 
     def _light(self, directive: Directive) -> None:
-        self._lights.read(directive.text(0, "type"), self._parameters(directive, "light"), self._state.matrix)
+        self._lights.read(directive.text(0, "type"), self._parameters(directive, "light"), self._matrix(directive))
 
     def _area_light(self, directive: Directive) -> None:
         if directive.text(0, "type") != "diffuse":
@@ -259,6 +271,12 @@ class _World:
                 self._object.append(replace(part, emission=None))
             else:
                 self._placer.put(part, part.matrix)
+
+    def _matrix(self, directive: Directive) -> Matrix:
+        """The current transform, for what cannot do without its inverse."""
+        if not is_affine(self._state.matrix):
+            raise directive.fault("the transform cannot be inverted; give other numbers")
+        return self._state.matrix
 
     # --- objects
 

@@ -14,7 +14,6 @@ from clrender.importers.shared.matrices import (
     Matrix,
     identity,
     inverse,
-    is_affine,
     look_at,
     rotation,
     scaling,
@@ -81,7 +80,7 @@ def moved(state: Graphics, directive: Directive, systems: dict[str, Matrix]) -> 
     Raises
     ------
     SceneError
-        It lacks numbers, or its transform is not invertible.
+        It lacks numbers, or its transform is not affine.
     """
     name = directive.name
     if name == "CoordinateSystem":
@@ -95,10 +94,9 @@ def moved(state: Graphics, directive: Directive, systems: dict[str, Matrix]) -> 
     if name == "Identity":
         return replace(state, matrix=identity())
     made = _by_columns(directive) if name == "Transform" else product(state.matrix, _step(directive))
-    if not is_affine(made):
-        raise directive.fault(
-            f"{name} makes a transform that is no affine one, or cannot be inverted; give other numbers"
-        )
+    # One that cannot be inverted does no harm unless something is placed by it
+    if not (np.isfinite(made).all() and np.allclose(made[3], [0.0, 0.0, 0.0, 1.0], rtol=0.0, atol=1e-6)):
+        raise directive.fault(f"{name} makes a transform that is no affine one; give other numbers")
     return replace(state, matrix=made)
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from clrender.exact.elementary import angles_of, sines_cosines
 from clrender.exact.matrices import inner, lengths
+from clrender.flatten.surfaces import SMALLEST
 from clrender.meshes.data import MeshData
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "quads_mesh",
     "smoothed",
     "sphere_mesh",
+    "without_area",
     "without_normals",
 ]
 
@@ -179,3 +181,14 @@ def _split_at_seams(mesh: MeshData) -> MeshData:
     kept = mesh.triangles.reshape(-1)[first]
     triangles = which.reshape(-1, 3).astype(np.uint32)
     return dataclasses.replace(mesh, vertices=mesh.vertices[kept], triangles=triangles)
+
+
+def without_area(positions: NDArray[np.floating], triangles: NDArray[np.integer]) -> bool:
+    """Whether no triangle has an area in single precision; usually the first few disprove it."""
+    for start in (0, 64):
+        some = triangles[start : 64 if start == 0 else None]
+        with np.errstate(over="ignore", invalid="ignore"):  # what is out of range is refused elsewhere
+            a, b, c = (positions[some[:, i]].astype(np.float32) for i in range(3))
+            if len(some) and not np.abs(np.cross(b - a, c - a)).max() < SMALLEST:
+                return False
+    return True
