@@ -160,6 +160,7 @@ def test_a_patch_that_is_a_twentieth_brighter_is_found(cornell: Scene) -> None:
     assert found == 20
 
 
+@pytest.mark.thorough
 def test_differences_said_to_be_visible_are_seen_nine_times_in_ten(cornell: Scene) -> None:
     # All tiles alike, so that the median is every tile's.
     random, seen, trials = np.random.default_rng(11), 0, 100

@@ -101,6 +101,7 @@ def test_errors_are_relative() -> None:
     assert relative_error(image, reference) == pytest.approx(0.5 * 0.04 / 4.01), "half of the rows that count"
 
 
+@pytest.mark.thorough
 def test_a_scene_is_measured(tmp_path: Path) -> None:
     """With clrender alone; the line says what ran where."""
     seen: list[Run] = []
@@ -111,6 +112,7 @@ def test_a_scene_is_measured(tmp_path: Path) -> None:
     assert {"commit", "driver", "device", "build_seconds", "device_bytes"} <= line.keys()
 
 
+@pytest.mark.thorough
 def test_lights_are_chosen_as_asked() -> None:
     """So that S4 can be compared with who picks each light alike."""
     lines = [measure(["S4"], [], Task(8, 8, 1, light_sampler=choice), 1)[0].line() for choice in ("bvh", "uniform")]

@@ -187,6 +187,7 @@ def test_a_call_takes_what_the_table_allows_and_refuses_the_rest(chosen: dict[st
     assert made.struct(16).shape == (1,)
 
 
+@pytest.mark.thorough
 @SOME
 @given(chosen=some(JUNK))
 def test_a_scene_file_takes_what_a_call_takes(chosen: dict[str, Any]) -> None:

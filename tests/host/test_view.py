@@ -557,6 +557,7 @@ def test_pixels_without_a_sample_show_the_coarse_picture_also_where_one_comes_me
     assert (frame.pixels[:, :4] == 0.0).all() and (frame.pixels[:, 4:] == 3.0).all()
 
 
+@pytest.mark.thorough
 def test_what_a_frame_says_of_the_samples_can_be_asked_while_samples_come() -> None:
     """A ledger that is read while it grows has blocks whose set of samples the reader does not know yet."""
     film = RunningFilm(64, 64)
