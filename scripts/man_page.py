@@ -39,7 +39,7 @@ EXAMPLES: Final = {
 
 def current(_page: str = "") -> str:
     """The page as it should be."""
-    top = click.Context(main, info_name="clrender")
+    top = click.Context(main, info_name="clrender", **main.context_settings)
     parts = [
         f'.TH CLRENDER 1 "" "clrender {__version__}" "User Commands"',
         ".SH NAME\nclrender \\- physically based OpenCL renderer",

@@ -556,8 +556,6 @@ FILES = [
     obj("obj nan", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "line 1"),
     obj("obj overflow", "v 0 0 1e999\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "m.obj"),
     obj("obj far away", "v 0 0 1e20\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "vertex 0", "1e+12"),
-    obj("obj some normals", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3\n", "normals"),
-    obj("obj normal missing", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//9\n", "m.obj"),
     obj("obj cut", "v 0 0 0\nv 1 0 0\nv 0 1\nf 1 2 3", "line 3"),
 ]  # fmt: skip
 

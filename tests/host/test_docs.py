@@ -35,7 +35,7 @@ def generator(name: str) -> Callable[..., str]:
 
 def commands() -> dict[str, click.Command]:
     """The commands of the command line, by name."""
-    context = click.Context(main)
+    context = click.Context(main, **main.context_settings)
     return {name: found for name in main.list_commands(context) if (found := main.get_command(context, name))}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,14 @@ import numpy as np
 import peer_scenes
 import pytest
 from cases import for_each
+from PIL import Image
 
+import clrender.importers.pbrt
 from clrender.flatten.flat_scene import flatten
+from clrender.image.pictures import open_picture
+from clrender.image.tone_map import srgb_decode
 from clrender.importers import load
+from clrender.importers.asset_files import AssetFiles
 from clrender.importers.shared.fresnel import external_reflectance, internal_reflectance
 from clrender.importers.shared.matrices import rotation
 from clrender.importers.shared.meshes import cube_mesh, cylinder_mesh, smoothed, sphere_mesh
@@ -445,3 +451,45 @@ def test_included_files(tmp_path: Path) -> None:
     )
     kept = pbrt(tmp_path, f'Include "part.pbrt" NamedMaterial "m" {BALL}')
     assert kept.shapes[0].material == "m" and np.array(kept.shapes[0].transform.matrix)[0][3] == 5.0
+
+
+@for_each("kind", ["png", "grey png", "pfm", "checker"])
+def test_textured_plastics_are_those_of_their_colours(tmp_path: Path, kind: str) -> None:
+    """Each texel has the colour that a constant would have, to half precision; a checkerboard exactly."""
+    begin = 'LookAt 0 0 5 0 0 0 0 1 0\nCamera "perspective"\nWorldBegin\n'
+    codes = np.array([(186, 120, 230), (3, 250, 77)], np.uint8)
+    linear = srgb_decode(codes / 255.0)
+    texture = '"imagemap" "string filename" "t.png"'
+    if kind == "checker":
+        tex = [" ".join(f"{x!r}" for x in color.tolist()) for color in linear]
+        texture = f'"checkerboard" "rgb tex1" [{tex[0]}] "rgb tex2" [{tex[1]}]'
+    elif kind == "pfm":
+        texture = texture.replace("png", "pfm")
+        (tmp_path / "t.pfm").write_bytes(b"PF\n2 1\n-1\n" + linear.astype("<f4").tobytes())
+    else:
+        codes = codes if kind == "png" else np.repeat(codes[:, :1], 3, axis=1)
+        linear = srgb_decode(codes / 255.0)
+        Image.fromarray(codes[None] if kind == "png" else codes[None, :, 0]).save(tmp_path / "t.png")
+    (tmp_path / "a.pbrt").write_text(
+        f'{begin}Texture "t" "spectrum" {texture}\nMaterial "coateddiffuse" "texture reflectance" "t"\nShape "sphere"\n'
+    )
+    scene = load(tmp_path / "a.pbrt")
+    made: Any = next(iter(scene.materials.values()))
+    wanted = []
+    for color in linear:
+        numbers = " ".join(map(repr, color.tolist()))
+        (tmp_path / "b.pbrt").write_text(
+            f'{begin}Material "coateddiffuse" "rgb reflectance" [{numbers}]\nShape "sphere"\n'
+        )
+        constant: Any = next(iter(load(tmp_path / "b.pbrt").materials.values()))
+        wanted.append(constant.base_color)
+        assert (made.ior, made.roughness) == (constant.ior, constant.roughness)
+    if kind == "checker":
+        np.testing.assert_allclose(made.base_color.checker, wanted, rtol=1e-12)
+        return
+    draft = clrender.importers.pbrt.read(tmp_path / "a.pbrt", AssetFiles("a.pbrt", tmp_path))
+    data, ending = draft.pictures[made.base_color.texture]
+    bands = list(open_picture(io.BytesIO(data), ending).bands())
+    found = bands[0].view(np.float16) if bands[0].dtype == np.uint16 else bands[0]
+    np.testing.assert_allclose(np.broadcast_to(found[0, :, :3], (2, 3)), wanted, rtol=1e-3, atol=1e-6)
+    assert not any("coateddiffuse" in note for note in scene.notes)

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from clrender.importers.mitsuba.plugins import Plugin
 from clrender.importers.mitsuba.textures import TextureReader
-from clrender.importers.shared.fresnel import internal_reflectance
+from clrender.importers.shared.below_boundary import below_boundary
 from clrender.importers.shared.metals import CONDUCTORS, DIELECTRICS
 from clrender.importers.shared.spectra import Color, light_color
 from clrender.importers.shared.staging import Staging, roughness_of
@@ -157,11 +157,7 @@ class SurfaceReader:
         ior = inside / outside
         base = self._textures.color(plugin, "diffuse_reflectance", 0.5)
         if plugin.flag("nonlinear", False):
-            if isinstance(base, dict):
-                self._staging.note('"nonlinear" of a textured plastic is left out: its colours are less saturated')
-            else:
-                inner = internal_reflectance(ior)
-                base = [x * (1.0 - inner) / (1.0 - x * inner) for x in base]
+            base = below_boundary(self._staging, base, max(ior, 1.0), plugin.line)
         specular = self._textures.color(plugin, "specular_reflectance", 1.0, texture=False)
         roughness = 0.0
         if plugin.type == "roughplastic":

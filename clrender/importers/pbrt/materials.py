@@ -8,7 +8,7 @@ from typing import Any
 
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
-from clrender.importers.shared.fresnel import internal_reflectance
+from clrender.importers.shared.below_boundary import below_boundary
 from clrender.importers.shared.staging import Staging, roughness_of
 from clrender.wording import quoted, suggestion
 
@@ -107,13 +107,7 @@ class MaterialReader:
     def _coated_diffuse(self, parameters: Parameters) -> dict[str, Any]:
         ior = max(self._textures.index(parameters), 1.0)
         base = self._textures.color(parameters, "reflectance", 0.5)
-        inner = internal_reflectance(ior)
-        if isinstance(base, dict):
-            self._staging.note(
-                "what a textured coateddiffuse reflects inside of its coat again is left out: it is lighter"
-            )
-        else:
-            base = [x * (1.0 - inner) / (1.0 - x * inner) for x in base]
+        base = below_boundary(self._staging, base, ior, parameters.line)
         self._layers(parameters)
         roughness = roughness_of(self._textures.alpha(parameters))
         return {"type": "principled", "base_color": base, "roughness": roughness, "ior": ior}
