@@ -5,6 +5,9 @@ Format: G. Turk, "The PLY Polygon File Format" (1994). Files are streamed: only 
 
 from __future__ import annotations
 
+import gzip
+import io
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import BinaryIO, Final
@@ -21,7 +24,7 @@ from clrender.meshes.ply_records import Lists
 from clrender.meshes.polygons import triangulate
 from clrender.meshes.vertex_colors import VertexColors, linear_colors
 
-__all__ = ["READ_OF_FACES", "READ_OF_VERTICES", "has_colors", "read_ply"]
+__all__ = ["READ_OF_FACES", "READ_OF_VERTICES", "has_colors", "read_packed_ply", "read_ply"]
 
 _UVS: Final = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 """Names of texture coordinates in various programs."""
@@ -34,6 +37,8 @@ READ_OF_VERTICES: Final = frozenset(("x", "y", "z", *_NORMAL, *_COLOR, *(name fo
 """Vertex properties that are read."""
 READ_OF_FACES: Final = frozenset(("vertex_indices", "vertex_index", *_CORNERS))
 """Face properties that are read."""
+_UNPACKED_LIMIT: Final = 2**32
+"""Largest file that is unpacked, bytes: it is held in memory."""
 _LARGEST: Final = {"u1": 255.0, "u2": 65535.0, "f4": 1.0, "f8": 1.0}
 """Largest colour value of each type."""
 
@@ -99,6 +104,24 @@ def read_ply(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
         text = f"{header.unknown} lines of its header are none of PLY's, and not read"
         mesh = replace(mesh, warning="; ".join(each for each in (text, mesh.warning) if each))
     return mesh
+
+
+def read_packed_ply(file: BinaryIO, size: int, label: str, colors: VertexColors | None = None) -> MeshData:
+    """Read a PLY file that gzip packed; for the parameters see `read_ply`.
+
+    Raises
+    ------
+    SceneError
+        If it is damaged, or unpacked larger than mesh files may be.
+    """
+    try:
+        with gzip.GzipFile(fileobj=file) as packed:
+            data = packed.read(_UNPACKED_LIMIT + 1)
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise SceneError(f"{label} is damaged: {error}; pack it again") from None
+    if len(data) > _UNPACKED_LIMIT:
+        raise SceneError(f"{label} has more than {_UNPACKED_LIMIT} bytes when unpacked; unpack and split it")
+    return read_ply(io.BytesIO(data), len(data), label, colors)
 
 
 def _of_strips(entries: NDArray[np.int64], sizes: NDArray[np.int64]) -> Lists:

@@ -48,10 +48,12 @@ def read_mesh(
         If it may not be read, is not a valid mesh, or lacks the colours.
     """
     label = f"{place}: {quoted(name)}"
-    read = _reader(Path(name).suffix.lower())
+    read = _reader(
+        "".join(Path(name.lower()).suffixes[-2:]) if name.lower().endswith(".gz") else Path(name).suffix.lower()
+    )
     if read is None:
         allowed_file(name, base_folder, allow_paths, label)
-        raise SceneError(f"{label} is of no kind that can be read; meshes may be .ply, .obj or .stl")
+        raise SceneError(f"{label} is of no kind that can be read; meshes may be .ply, .ply.gz, .obj or .stl")
     mesh = _read(name, base_folder, allow_paths, label, lambda file, size: read(file, size, label, colors))
     if colors is not None and mesh.colors is None:
         text = "has no colours of vertices (red, green, blue), which vertex_colors asks for"
@@ -111,6 +113,10 @@ def _reader(ending: str) -> Callable[[BinaryIO, int, str, VertexColors | None], 
         from clrender.meshes.ply import read_ply
 
         return read_ply
+    if ending == ".ply.gz":
+        from clrender.meshes.ply import read_packed_ply
+
+        return read_packed_ply
     if ending == ".obj":
         from clrender.meshes.obj import read_obj
 

@@ -207,7 +207,7 @@ _Uv = tuple[Annotated[Finite, Field(ge=-1e6, le=1e6)], Annotated[Finite, Field(g
 
 
 class Mesh(Surface):
-    """Triangle mesh from a file (.ply, .obj, .stl), or inline as vertices and faces."""
+    """Triangle mesh from a file (.ply, .ply.gz, .obj, .stl), or inline as vertices and faces."""
 
     late_keys: ClassVar[frozenset[str]] = frozenset({"shadow_terminator_offset"})
 

@@ -501,7 +501,7 @@ FILES = [
     sky("too bright", "a.hdr", HDR.format(1, 1).encode() + b"\xff" * 4, "pixel (0, 0)", "at most 1e+12"),
     sky("scaled too much", "a.hdr", HDR.format(1, 1).encode() + b"\xff\xff\xff\x90", "scale", more="scale = 1e9"),
     Bad("mesh missing", CAMERA + MESH.format("no.ply"), ("shapes[0].file", '"no.ply"', "does not exist"), cli=True),
-    Bad("mesh ending", CAMERA + MESH.format("m.off"), ("shapes[0].file", ".ply, .obj or .stl"), {"m.off": "OFF"}),
+    Bad("mesh ending", CAMERA + MESH.format("m.off"), ("shapes[0].file", ".ply.gz, .obj or .stl"), {"m.off": "OFF"}),
     Bad("mesh outside", CAMERA + MESH.format("../outside.ply"), ("shapes[0].file", "outside the scene's own folder"),
         cli=True, prepare=lambda folder: (folder.parent / "outside.ply").write_text(ASCII + TRIANGLE + "3 0 1 2\n")),
     Bad("mesh absolute", CAMERA + MESH.format("/etc/passwd"), ("shapes[0].file", "outside the scene's own folder")),

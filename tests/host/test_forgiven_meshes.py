@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import struct
 from pathlib import Path
 from typing import Any
@@ -89,6 +90,18 @@ def test_lists_of_vertices_are_skipped(tmp_path: Path) -> None:
     assert read(tmp_path, "b.ply", extra % b"ascii" + FACE + text + TEXT[TEXT.index(b"3 0 1 2") :]).sha256() == wanted
     with pytest.raises(SceneError, match="truncated"):
         read(tmp_path, "c.ply", extra % b"binary_little_endian" + FACE + rows)
+
+
+def test_a_packed_file(tmp_path: Path) -> None:
+    data = HEAD % b"binary_little_endian" + FACE + POINTS.tobytes() + binary_faces()
+    packed = gzip.compress(data)
+    assert read(tmp_path, "a.ply.gz", packed).sha256() == sound(tmp_path).sha256()
+    for broken in (packed[:-20], packed[:60] + b"xxxx" + packed[64:], b"no gzip", gzip.compress(data[:-3])):
+        with pytest.raises(SceneError, match=r"a\.ply\.gz\".*(is damaged|is truncated)"):
+            read(tmp_path, "a.ply.gz", broken)
+    (tmp_path / "s.pbrt").write_text(f'{BEGIN}Shape "plymesh" "string filename" "b.ply.gz"\n')
+    (tmp_path / "b.ply.gz").write_bytes(packed)
+    assert len(clrender.load(tmp_path / "s.pbrt").shapes) == 1
 
 
 @for_each("value", [b"nan", b"inf"])

@@ -493,3 +493,25 @@ def test_textured_plastics_are_those_of_their_colours(tmp_path: Path, kind: str)
     found = bands[0].view(np.float16) if bands[0].dtype == np.uint16 else bands[0]
     np.testing.assert_allclose(np.broadcast_to(found[0, :, :3], (2, 3)), wanted, rtol=1e-3, atol=1e-6)
     assert not any("coateddiffuse" in note for note in scene.notes)
+
+
+def test_mitsuba_3_takes_the_axis_of_a_rotation_as_it_is(tmp_path: Path) -> None:
+    """Matrices of Mitsuba 3.7: an axis of another length than 1 makes no rotation. 0.6 makes it a unit vector."""
+
+    def matrix(axis: str, angle: float, version: str = "3.0.0") -> Any:
+        turn = f'<transform name="to_world"><rotate {axis} angle="{angle}"/></transform>'
+        (shape,) = mitsuba(tmp_path, f'<shape type="rectangle">{turn}{GREY}</shape>', version).shapes
+        return np.array(shape.transform.matrix)[:3, :3]
+
+    long = [[0.0, -2.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 4.0]]
+    np.testing.assert_allclose(matrix('x="0" y="0" z="2"', 90.0), long, atol=1e-6)
+    slanted = [[1.0, 0.233956, 0.642788], [0.233956, 1.0, -0.642788], [-0.642788, 0.642788, 0.766044]]
+    np.testing.assert_allclose(matrix('x="1" y="1" z="0"', 40.0), slanted, atol=1e-6)
+    np.testing.assert_allclose(matrix('x="0" y="0" z="2"', 90.0, "0.6.0"), np.array(long) / [[2], [2], [4]], atol=1e-6)
+
+
+def test_an_area_light_with_a_name_is_not_left_out(tmp_path: Path) -> None:
+    scene = mitsuba(
+        tmp_path, '<shape type="rectangle"><ref id="lamp"/></shape>' + AREA.replace('"area"', '"area" id="lamp"')
+    )
+    assert scene.shapes[0].emission is not None and not any("left out" in note for note in scene.notes)

@@ -52,6 +52,8 @@ class EmitterReader:
             "sky": self._sky,
             "sun": self._sky,
         }
+        if plugin.type == "area" and plugin.id:
+            return  # for the shapes that refer to it
         if plugin.type not in known:
             self._staging.note(f"{plugin.label} is not known and left out")
             return

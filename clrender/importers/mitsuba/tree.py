@@ -72,7 +72,7 @@ class _Builder:
         return plugin
 
     def _fill(self, plugin: Plugin, element: Element, depth: int) -> None:
-        values = ValueReader(plugin.source, self._note, self._text_file)
+        values = ValueReader(plugin.source, self._note, self._text_file, self.old)
         for child in element.children:
             child.attributes = {
                 key: self._with_parameters(values, child, text) for key, text in child.attributes.items()

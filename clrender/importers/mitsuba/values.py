@@ -54,10 +54,14 @@ class ValueReader:
         Called with a sentence about a deviation from the file.
     file : callable
         Returns the content of a text file that the scene names at a line, for spectra.
+    old : bool
+        Whether the file is one of 0.6 or older.
     """
 
-    def __init__(self, source: str, note: Callable[[str], None], file: Callable[[str, int], str]) -> None:
-        self._source, self._note, self._file = source, note, file
+    def __init__(
+        self, source: str, note: Callable[[str], None], file: Callable[[str, int], str], old: bool = False
+    ) -> None:
+        self._source, self._note, self._file, self._old = source, note, file, old
 
     def fault(self, element: Element, sentence: str) -> SceneError:
         """An error at an element."""
@@ -186,7 +190,7 @@ class ValueReader:
             x, y, z = self._vector(step, 1.0)
             return scaling(x, y, z)
         if tag == "rotate":
-            return rotation(self._vector(step, 0.0), self._number(step, self.attribute(step, "angle")))
+            return rotation(self._vector(step, 0.0), self._number(step, self.attribute(step, "angle")), not self._old)
         if tag == "lookat":
             origin, target = (self._numbers(step, self.attribute(step, key), 3) for key in ("origin", "target"))
             up = step.attributes.get("up")

@@ -50,8 +50,16 @@ def scaling(x: float, y: float, z: float) -> Matrix:
     return np.diag([x, y, z, 1.0])
 
 
-def rotation(axis: Any, degrees: float) -> Matrix:
+def rotation(axis: Any, degrees: float, as_given: bool = False) -> Matrix:
     """A right-handed rotation about an axis of any length above 0 (Rodrigues' formula).
+
+    Parameters
+    ----------
+    axis : three floats
+    degrees : float
+    as_given : bool
+        Whether the axis goes into the formula with its own length, as in Mitsuba 3, where the result of any but 1 is no
+        rotation.
 
     Raises
     ------
@@ -62,10 +70,14 @@ def rotation(axis: Any, degrees: float) -> Matrix:
     size = length(direction)
     if not 0.0 < size < math.inf:
         raise ValueError("the axis of the rotation has no direction")
-    x, y, z = direction / size
+    stretched = as_given and abs(size - 1.0) > 1e-6
+    x, y, z = direction if stretched else direction / size
     sine, cosine = sin_cos(math.radians(math.fmod(degrees, 360.0)))
     across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     made = np.eye(4)
+    if stretched:
+        made[:3, :3] = cosine * np.eye(3) + (1.0 - cosine) * direction[:, None] * direction[None, :] + sine * across
+        return made
     made[:3, :3] += sine * across + (1.0 - cosine) * product(across, across)
     return made
 
