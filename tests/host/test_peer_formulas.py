@@ -13,6 +13,7 @@ import pytest
 from cases import for_each
 from PIL import Image
 
+import clrender.importers.mitsuba
 import clrender.importers.pbrt
 from clrender.flatten.flat_scene import flatten
 from clrender.image.pictures import open_picture
@@ -515,3 +516,40 @@ def test_an_area_light_with_a_name_is_not_left_out(tmp_path: Path) -> None:
         tmp_path, '<shape type="rectangle"><ref id="lamp"/></shape>' + AREA.replace('"area"', '"area" id="lamp"')
     )
     assert scene.shapes[0].emission is not None and not any("left out" in note for note in scene.notes)
+
+
+@for_each("format", ["pbrt", "pbrt without remapping", "mitsuba", "checker"])
+def test_textured_roughness_is_that_of_its_numbers(tmp_path: Path, format: str) -> None:
+    """Our roughness is the root of alpha; that of pbrt is the root of its roughness, unless remapping is off."""
+    numbers = np.array([0.04, 0.25, 0.81], np.float32)
+    pfm = b"Pf\n3 1\n-1\n" + numbers.astype("<f4").tobytes()
+    (tmp_path / "t.pfm").write_bytes(pfm)
+    roots = 2 if format in ("pbrt", "checker") else 1
+    if format == "mitsuba":
+        bitmap = '<texture type="bitmap" name="alpha"><string name="filename" value="t.pfm"/></texture>'
+        text = (
+            f'<scene version="3.0.0"><shape type="sphere"><bsdf type="roughconductor">{bitmap}</bsdf></shape></scene>'
+        )
+        (tmp_path / "a.xml").write_text(text)
+        draft = clrender.importers.mitsuba.read(tmp_path / "a.xml", AssetFiles("a.xml", tmp_path))
+    else:
+        kind = (
+            '"checkerboard" "float tex1" 0.04 "float tex2" 0.81'
+            if format == "checker"
+            else '"imagemap" "string filename" "t.pfm"'
+        )
+        more = '"bool remaproughness" false' if roots == 1 else ""
+        text = f'Camera "perspective"\nWorldBegin\nTexture "t" "float" {kind}\n'
+        text += f'Material "conductor" "texture roughness" "t" {more}\nShape "sphere"\n'
+        (tmp_path / "a.pbrt").write_text(text)
+        draft = clrender.importers.pbrt.read(tmp_path / "a.pbrt", AssetFiles("a.pbrt", tmp_path))
+    (made,) = draft.description["materials"].values()
+    assert not any("left out" in note for note in draft.notes), draft.notes
+    wanted = numbers.astype(float) ** (0.5**roots)
+    if format == "checker":
+        np.testing.assert_allclose(np.reshape(made["roughness"]["checker"], (2, -1))[:, 0], wanted[[0, 2]], rtol=1e-7)
+        return
+    data, ending = draft.pictures[made["roughness"]["texture"]]
+    (band,) = open_picture(io.BytesIO(data), ending).bands()
+    np.testing.assert_allclose(band.view(np.float16)[0, :, 0], wanted, rtol=1e-3)
+    assert made["roughness"]["channel"] == "r"

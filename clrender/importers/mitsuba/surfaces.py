@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from clrender.importers.mitsuba.plugins import Plugin
 from clrender.importers.mitsuba.textures import TextureReader
-from clrender.importers.shared.below_boundary import below_boundary
+from clrender.importers.shared.curved import below_boundary, rooted
 from clrender.importers.shared.metals import CONDUCTORS, DIELECTRICS
 from clrender.importers.shared.spectra import Color, light_color
 from clrender.importers.shared.staging import Staging, roughness_of
@@ -71,11 +71,13 @@ class SurfaceReader:
         plugin.ignore("sample_visible")
         return {"roughness": self._roughness(plugin), "microfacets": distribution, "multiple_scattering": False}
 
-    def _roughness(self, plugin: Plugin) -> float:
-        """Our roughness; for a texture of alpha that of 0.1."""
-        if any(plugin.child(name) is not None for name in ("alpha", "alpha_u", "alpha_v")):
-            self._staging.note("textures of alpha are left out: alpha is 0.1 there")
+    def _roughness(self, plugin: Plugin) -> Any:
+        """Our roughness, or a texture of it; for textures of alpha along u and v that of 0.1."""
+        if any(plugin.child(name) is not None for name in ("alpha_u", "alpha_v")):
+            self._staging.note("textures of alpha along u and v are left out: alpha is 0.1 there")
             return roughness_of(0.1)
+        if plugin.child("alpha") is not None:
+            return rooted(self._staging, self._textures.share(plugin, "alpha", 0.1), 1, plugin.line)
         alpha = plugin.number("alpha", 0.1)
         if plugin.has("alpha_u", "alpha_v"):
             u, v = plugin.number("alpha_u", 0.1), plugin.number("alpha_v", 0.1)

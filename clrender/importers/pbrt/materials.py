@@ -8,8 +8,8 @@ from typing import Any
 
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
-from clrender.importers.shared.below_boundary import below_boundary
-from clrender.importers.shared.staging import Staging, roughness_of
+from clrender.importers.shared.curved import below_boundary
+from clrender.importers.shared.staging import Staging
 from clrender.wording import quoted, suggestion
 
 __all__ = ["MaterialReader"]
@@ -101,7 +101,7 @@ class MaterialReader:
 
     def _microfacets(self, parameters: Parameters, prefix: str = "") -> dict[str, Any]:
         """Options of metal and glass, which lose light by multiple scattering in pbrt."""
-        roughness = roughness_of(self._textures.alpha(parameters, prefix))
+        roughness = self._textures.roughness(parameters, prefix)
         return {"roughness": roughness, "multiple_scattering": False} if roughness else {"roughness": 0.0}
 
     def _coated_diffuse(self, parameters: Parameters) -> dict[str, Any]:
@@ -109,7 +109,7 @@ class MaterialReader:
         base = self._textures.color(parameters, "reflectance", 0.5)
         base = below_boundary(self._staging, base, ior, parameters.line)
         self._layers(parameters)
-        roughness = roughness_of(self._textures.alpha(parameters))
+        roughness = self._textures.roughness(parameters)
         return {"type": "principled", "base_color": base, "roughness": roughness, "ior": ior}
 
     def _layers(self, parameters: Parameters) -> None:
@@ -135,7 +135,7 @@ class MaterialReader:
     def _coated_conductor(self, parameters: Parameters) -> dict[str, Any]:
         self._staging.note('"coatedconductor" is read as a conductor: without its coat')
         self._textures.index(parameters, "interface.eta")
-        self._textures.alpha(parameters, "interface.")
+        self._textures.roughness(parameters, "interface.")
         self._layers(parameters)
         microfacets = self._microfacets(parameters, "conductor.")
         return {"type": "conductor", **self._metal(parameters, "conductor."), **microfacets}

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from clrender.image.pictures import CODED_ENDINGS
 from clrender.importers.pbrt.parameters import Parameter, Parameters
+from clrender.importers.shared.curved import rooted
 from clrender.importers.shared.metals import CONDUCTORS, GLASSES
 from clrender.importers.shared.spectra import (
     Color,
@@ -17,7 +18,7 @@ from clrender.importers.shared.spectra import (
     reflectance_color,
     value_at,
 )
-from clrender.importers.shared.staging import Staging
+from clrender.importers.shared.staging import Staging, roughness_of
 from clrender.wording import quoted, suggestion
 
 __all__ = ["TextureReader"]
@@ -172,7 +173,17 @@ class TextureReader:
             return {**value, "channel": "r"} if "texture" in value else value
         return self._staging.share(parameters.number(name, default), quoted(name))
 
-    def alpha(self, parameters: Parameters, prefix: str = "", default: float = 0.0) -> float:
+    def roughness(self, parameters: Parameters, prefix: str = "") -> Any:
+        """Our roughness, or a texture of it: the root of alpha, which is the root of pbrt's unless remapping is off."""
+        found = parameters.get(f"{prefix}roughness")
+        apart = any(parameters.get(f"{prefix}{axis}roughness") is not None for axis in "uv")
+        if found is None or found.kind != "texture" or apart:
+            return roughness_of(self._alpha(parameters, prefix))
+        remapped = parameters.flag("remaproughness", True)
+        value = self.share(parameters, f"{prefix}roughness", 0.0)
+        return rooted(self._staging, value, 2 if remapped else 1, found.line)
+
+    def _alpha(self, parameters: Parameters, prefix: str = "", default: float = 0.0) -> float:
         """Alpha of a microfacet distribution: the square root of the roughness, unless remapping is off."""
         remapped = parameters.flag("remaproughness", True)
         both = self._one(parameters, f"{prefix}roughness", default)
