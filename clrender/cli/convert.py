@@ -35,6 +35,7 @@ def convert(
     force: bool,
     time_at: float | None,
     variant: str | None,
+    up: str | None,
     strict: bool,
     allow_paths: tuple[Path, ...],
 ) -> None:
@@ -53,7 +54,7 @@ def convert(
     from clrender.importers import load
     from clrender.version import __version__
 
-    loaded = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant, strict=strict)
+    loaded = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant, up=up, strict=strict)
     check_distinct([output], scene_files(scene, loaded))
     folder = output.with_name(f"{output.stem}-files")
     export = exported(loaded, folder.name)

@@ -273,6 +273,11 @@ def choice_options(command: Any) -> Any:
     command = click.option(
         "--strict", is_flag=True, help="Refuse a file of another format for faults that are otherwise noted."
     )(command)
+    command = click.option(
+        "--up",
+        type=click.Choice(["y", "z"]),
+        help="Upward axis of a model in .obj, .ply or .stl, which has no camera; default: z for .stl, else y.",
+    )(command)
     command = click.option("--variant", metavar="NAME", help="Material variant of a glTF file.")(command)
     return click.option(
         "--time-at",

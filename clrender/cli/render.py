@@ -114,6 +114,7 @@ def render(
     quiet: bool,
     time_at: float | None,
     variant: str | None,
+    up: str | None,
     strict: bool,
     allow_paths: tuple[Path, ...],
     **settings: Any,
@@ -144,7 +145,13 @@ def render(
         waiting = stack.enter_context(Waiting(None if quiet else STYLES[progress]().say))
         waiting.stage("reading")
         description = load(
-            scene, allow_paths=allow_paths, time_at=time_at, variant=variant, environment=environment, strict=strict
+            scene,
+            allow_paths=allow_paths,
+            time_at=time_at,
+            variant=variant,
+            up=up,
+            environment=environment,
+            strict=strict,
         )
         description = description.with_exposure(f_stop, shutter, iso)
         read_seconds = time.perf_counter() - begun

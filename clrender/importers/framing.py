@@ -25,8 +25,9 @@ from clrender.wording import quoted
 
 __all__ = ["completed"]
 
-_FROM: Final = (0.45, 0.35, 1.0)
-"""Direction from the model's centre to the camera: in front, slightly to the right and above."""
+_FROM: Final = {"y": (0.45, 0.35, 1.0), "z": (0.45, -1.0, 0.35)}
+"""Direction from the model's centre to the camera, by the upward axis: in front, slightly to the right and above."""
+_UP: Final = {"y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _VERTICAL_FOV: Final = 35.0
 _MARGIN: Final = 1.05
 _STUDIO: Final = "studio light"
@@ -34,8 +35,15 @@ _STUDIO: Final = "studio light"
 _LIT: Final = "there is no light in it: lit by a grey surround and a soft light from the camera's upper left"
 
 
-def completed(draft: Draft, files: AssetFiles) -> Scene:
+def completed(draft: Draft, files: AssetFiles, up: str = "y") -> Scene:
     """The scene of a draft, with a camera and light if it has none.
+
+    Parameters
+    ----------
+    draft : Draft
+    files : AssetFiles
+    up : str
+        Upward axis, ``y`` or ``z``, for that camera and light.
 
     Raises
     ------
@@ -62,13 +70,14 @@ def completed(draft: Draft, files: AssetFiles) -> Scene:
     )
     scene = scene.with_files(meshes=meshes, transforms=places, encoded=draft.pictures, environments=pictures)
     if framed:
-        notes = [*notes, "there is no camera in it: it is framed from the front, a little from above"]
+        which = "" if up == "y" else "; z is up, or y with --up y"
+        notes = [*notes, f"there is no camera in it: it is framed from the front, a little from above{which}"]
         low, high = scene_bounds(scene)
-        scene = scene.with_checked(camera=scene.camera.with_checked(**_around(low, high, scene)))
+        scene = scene.with_checked(camera=scene.camera.with_checked(**_around(low, high, scene, up)))
     if dark:
         notes = [*notes, _LIT]
         scene = scene.with_default_light(EnvironmentLight(type="environment", file=_STUDIO), _LIT)
-        scene = scene.with_files(environments={_STUDIO: studio_light(scene.camera)})
+        scene = scene.with_files(environments={_STUDIO: studio_light(scene.camera, _UP[up])})
     scene.read_named()
     return scene.with_notes((f"{files.source}: {note}" for note in notes), files.opened)
 
@@ -94,7 +103,7 @@ def _shines(description: dict[str, Any]) -> bool:
     return any("emission" in material for name, material in description["materials"].items() if name in used)
 
 
-def _around(low: NDArray[np.float64], high: NDArray[np.float64], scene: Scene) -> dict[str, Any]:
+def _around(low: NDArray[np.float64], high: NDArray[np.float64], scene: Scene, up: str) -> dict[str, Any]:
     """Keys of a camera that frames a whole box."""
     if not (high >= low).all():
         raise SceneError(f"{scene.source}: has no surface that a camera could be pointed at")
@@ -105,8 +114,9 @@ def _around(low: NDArray[np.float64], high: NDArray[np.float64], scene: Scene) -
     # Even for a single point, the camera is so far away that double precision distinguishes the two
     radius = max(radius, 1e-6 * max(1.0, float(np.abs(middle).max())))
     distance = _MARGIN * radius / sin_cos(half)[0]
-    toward = np.array(_FROM) / length(_FROM)
+    toward = np.array(_FROM[up]) / length(_FROM[up])
     return {
+        **({} if up == "y" else {"up": _UP[up]}),
         "position": tuple(float(x) for x in middle + distance * toward),
         "target": tuple(float(x) for x in middle),
         "vertical_fov": _VERTICAL_FOV,

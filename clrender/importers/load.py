@@ -33,6 +33,8 @@ _READERS: Final[Mapping[str, str]] = {
 """Modules by extension. Each has ``read(path, files) -> Draft``, and is imported on demand."""
 _CHOOSING: Final = (".gltf", ".glb")
 """Extensions whose ``read`` also takes `Choices`."""
+_MODELS: Final = (".obj", ".ply", ".stl")
+"""Extensions of models whose upward axis is not known."""
 SCENE_ENDINGS: Final = (".toml", ".json", *_READERS)
 """Extensions of the files that `load` reads."""
 
@@ -45,6 +47,7 @@ def load(
     variant: str | None = None,
     environment: str | Path | float | None = None,
     strict: bool = False,
+    up: str | None = None,
 ) -> Scene:
     """Read and validate a scene and the files it names.
 
@@ -64,6 +67,9 @@ def load(
     strict : bool
         Whether a file of another format is refused for faults that are otherwise forgiven, or for which a part is left
         out, with a note.
+    up : str, optional
+        Axis that points upward in a model of a format that has no camera and does not say (`.obj .ply .stl`): ``y`` or
+        ``z``; default: z for `.stl`, as programs for printing and construction have it, else y.
 
     Returns
     -------
@@ -84,15 +90,15 @@ def load(
     folders = [checked_path(folder, "allow_paths") for folder in allow_paths]
     ending = path.suffix.lower()
     choices = Choices(time_at, variant)
-    for key, given in (("time_at", time_at), ("variant", variant)):
-        if given is not None and ending not in _CHOOSING:
-            raise SceneError(
-                f"{quoted(str(path))} takes no {key}, which is for {' and '.join(_CHOOSING)}; leave it out"
-            )
+    for key, given, takes in (("time_at", time_at, _CHOOSING), ("variant", variant, _CHOOSING), ("up", up, _MODELS)):
+        if given is not None and ending not in takes:
+            raise SceneError(f"{quoted(str(path))} takes no {key}, which is for {' and '.join(takes)}; leave it out")
+    if up not in (None, "y", "z"):
+        raise SceneError(f"up is {up!r}; it must be y or z")
     if time_at is not None and not math.isfinite(time_at):
         raise SceneError(f"time_at is {time_at!r}; it must be a finite number of seconds")
     reader = _READERS.get(ending)
-    origin = {"name": str(path_or_name), "time_at": time_at, "variant": variant}
+    origin = {"name": str(path_or_name), "time_at": time_at, "variant": variant, "up": up}
     if isinstance(environment, str | Path | Real):  # a film cannot record an array
         origin |= {"environment": float(environment) if isinstance(environment, Real) else str(environment)}
     origin = {key: value for key, value in origin.items() if value is not None}
@@ -110,6 +116,7 @@ def load(
         if not folder.is_dir():
             raise SceneError(f"{quoted(str(folder))} is no folder, so nothing in it can be allowed")
     files = AssetFiles(ascii(str(path))[1:-1], path.parent, folders, strict)
-    scene = completed(read(path, files, choices) if ending in _CHOOSING else read(path, files), files)
+    upright = up or ("z" if ending == ".stl" else "y")
+    scene = completed(read(path, files, choices) if ending in _CHOOSING else read(path, files), files, upright)
     scene = scene.with_origin(origin)
     return scene if environment is None else scene.with_environment(environment)

@@ -28,8 +28,15 @@ _KEY_PLACE: Final = (-0.55, 0.65, 0.8)
 """Direction from the camera's target to the key light: to the left, above, and towards the camera."""
 
 
-def studio_light(camera: Camera) -> EnvironmentPicture:
-    """Environment map for a scene without light, relative to its camera; 128 x 64 pixels."""
+def studio_light(camera: Camera, up: Vector = (0.0, 1.0, 0.0)) -> EnvironmentPicture:
+    """Environment map for a scene without light, relative to its camera; 128 x 64 pixels.
+
+    Parameters
+    ----------
+    camera : Camera
+    up : three floats
+        Unit vector towards its brighter side.
+    """
     x, y, z = (a - b for a, b in zip(camera.target, camera.position, strict=True))
     forward = _unit((x, y, z))
     right = _unit(cross(forward, _unit(camera.up)))
@@ -46,7 +53,7 @@ def studio_light(camera: Camera) -> EnvironmentPicture:
     lobe = np.maximum(cosine(toward), 0.0)
     for _ in range(_DOUBLINGS):
         lobe = lobe * lobe
-    grey = (_EVEN + _FROM_ABOVE * dy) - _FROM_BEHIND * cosine(forward) + _KEY * lobe
+    grey = (_EVEN + _FROM_ABOVE * cosine(up)) - _FROM_BEHIND * cosine(forward) + _KEY * lobe
     return EnvironmentPicture(np.repeat(grey[:, :, None], 3, axis=2).astype(np.float32))
 
 

@@ -35,6 +35,7 @@ TILE: Final = 16
 """Side of the sampled tiles, pixels: small, so that a fraction of them is informative about the rest."""
 
 _ANIMATED: Final = (".gltf", ".glb")
+_UPRIGHT: Final = (".obj", ".ply", ".stl")
 
 
 @dataclass(frozen=True)
@@ -205,6 +206,8 @@ def _scene(
     source = given if given is not None else _found(path, origin["name"], "--scene")
     if Path(source).suffix.lower() not in _ANIMATED:
         origin = {**origin, "time_at": None, "variant": None}
+    if Path(source).suffix.lower() not in _UPRIGHT:
+        origin = {**origin, "up": None}
     around = environment if environment is not None else origin.get("environment")
     if environment is None and isinstance(around, str):
         around = _found(path, around, "--environment")
@@ -213,6 +216,7 @@ def _scene(
         allow_paths=allow_paths,
         time_at=origin.get("time_at"),
         variant=origin.get("variant"),
+        up=origin.get("up"),
         environment=around,
     )
 
@@ -220,7 +224,7 @@ def _scene(
 def _origin(claim: Claim) -> dict[str, Any]:
     """Arguments of `clrender.load` that a file records."""
     said = claim.provenance.get("scene")
-    kinds = {"name": (str,), "time_at": (int, float), "variant": (str,), "environment": (str, int, float)}
+    kinds = {"name": (str,), "time_at": (int, float), "variant": (str,), "up": (str,), "environment": (str, int, float)}
     if not isinstance(said, Mapping):
         return {}
     return {key: said[key] for key, kind in kinds.items() if isinstance(said.get(key), kind)}

@@ -180,3 +180,26 @@ def test_files_that_are_none(tmp_path: Path, ending: str, data: bytes) -> None:
         clrender.load(path)
     with pytest.raises(SceneError, match="does not exist"):
         clrender.load(tmp_path / f"none{ending}")
+
+
+# --- up ---------------------------------------------------------------------------------------------------------------
+
+
+def test_the_upward_axis_of_models(tmp_path: Path) -> None:
+    """That of STL is z unless told otherwise; camera and light turn with it, the model stays as it is."""
+    (tmp_path / "m.stl").write_bytes(binary_stl(CUBE, TRIANGLES))
+    path = tmp_path / "m.stl"
+    above, level = clrender.load(path), clrender.load(path, up="y")
+    assert above.camera.up == (0.0, 0.0, 1.0) and level.camera.up == (0.0, 1.0, 0.0)
+    assert clrender.load(path, up="z").sha256() == above.sha256() != level.sha256()
+    x, y, z = np.subtract(above.camera.position, above.camera.target)
+    np.testing.assert_allclose((x, z, -y), np.subtract(level.camera.position, level.camera.target), rtol=1e-12)
+    first, second = (each.environment_picture() for each in (above, level))
+    assert first is not None and second is not None
+    # At +y is the first row, +z is the middle column
+    assert first.pixels[32, 64, 0] > first.pixels[32, 0, 0] and second.pixels[0].mean() > second.pixels[-1].mean()
+    assert any("z is up" in note for note in above.notes) and not any("is up" in note for note in level.notes)
+    with pytest.raises(SceneError, match=r"takes no up, which is for \.obj and \.ply and \.stl"):
+        clrender.load("room", up="z")
+    with pytest.raises(SceneError, match="up is 'x'; it must be y or z"):
+        clrender.load(path, up="x")
