@@ -20,10 +20,16 @@ __all__ = ["check"]
 @choice_options
 @allow_path_option
 def check(
-    scene: str, allow_paths: tuple[Path, ...], time_at: float | None, variant: str | None, up: str | None, strict: bool
+    scene: str,
+    allow_paths: tuple[Path, ...],
+    time_at: float | None,
+    variant: str | None,
+    up: str | None,
+    define: dict[str, str],
+    strict: bool,
 ) -> None:
     """Validate SCENE (a file or the name of a built-in scene) and print its statistics."""
-    loaded = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant, up=up, strict=strict)
+    loaded = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant, up=up, define=define, strict=strict)
     flat = flatten(loaded, loaded.image.width, loaded.image.height)
     rows = [
         ("image", f"{loaded.image.width} x {loaded.image.height}"),

@@ -36,6 +36,7 @@ def convert(
     time_at: float | None,
     variant: str | None,
     up: str | None,
+    define: dict[str, str],
     strict: bool,
     allow_paths: tuple[Path, ...],
 ) -> None:
@@ -54,7 +55,7 @@ def convert(
     from clrender.importers import load
     from clrender.version import __version__
 
-    loaded = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant, up=up, strict=strict)
+    loaded = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant, up=up, define=define, strict=strict)
     check_distinct([output], scene_files(scene, loaded))
     folder = output.with_name(f"{output.stem}-files")
     export = exported(loaded, folder.name)

@@ -268,10 +268,28 @@ def progress_options(command: Any) -> Any:
     return command
 
 
+def _definitions(_ctx: click.Context, _param: click.Parameter, given: tuple[str, ...]) -> dict[str, str]:
+    """Values by name."""
+    parts = [each.partition("=") for each in given]
+    for (name, equals, _), whole in zip(parts, given, strict=True):
+        if not (name and equals):
+            raise click.BadParameter(f"{whole!a} is no definition; write it as NAME=VALUE")
+    return {name: value for name, _, value in parts}
+
+
 def choice_options(command: Any) -> Any:
     """Decorator: the options for choices that a file of another format leaves open."""
     command = click.option(
         "--strict", is_flag=True, help="Refuse a file of another format for faults that are otherwise noted."
+    )(command)
+    command = click.option(
+        "-D",
+        "--define",
+        "define",
+        metavar="NAME=VALUE",
+        multiple=True,
+        callback=_definitions,
+        help="Value of a parameter of a Mitsuba scene. Repeatable.",
     )(command)
     command = click.option(
         "--up",

@@ -115,6 +115,7 @@ def render(
     time_at: float | None,
     variant: str | None,
     up: str | None,
+    define: dict[str, str],
     strict: bool,
     allow_paths: tuple[Path, ...],
     **settings: Any,
@@ -150,6 +151,7 @@ def render(
             time_at=time_at,
             variant=variant,
             up=up,
+            define=define,
             environment=environment,
             strict=strict,
         )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 __all__ = ["Choices"]
 
@@ -17,7 +18,10 @@ class Choices:
         Moment of its animation, seconds; None: the rest pose.
     variant : str or None
         Name of a material variant; None: the default materials.
+    define : mapping of str to str
+        Values of its parameters by name; for others it has defaults.
     """
 
     time_at: float | None = None
     variant: str | None = None
+    define: Mapping[str, str] = field(default_factory=dict)

@@ -31,7 +31,8 @@ _READERS: Final[Mapping[str, str]] = {
     ".pbrt": "clrender.importers.pbrt",
 }
 """Modules by extension. Each has ``read(path, files) -> Draft``, and is imported on demand."""
-_CHOOSING: Final = (".gltf", ".glb")
+_ANIMATED: Final = (".gltf", ".glb")
+_CHOOSING: Final = (*_ANIMATED, ".xml")
 """Extensions whose ``read`` also takes `Choices`."""
 _MODELS: Final = (".obj", ".ply", ".stl")
 """Extensions of models whose upward axis is not known."""
@@ -48,6 +49,7 @@ def load(
     environment: str | Path | float | None = None,
     strict: bool = False,
     up: str | None = None,
+    define: Mapping[str, str] | None = None,
 ) -> Scene:
     """Read and validate a scene and the files it names.
 
@@ -70,6 +72,8 @@ def load(
     up : str, optional
         Axis that points upward in a model of a format that has no camera and does not say (`.obj .ply .stl`): ``y`` or
         ``z``; default: z for `.stl`, as programs for printing and construction have it, else y.
+    define : mapping of str to str, optional
+        Values of the parameters (``$NAME``) of a Mitsuba scene, before its own defaults.
 
     Returns
     -------
@@ -89,8 +93,13 @@ def load(
         raise UsageError(f"allow_paths is {shown(allow_paths)}, but must be a list of folders")
     folders = [checked_path(folder, "allow_paths") for folder in allow_paths]
     ending = path.suffix.lower()
-    choices = Choices(time_at, variant)
-    for key, given, takes in (("time_at", time_at, _CHOOSING), ("variant", variant, _CHOOSING), ("up", up, _MODELS)):
+    choices = Choices(time_at, variant, {str(name): str(value) for name, value in (define or {}).items()})
+    for key, given, takes in (
+        ("time_at", time_at, _ANIMATED),
+        ("variant", variant, _ANIMATED),
+        ("up", up, _MODELS),
+        ("define", define or None, (".xml",)),
+    ):
         if given is not None and ending not in takes:
             raise SceneError(f"{quoted(str(path))} takes no {key}, which is for {' and '.join(takes)}; leave it out")
     if up not in (None, "y", "z"):
@@ -98,7 +107,13 @@ def load(
     if time_at is not None and not math.isfinite(time_at):
         raise SceneError(f"time_at is {time_at!r}; it must be a finite number of seconds")
     reader = _READERS.get(ending)
-    origin = {"name": str(path_or_name), "time_at": time_at, "variant": variant, "up": up}
+    origin = {
+        "name": str(path_or_name),
+        "time_at": time_at,
+        "variant": variant,
+        "up": up,
+        "define": dict(choices.define) or None,
+    }
     if isinstance(environment, str | Path | Real):  # a film cannot record an array
         origin |= {"environment": float(environment) if isinstance(environment, Real) else str(environment)}
     origin = {key: value for key, value in origin.items() if value is not None}

@@ -208,6 +208,8 @@ def _scene(
         origin = {**origin, "time_at": None, "variant": None}
     if Path(source).suffix.lower() not in _UPRIGHT:
         origin = {**origin, "up": None}
+    if Path(source).suffix.lower() != ".xml":
+        origin = {**origin, "define": None}
     around = environment if environment is not None else origin.get("environment")
     if environment is None and isinstance(around, str):
         around = _found(path, around, "--environment")
@@ -217,6 +219,7 @@ def _scene(
         time_at=origin.get("time_at"),
         variant=origin.get("variant"),
         up=origin.get("up"),
+        define=origin.get("define"),
         environment=around,
     )
 
@@ -224,7 +227,14 @@ def _scene(
 def _origin(claim: Claim) -> dict[str, Any]:
     """Arguments of `clrender.load` that a file records."""
     said = claim.provenance.get("scene")
-    kinds = {"name": (str,), "time_at": (int, float), "variant": (str,), "up": (str,), "environment": (str, int, float)}
+    kinds = {
+        "name": (str,),
+        "time_at": (int, float),
+        "variant": (str,),
+        "up": (str,),
+        "define": (dict,),
+        "environment": (str, int, float),
+    }
     if not isinstance(said, Mapping):
         return {}
     return {key: said[key] for key, kind in kinds.items() if isinstance(said.get(key), kind)}

@@ -25,7 +25,7 @@ RENDER_OPTIONS = (
     "output spp size seed device integrator filter shadow-rays indirect-rays max-depth roulette termination sampling "
     "light-sampler reuse photons photon-radius patches patch-rays radiosity-display tone-map exposure aov denoise tile "
     "f-stop shutter iso environment time-at variant samples-per-pass work-group lanes time shard stats quiet "
-    "allow-path strict up exr-type exr-compression exr-tile checkpoint resume max-memory cluster "
+    "allow-path strict up define exr-type exr-compression exr-tile checkpoint resume max-memory cluster "
     "replicate-spp error confidence share error-floor progress preview"
 )
 

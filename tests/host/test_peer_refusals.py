@@ -210,3 +210,15 @@ def test_folders_of_path_are_searched(tmp_path: Path) -> None:
         if isinstance(shape, Mesh)
     ]
     assert widths == [7.0, 2.0, 3.0]
+
+
+def test_parameters_are_set_from_outside(tmp_path: Path) -> None:
+    """Before the file's own defaults; what is not used is told, and `verify` finds them in the film's origin."""
+    path = tmp_path / "scene.xml"
+    ball = '<shape type="sphere"><float name="radius" value="$r"/></shape>'
+    path.write_text(f'<scene version="3.0.0"><default name="r" value="1"/>{ball}</scene>')
+    scene = load(path, define={"r": "2.5", "other": "1"})
+    assert scene.shapes[0].radius == 2.5 and load(path).shapes[0].radius == 1.0  # type: ignore[union-attr]
+    assert any("$other is defined, but the scene does not use it" in note for note in scene.notes)
+    with pytest.raises(SceneError, match=r"takes no define, which is for \.xml"):
+        load("room", define={"r": "1"})

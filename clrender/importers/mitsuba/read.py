@@ -9,6 +9,7 @@ from typing import Any, Final
 from clrender.exact.angles import angle_of
 from clrender.exact.matrices import length
 from clrender.importers.asset_files import AssetFiles
+from clrender.importers.choices import Choices
 from clrender.importers.draft import Draft
 from clrender.importers.mitsuba.emitters import EmitterReader
 from clrender.importers.mitsuba.materials import MaterialReader
@@ -36,8 +37,15 @@ _FILTERS: Final = {"box": "box", "gaussian": "gaussian", "mitchell": "mitchell"}
 _NEAR_FILTER: Final = {"tent": "gaussian", "catmullrom": "mitchell", "lanczos": "mitchell", "windowedsinc": "mitchell"}
 
 
-def read(path: Path, files: AssetFiles) -> Draft:
+def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft:
     """The scene of an XML file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    files : AssetFiles
+    choices : Choices, optional
+        Values of its parameters.
 
     Raises
     ------
@@ -45,7 +53,7 @@ def read(path: Path, files: AssetFiles) -> Draft:
         It is not a valid scene; the message names the line.
     """
     staging = Staging(files)
-    scene, old = scene_tree(files.scene(path, FILE_LIMIT), files, staging.note)
+    scene, old = scene_tree(files.scene(path, FILE_LIMIT), files, staging.note, (choices or Choices()).define)
     textures = TextureReader(staging, old)
     materials = MaterialReader(staging, textures, old)
     media = MediumReader(staging, textures)

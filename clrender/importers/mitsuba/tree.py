@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import PurePosixPath
 from typing import Final
 
@@ -49,9 +49,10 @@ _PARAMETER: Final = re.compile(r"\$([A-Za-z_][A-Za-z0-9_]*)")
 class _Builder:
     """Builds objects in one pass over the elements."""
 
-    def __init__(self, files: AssetFiles, note: Callable[[str], None]) -> None:
+    def __init__(self, files: AssetFiles, note: Callable[[str], None], define: Mapping[str, str]) -> None:
         self._files, self._note = files, note
-        self._defaults: dict[str, str] = {}
+        self._defaults = dict(define)
+        self.used: set[str] = set()
         self._by_id: dict[str, Plugin] = {}
         self._included = self._put_in = 0
         self.old = False
@@ -179,6 +180,7 @@ class _Builder:
             if match[1] not in self._defaults:
                 cure = "give it a <default>"
                 raise values.fault(element, f"the parameter ${match[1][:60]} has no value; {cure}")
+            self.used.add(match[1])
             return self._defaults[match[1]]
 
         replaced = _PARAMETER.sub(value, text)
@@ -195,7 +197,9 @@ class _Builder:
         return self._files.read(name, f"line {line}", _TEXT_LIMIT).decode("utf-8", "replace")
 
 
-def scene_tree(data: bytes, files: AssetFiles, note: Callable[[str], None]) -> tuple[Plugin, bool]:
+def scene_tree(
+    data: bytes, files: AssetFiles, note: Callable[[str], None], define: Mapping[str, str] | None = None
+) -> tuple[Plugin, bool]:
     """Parse a scene into objects.
 
     Parameters
@@ -205,6 +209,8 @@ def scene_tree(data: bytes, files: AssetFiles, note: Callable[[str], None]) -> t
     files : AssetFiles
     note : callable
         Called with a sentence about a deviation from the file.
+    define : mapping of str to str, optional
+        Values of parameters, before the file's defaults.
 
     Returns
     -------
@@ -217,7 +223,9 @@ def scene_tree(data: bytes, files: AssetFiles, note: Callable[[str], None]) -> t
     SceneError
         It is not valid XML, or not a Mitsuba scene.
     """
-    builder = _Builder(files, note)
+    builder = _Builder(files, note, define or {})
     scene = builder.scene(data, files.source)
+    for name in sorted((define or {}).keys() - builder.used):
+        note(f"the parameter ${name[:60]} is defined, but the scene does not use it")
     builder.resolve(scene)
     return scene, builder.old
