@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import click
@@ -19,6 +20,7 @@ __all__ = ["check"]
 @click.argument("scene", shell_complete=complete_scenes)
 @choice_options
 @allow_path_option
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object, with the notes and the counts of faults.")
 def check(
     scene: str,
     allow_paths: tuple[Path, ...],
@@ -27,6 +29,7 @@ def check(
     up: str | None,
     define: dict[str, str],
     strict: bool,
+    as_json: bool,
 ) -> None:
     """Validate SCENE (a file or the name of a built-in scene) and print its statistics."""
     loaded = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant, up=up, define=define, strict=strict)
@@ -43,6 +46,23 @@ def check(
         ("bytes on the device", f"{flat.nbytes} (without the BVH)"),
         ("scene sha256", loaded.sha256()),
     ]
+    if as_json:
+        found = {
+            "image": [loaded.image.width, loaded.image.height],
+            "shapes": len(loaded.shapes),
+            "triangles": flat.triangle_count,
+            "spheres_and_disks": flat.analytic_count,
+            "instances": flat.instances.count,
+            "primitives": flat.primitive_total,
+            "lights": flat.light_count,
+            "materials": len(loaded.materials),
+            "bytes": flat.nbytes,
+            "scene_sha256": loaded.sha256(),
+            "messages": list(flat.messages),
+            "faults": loaded.faults,
+        }
+        click.echo(json.dumps(found, indent=1))
+        return
     for line in flat.messages:
         click.echo(line, err=True)
     click.echo(f"{loaded.source}: sound")

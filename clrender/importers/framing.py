@@ -79,7 +79,8 @@ def completed(draft: Draft, files: AssetFiles, up: str = "y") -> Scene:
         scene = scene.with_default_light(EnvironmentLight(type="environment", file=_STUDIO), _LIT)
         scene = scene.with_files(environments={_STUDIO: studio_light(scene.camera, _UP[up])})
     scene.read_named()
-    return scene.with_notes((f"{files.source}: {note}" for note in notes), files.opened)
+    said = (f"{files.source}: {note}" for note in notes)
+    return scene.with_notes(said, files.opened, (draft.forgiven, draft.left_out))
 
 
 def _leave_out_flat(draft: Draft, files: AssetFiles) -> None:

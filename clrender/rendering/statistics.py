@@ -40,6 +40,7 @@ def job_stats(job: RenderJob, request: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "camera_exposure": job.scene.camera.exposure,
         "scene": job.scene.origin,
+        "faults": job.scene.faults,
         "scene_sha256": request["scene_sha256"],
         "kernel_sha256": request["kernel_sha256"],
         "version": request["version"],

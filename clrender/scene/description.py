@@ -102,6 +102,7 @@ class Scene(SceneContents):
     """
 
     _notes: tuple[str, ...] = PrivateAttr(default=())
+    _faults: tuple[int, int] = PrivateAttr(default=(0, 0))
     _read_files: tuple[Path, ...] = PrivateAttr(default=())
     _default_light: tuple[Light | None, str] = PrivateAttr(default=(None, ""))
     _origin: dict[str, Any] | None = PrivateAttr(default=None)
@@ -233,11 +234,18 @@ class Scene(SceneContents):
         return self._notes
 
     @property
+    def faults(self) -> dict[str, int]:
+        """How many faults of its file the importer has ``forgiven``, and for how many it has ``left_out`` a part."""
+        return dict(zip(("forgiven", "left_out"), self._faults, strict=True))
+
+    @property
     def read_files(self) -> tuple[Path, ...]:
         """Files that its importer has read besides the scene file, and that the description does not name."""
         return self._read_files
 
-    def with_notes(self, notes: Iterable[str], read_files: Iterable[Path] = ()) -> Scene:
+    def with_notes(
+        self, notes: Iterable[str], read_files: Iterable[Path] = (), faults: tuple[int, int] | None = None
+    ) -> Scene:
         """A copy of the scene with these notes and additional files that were read.
 
         Parameters
@@ -245,12 +253,15 @@ class Scene(SceneContents):
         notes : iterable of str
             Sentences.
         read_files : iterable of pathlib.Path
+        faults : (int, int), optional
+            Numbers of faults that were forgiven, and for which a part was left out; default: as before.
 
         Returns
         -------
         Scene
         """
         scene = self.model_copy()
+        scene._faults = self._faults if faults is None else faults
         scene._notes, scene._read_files = tuple(notes), (*self._read_files, *read_files)
         return scene
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +14,7 @@ from cases import for_each
 from gltf_files import Model, picture_uri
 
 import clrender
+from clrender.cli import main
 from clrender.errors import SceneError
 
 RED = np.full((2, 2, 3), (200, 30, 30), np.uint8)
@@ -93,6 +95,24 @@ def test_the_scene_is_that_of_the_sound_file(tmp_path: Path, name: str) -> None:
     assert any(words in note and note.endswith(": read all the same") for note in scene.notes), scene.notes
     with pytest.raises(SceneError, match=r"m\.gltf: /"):
         loaded(tmp_path, model, strict=True)
+
+
+def test_faults_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model = sound()
+    material(model.root).update(metallicFactor=1.1, roughnessFactor=2.0, baseColorTexture={"index": 1})
+    model.add("textures", {"source": model.add("images", {"uri": "none.png"})})
+    path = model.write(tmp_path / "m.gltf")
+    scene = clrender.load(path)
+    assert scene.faults == {"forgiven": 2, "left_out": 1}
+    assert scene.with_environment(2.0).faults == scene.faults and clrender.load("room").faults == {
+        "forgiven": 0,
+        "left_out": 0,
+    }
+    with pytest.raises(SystemExit) as end:
+        main(["check", str(path), "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert end.value.code == 0 and found["faults"] == scene.faults and found["triangles"] == 4
+    assert sum("none.png" in each for each in found["messages"]) == 1 and found["scene_sha256"] == scene.sha256()
 
 
 def test_a_byte_order_mark(tmp_path: Path) -> None:
