@@ -553,3 +553,28 @@ def test_textured_roughness_is_that_of_its_numbers(tmp_path: Path, format: str) 
     (band,) = open_picture(io.BytesIO(data), ending).bands()
     np.testing.assert_allclose(band.view(np.float16)[0, :, 0], wanted, rtol=1e-3)
     assert made["roughness"]["channel"] == "r"
+
+
+@for_each(
+    ("reflected", "transmitted", "scale"),
+    [
+        ((0.25, 0.25, 0.25), (0.25, 0.25, 0.25), 1.0),
+        ((0.5, 0.2, 0.1), (0.1, 0.3, 0.4), 1.0),
+        ((0.6, 0.0, 0.0), (0.0, 0.0, 0.2), 0.5),
+        ((0.3, 0.3, 0.3), (0.0, 0.0, 0.0), 1.0),
+        ((0.0, 0.0, 0.0), (1.0, 0.5, 0.25), 1.0),
+    ],
+)
+def test_sheets_of_pbrt_reflect_and_transmit_their_colours(
+    tmp_path: Path, reflected: tuple[float, ...], transmitted: tuple[float, ...], scale: float
+) -> None:
+    first, second = (" ".join(map(str, color)) for color in (reflected, transmitted))
+    sheet = f'"diffusetransmission" "rgb reflectance" [{first}] "rgb transmittance" [{second}] "float scale" {scale}'
+    scene = pbrt(tmp_path, f'Material {sheet}\nShape "disk"')
+    made: Any = next(iter(scene.materials.values()))
+    assert made.type == "principled" and made.specular == 0.0
+    share = made.diffuse_transmission
+    np.testing.assert_allclose(np.multiply(made.base_color, 1.0 - share), np.multiply(reflected, scale), atol=1e-9)
+    color = made.diffuse_transmission_color or (0.0, 0.0, 0.0)
+    np.testing.assert_allclose(np.multiply(color, share), np.multiply(transmitted, scale), atol=1e-9)
+    assert not any("diffusetransmission" in note for note in scene.notes)

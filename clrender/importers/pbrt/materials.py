@@ -6,6 +6,9 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.shared.curved import below_boundary
@@ -95,9 +98,24 @@ class MaterialReader:
         return {"type": "lambert", "reflectance": self._textures.color(parameters, "reflectance", 0.5)}
 
     def _diffuse_transmission(self, parameters: Parameters) -> dict[str, Any]:
-        self._staging.note('"diffusetransmission" is read as a diffuse surface: it lets no light through')
-        parameters.ignore("transmittance", "scale")
-        return {"type": "lambert", "reflectance": self._textures.color(parameters, "reflectance", 0.25)}
+        """A sheet whose two colours become those of a share that is reflected and one that is transmitted."""
+        reflected = self._textures.color(parameters, "reflectance", 0.25)
+        transmitted = self._textures.color(parameters, "transmittance", 0.25)
+        scale = parameters.number("scale", 1.0)
+        if isinstance(reflected, dict) or isinstance(transmitted, dict):
+            self._staging.note("a textured diffusetransmission is read as a diffuse surface: it lets no light through")
+            return {"type": "lambert", "reflectance": reflected}
+        first, second = (np.clip(np.array(color) * scale, 0.0, 1.0) for color in (reflected, transmitted))
+        # Each share has to be at least the largest of its colour, and both are 1 together
+        least, most = float(second.max()), 1.0 - float(first.max())
+        share = (least + most) / 2.0 if least <= most else least / (least + 1.0 - most)
+        if least > most + 1e-6:
+            self._staging.note("a diffusetransmission whose colours go beyond 1 together is read as darker")
+        made: dict[str, Any] = {"type": "principled", "specular": 0.0, "roughness": 1.0}
+        made["base_color"] = _over(first, 1.0 - share)
+        if share > 0.0:
+            made |= {"diffuse_transmission": share, "diffuse_transmission_color": _over(second, share)}
+        return made
 
     def _microfacets(self, parameters: Parameters, prefix: str = "") -> dict[str, Any]:
         """Options of metal and glass, which lose light by multiple scattering in pbrt."""
@@ -152,3 +170,8 @@ class MaterialReader:
         if None in parts:
             raise parameters.fault('a mixture with "interface" is not read; use alpha instead', "materials")
         return {"type": "mix", "materials": parts, "weight": self._textures.share(parameters, "amount", 0.5)}
+
+
+def _over(color: NDArray[np.float64], share: float) -> list[float]:
+    """The colour of a share of the surface that returns this much light."""
+    return [min(x / share, 1.0) if share > 0.0 else 0.0 for x in color.tolist()]
