@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
+from typing import Any
 
 import click
 
 from clrender import layout
 from clrender.cli.completing import complete_scenes
-from clrender.cli.options import allow_path_option, choice_options
+from clrender.cli.options import load_options
 from clrender.flatten.flat_scene import FlatScene, flatten
 from clrender.importers import load
 
@@ -18,21 +18,15 @@ __all__ = ["check"]
 
 @click.command()
 @click.argument("scene", shell_complete=complete_scenes)
-@choice_options
-@allow_path_option
+@load_options
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object, with the notes and the counts of faults.")
 def check(
     scene: str,
-    allow_paths: tuple[Path, ...],
-    time_at: float | None,
-    variant: str | None,
-    up: str | None,
-    define: dict[str, str],
-    strict: bool,
+    reading: dict[str, Any],
     as_json: bool,
 ) -> None:
     """Validate SCENE (a file or the name of a built-in scene) and print its statistics."""
-    loaded = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant, up=up, define=define, strict=strict)
+    loaded = load(scene, **reading)
     flat = flatten(loaded, loaded.image.width, loaded.image.height)
     rows = [
         ("image", f"{loaded.image.width} x {loaded.image.height}"),

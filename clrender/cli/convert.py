@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from clrender.cli.completing import complete_scenes
-from clrender.cli.options import allow_path_option, choice_options
+from clrender.cli.options import load_options
 from clrender.cli.outputs import check_distinct, scene_files
 from clrender.errors import UsageError
 from clrender.files.access import atomic_write, check_writable
@@ -27,18 +27,12 @@ _ENDINGS = (".toml", ".json")
 @click.argument("scene", shell_complete=complete_scenes)
 @click.argument("output", type=click.Path(path_type=Path))
 @click.option("--force", is_flag=True, help="Overwrite OUTPUT if it exists.")
-@choice_options
-@allow_path_option
+@load_options
 def convert(
     scene: str,
     output: Path,
     force: bool,
-    time_at: float | None,
-    variant: str | None,
-    up: str | None,
-    define: dict[str, str],
-    strict: bool,
-    allow_paths: tuple[Path, ...],
+    reading: dict[str, Any],
 ) -> None:
     """Convert SCENE, in any supported format, to OUTPUT (.toml or .json) in clrender's format.
 
@@ -55,7 +49,7 @@ def convert(
     from clrender.importers import load
     from clrender.version import __version__
 
-    loaded = load(scene, allow_paths=allow_paths, time_at=time_at, variant=variant, up=up, define=define, strict=strict)
+    loaded = load(scene, **reading)
     check_distinct([output], scene_files(scene, loaded))
     folder = output.with_name(f"{output.stem}-files")
     export = exported(loaded, folder.name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import re
 from collections.abc import Callable, Container
@@ -21,10 +22,10 @@ __all__ = [
     "DomainType",
     "EnvironmentType",
     "allow_path_option",
-    "choice_options",
     "device_option",
     "environment_option",
     "exr_options",
+    "load_options",
     "number",
     "numbers",
     "outputs_option",
@@ -277,7 +278,31 @@ def _definitions(_ctx: click.Context, _param: click.Parameter, given: tuple[str,
     return {name: value for name, _, value in parts}
 
 
-def choice_options(command: Any) -> Any:
+def allow_path_option(command: Any) -> Any:
+    """Decorator: the option for folders from which a scene may read files."""
+    return click.option(
+        "--allow-path",
+        "allow_paths",
+        type=click.Path(path_type=Path, exists=True, file_okay=False),
+        metavar="DIR",
+        multiple=True,
+        help="Additional folder from which the scene may read files. Repeatable.",
+    )(command)
+
+
+def load_options(command: Any) -> Any:
+    """Decorator: the options of `clrender.importers.load`, which the command gets together as `reading`."""
+    names = ("allow_paths", "time_at", "variant", "up", "define", "strict")
+
+    @functools.wraps(command)
+    def run(*arguments: Any, **options: Any) -> Any:
+        reading = {name: options.pop(name) for name in names}
+        return command(*arguments, reading=reading, **options)
+
+    return _choice_options(allow_path_option(run))
+
+
+def _choice_options(command: Any) -> Any:
     """Decorator: the options for choices that a file of another format leaves open."""
     command = click.option(
         "--strict", is_flag=True, help="Refuse a file of another format for faults that are otherwise noted."
@@ -302,18 +327,6 @@ def choice_options(command: Any) -> Any:
         type=float,
         metavar="S",
         help="Animation time of a glTF file, seconds; default: rest pose.",
-    )(command)
-
-
-def allow_path_option(command: Any) -> Any:
-    """Decorator: the option for folders from which a scene may read files."""
-    return click.option(
-        "--allow-path",
-        "allow_paths",
-        type=click.Path(path_type=Path, exists=True, file_okay=False),
-        metavar="DIR",
-        multiple=True,
-        help="Additional folder from which the scene may read files. Repeatable.",
     )(command)
 
 

@@ -17,11 +17,10 @@ from clrender.cli import STARTED
 from clrender.cli.completing import complete_layers
 from clrender.cli.interrupt import Interrupt, interruptible
 from clrender.cli.options import (
-    allow_path_option,
-    choice_options,
     device_option,
     environment_option,
     exr_options,
+    load_options,
     outputs_option,
     progress_options,
     scene_argument,
@@ -82,8 +81,7 @@ _FILM_PIXELS: Final = 1 << 24
 @click.option("--denoise", is_flag=True, help="Denoise with Open Image Denoise; introduces bias.")
 @click.option("--stats", type=click.Path(path_type=Path), metavar="FILE", help="Write render statistics as JSON.")
 @progress_options
-@choice_options
-@allow_path_option
+@load_options
 @click.pass_context
 def render(
     ctx: click.Context,
@@ -112,12 +110,7 @@ def render(
     progress: str,
     preview: bool,
     quiet: bool,
-    time_at: float | None,
-    variant: str | None,
-    up: str | None,
-    define: dict[str, str],
-    strict: bool,
-    allow_paths: tuple[Path, ...],
+    reading: dict[str, Any],
     **settings: Any,
 ) -> None:
     """Render SCENE (a scene or model file, or the name of a built-in scene) to FILE.
@@ -145,16 +138,7 @@ def render(
         begun = time.perf_counter()
         waiting = stack.enter_context(Waiting(None if quiet else STYLES[progress]().say))
         waiting.stage("reading")
-        description = load(
-            scene,
-            allow_paths=allow_paths,
-            time_at=time_at,
-            variant=variant,
-            up=up,
-            define=define,
-            environment=environment,
-            strict=strict,
-        )
+        description = load(scene, environment=environment, **reading)
         description = description.with_exposure(f_stop, shutter, iso)
         read_seconds = time.perf_counter() - begun
         check_distinct(written, scene_files(scene, description))

@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from clrender.cli.options import (
-    allow_path_option,
-    choice_options,
     device_option,
     environment_option,
+    load_options,
     scene_argument,
     setting_options,
     size_option,
@@ -64,8 +63,7 @@ class _SceneFile:
 @device_option
 @partial(setting_options, without=("time_limit",))
 @environment_option
-@choice_options
-@allow_path_option
+@load_options
 def view(
     *,
     scene: str,
@@ -76,12 +74,7 @@ def view(
     size: tuple[int, int] | None,
     devices: tuple[str, ...],
     environment: Path | float | None,
-    time_at: float | None,
-    variant: str | None,
-    up: str | None,
-    define: dict[str, str],
-    strict: bool,
-    allow_paths: tuple[Path, ...],
+    reading: dict[str, Any],
     **settings: Any,
 ) -> None:
     """Show SCENE in the browser while it renders; camera, settings and materials can be changed interactively.
@@ -95,18 +88,7 @@ def view(
 
     for path in outputs:
         check_output(path)
-    source = _SceneFile(
-        scene,
-        {
-            "allow_paths": allow_paths,
-            "time_at": time_at,
-            "variant": variant,
-            "up": up,
-            "define": define,
-            "environment": environment,
-            "strict": strict,
-        },
-    )
+    source = _SceneFile(scene, {**reading, "environment": environment})
     check_distinct(outputs, [Path(scene)])
     with Waiting(partial(click.echo, err=True)) as waiting:
         waiting.stage("reading")
