@@ -66,8 +66,11 @@ def picture_room(file: IO[bytes], ending: str) -> tuple[int, int, int]:
         width, height = _size_of_floats(file, ending)
         _check(width, height)
         return width, height, 16
+    raster = open_raster(file, PICTURE_LIMIT)
+    if raster is not None:
+        return *raster.size, 16 if raster.mode.startswith("F") else 4
     picture = open_picture(file, ending)
-    return picture.width, picture.height, picture.channels * {"unorm8": 1, "unorm16": 2}.get(picture.coding, 4)
+    return picture.width, picture.height, picture.channels * (1 if picture.coding == "unorm8" else 2)
 
 
 def _size_of_floats(file: IO[bytes], ending: str) -> tuple[int, int]:
@@ -121,8 +124,13 @@ def open_picture(file: IO[bytes], ending: str) -> Picture:
     if raster is not None and raster.mode.startswith("F"):
         return _of_floats(raster_floats(raster))
     if raster is not None and raster.mode.startswith("I"):
-        words = raster_words(raster)
-        return Picture(width, height, 1, "unorm16", lambda: (words[y : y + _BAND] for y in range(0, height, _BAND)))
+
+        def words() -> Iterator[npt.NDArray[Any]]:
+            pixels = raster_words(raster)
+            for top in range(0, height, _BAND):
+                yield pixels[top : top + _BAND]
+
+        return Picture(width, height, 1, "unorm16", words)
     if raster is None and is_deep(picture):
         grey = picture.mode.startswith("I")
 

@@ -90,10 +90,10 @@ def _leave_out_flat(draft: Draft, files: AssetFiles) -> None:
         return
     description = draft.description
     for shapes in (description["shapes"], *(group["shapes"] for group in description.get("groups", {}).values())):
-        for shape in [each for each in shapes if each.get("file") in flat]:
-            text = f"the mesh {quoted(shape['file'])} has no triangle with an area; give it some"
+        for name in [each["file"] for each in shapes if each.get("file") in flat]:
+            text = f"the mesh {quoted(name)} has no triangle with an area; give it some"
             draft.leave_out(SceneError(f"{files.source}: {text}"), files.source, files.strict)
-            shapes.remove(shape)
+        shapes[:] = [each for each in shapes if each.get("file") not in flat]
 
 
 def _shines(description: dict[str, Any]) -> bool:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
-from typing import Any, BinaryIO, Final
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, BinaryIO, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,8 @@ from clrender.meshes.ply_records import Lists, joined_lists, property_table, wid
 from clrender.wording import quoted
 
 __all__ = ["BinaryRecords"]
+
+_T = TypeVar("_T")
 
 _CHUNK: Final = 1 << 21
 _FEW: Final = 16
@@ -58,31 +60,25 @@ class BinaryRecords:
     def _columns_between_lists(self, element: Element, names: list[str]) -> NDArray[np.floating]:
         """The same where records have lists, so that each may have another length."""
         table = property_table(element, names)
-        done, data = 0, b""
-        while done < element.count:
-            data += self._read(min(_CHUNK, self._left))
-            start = 0
-            while done < element.count:
-                _, counts, end = self._walk(element, data, start)
-                if end > len(data):
-                    break
-                at, lengths = start, iter(counts)
-                for entry in element.properties:
-                    if entry.count_kind:
-                        at += entry.count_bytes + next(lengths) * entry.entry_bytes
-                        continue
-                    if entry.name in names:
-                        value = np.frombuffer(data, self._kind(entry.kind), 1, at)[0]
-                        with np.errstate(over="ignore"):
-                            table[done, names.index(entry.name)] = value
-                    at += entry.entry_bytes
-                done, start = done + 1, end
-            data = data[start:]
-            if done < element.count:
-                _, _, end = self._walk(element, data, 0)
-                data += self._read(max(0, end - len(data)))
-        self._file.seek(-len(data), os.SEEK_CUR)
-        self._left += len(data)
+
+        def take(data: bytes, start: int, done: int) -> tuple[None, int, int]:
+            _, counts, end = self._walk(element, data, start)
+            if end > len(data):
+                return None, 0, end
+            at, lengths = start, iter(counts)
+            for entry in element.properties:
+                if entry.count_kind:
+                    at += entry.count_bytes + next(lengths) * entry.entry_bytes
+                    continue
+                if entry.name in names:
+                    value = np.frombuffer(data, self._kind(entry.kind), 1, at)[0]
+                    with np.errstate(over="ignore"):
+                        table[done, names.index(entry.name)] = value
+                at += entry.entry_bytes
+            return None, 1, end
+
+        for _ in self._pieces(element, take):
+            pass
         return table
 
     def lists(self, element: Element, wanted: Sequence[Property]) -> list[Lists]:
@@ -103,20 +99,22 @@ class BinaryRecords:
         if self._left:
             raise SceneError(f"{self._label} has not the length its header promises: {self._left} bytes are left over")
 
-    def _parts(self, element: Element, wanted: Sequence[Property]) -> Iterator[list[Lists]]:
-        """Entries of some lists, and how many of them each record has, for some records at a time."""
+    def _pieces(self, element: Element, take: Callable[[bytes, int, int], tuple[_T, int, int]]) -> Iterator[_T]:
+        """What `take` makes of some records at a time.
+
+        It is given data, the byte where a record begins, and how many came before. It returns its result, the number of
+        records taken (0: the first one is incomplete), and their end.
+        """
         done, data = 0, b""
         while done < element.count:
             data += self._read(min(_CHUNK, self._left))
             start = 0
             while done < element.count:
-                part, end = self._alike(element, wanted, data, start, element.count - done)
-                if len(part[0][1]) < _FEW and len(part[0][1]) < element.count - done:
-                    part, end = self._one_by_one(element, wanted, data, start, element.count - done)
-                if not len(part[0][1]):
+                result, count, end = take(data, start, done)
+                if not count:
                     break
-                yield part
-                done, start = done + len(part[0][1]), end
+                yield result
+                done, start = done + count, end
             data = data[start:]
             if done < element.count:
                 # Read the rest of the incomplete record: its end is known as far as its counts are.
@@ -124,6 +122,17 @@ class BinaryRecords:
                 data += self._read(max(0, end - len(data)))
         self._file.seek(-len(data), os.SEEK_CUR)
         self._left += len(data)
+
+    def _parts(self, element: Element, wanted: Sequence[Property]) -> Iterator[list[Lists]]:
+        """Entries of some lists, and how many of them each record has, for some records at a time."""
+
+        def take(data: bytes, start: int, done: int) -> tuple[list[Lists], int, int]:
+            part, end = self._alike(element, wanted, data, start, element.count - done)
+            if len(part[0][1]) < _FEW and len(part[0][1]) < element.count - done:
+                part, end = self._one_by_one(element, wanted, data, start, element.count - done)
+            return part, len(part[0][1]), end
+
+        return self._pieces(element, take)
 
     def _walk(self, element: Element, data: bytes, at: int) -> tuple[list[int], list[int], int]:
         """One record: positions of its counts, numbers of its lists' entries, and its end.

@@ -6,6 +6,7 @@ import io
 import math
 import struct
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +15,7 @@ from PIL import Image
 from clrender.image.exr_write import write_exr
 from clrender.image.radiance_hdr import write_hdr
 
-__all__ = ["COLOR_PICTURES", "NUMBER_PICTURES", "SMOOTH_MESHES", "files"]
+__all__ = ["COLOR_PICTURES", "NUMBER_PICTURES", "SMOOTH_MESHES", "files", "written"]
 
 COLOR_PICTURES = ("colors.png", "colors.webp", "colors.jpg", "colors.exr", "colors.hdr")
 """Pictures of colours from 0.1 to 0.9, in each format that is read."""
@@ -150,3 +151,10 @@ def _npy() -> bytes:
     second = [[0.2, 0.0, 0.1, 0.8], [0.0, 0.3, 0.0, -0.6], [-0.1, 0.1, 0.2, 0.4]]
     np.save(file, np.array([first, second]))
     return file.getvalue()
+
+
+def written(folder: Path) -> Path:
+    """The folder, after writing all files into it."""
+    for name, data in files().items():
+        (folder / name).write_bytes(data)
+    return folder

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mixed_files import files
+from mixed_files import written
 from mixed_moves import with_all_features
 from mixed_scenes import KINDS, Mixed, mixed_scene
 
@@ -45,10 +45,7 @@ def debug(device: Device) -> Iterator[DebugBuild]:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the files of mixed scenes."""
-    made = tmp_path_factory.mktemp("mixed")
-    for name, data in files().items():
-        (made / name).write_bytes(data)
-    return made
+    return written(tmp_path_factory.mktemp("mixed"))
 
 
 def paths(debug: DebugBuild, scene: clrender.Scene, **settings: Any) -> int:

@@ -14,7 +14,7 @@ import mixed_oracles
 import numpy as np
 import pytest
 from mixed_coverage import parts_of_scene, parts_of_schema
-from mixed_files import files
+from mixed_files import written
 from mixed_moves import PLACES, moved, with_all_features
 from mixed_oracles import Comparison, Oracle, different, surprising
 from mixed_parts import Draw, Json
@@ -54,10 +54,7 @@ NEVER = {
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the files."""
-    made = tmp_path_factory.mktemp("mixed")
-    for name, data in files().items():
-        (made / name).write_bytes(data)
-    return made
+    return written(tmp_path_factory.mktemp("mixed"))
 
 
 @pytest.fixture(scope="module")

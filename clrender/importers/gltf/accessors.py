@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -99,6 +100,7 @@ class Accessors:
         views = [self._document.items("bufferViews")[part["bufferView"]] for part in parts if "bufferView" in part]
         return all(self._buffers[view["buffer"]] is not None for view in views)
 
+    @cached_property
     def _directions(self) -> set[int]:
         """Accessors of normals and tangents."""
         primitives = [each for mesh in self._document.items("meshes") for each in mesh["primitives"]]
@@ -113,7 +115,7 @@ class Accessors:
         if numbers.dtype.kind == "f" and not (np.isfinite(low).all() and np.isfinite(high).all()):
             finite = np.isfinite(numbers.reshape(len(numbers), -1)).all(axis=1)
             text = f"has a number in element {int(np.argmax(~finite))} that is not finite; export it again"
-            if index not in self._directions():
+            if index not in self._directions:
                 raise self._document.fault(at, text)
             self._document.forgive(at, text)
             # As of no length: there the surface has its own normal

@@ -217,22 +217,25 @@ def _check_tree(document: Document) -> None:
             raise document.fault(f"/nodes/{index}/children", "lead back to the node itself; export it again")
         sound.update(way)
     for index, scene in enumerate(document.items("scenes")):
-        listed = set(scene.get("nodes", []))
-        for number, root in enumerate(list(scene.get("nodes", []))):
+        roots = scene.get("nodes", [])
+        below = _below(nodes, roots)
+        for number, root in enumerate(roots):
             if root in parents:
                 text = f"names node {root}, which is a child of node {parents[root]}; name only roots"
                 document.forgive(f"/scenes/{index}/nodes/{number}", text)
-                if _has_ancestor(root, parents, listed):
-                    scene["nodes"].remove(root)
+        if "nodes" in scene:
+            scene["nodes"] = [root for root in roots if root not in below]
 
 
-def _has_ancestor(node: int, parents: dict[int, int], among: set[int]) -> bool:
-    """Whether one of these nodes is above it."""
-    while node in parents:
-        node = parents[node]
-        if node in among:
-            return True
-    return False
+def _below(nodes: list[dict[str, Any]], tops: list[int]) -> set[int]:
+    """Nodes that are below one of these, each visited once."""
+    found: set[int] = set()
+    ahead = list(tops)
+    while ahead:
+        children = [child for child in nodes[ahead.pop()].get("children", []) if child not in found]
+        found.update(children)
+        ahead += children
+    return found
 
 
 def _check_node(document: Document, node: dict[str, Any], at: str) -> None:
