@@ -134,6 +134,18 @@ def test_data_between_multiples_of_four_bytes(tmp_path: Path) -> None:
     assert scene.sha256() == wanted.sha256() and any("must be a multiple of 4" in note for note in scene.notes)
 
 
+def test_a_last_row_with_a_rounding_error(tmp_path: Path) -> None:
+    def moved(last: float) -> clrender.Scene:
+        model = Model()
+        model.node(mesh=model.quad(), matrix=[1, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1, 0, 3, 4, 5, last])
+        return clrender.load(model.write(tmp_path / "m.gltf"))
+
+    scene = moved(1.0 + 1e-6)
+    assert scene.sha256() == moved(1.0).sha256() and any("only affine transforms" in note for note in scene.notes)
+    with pytest.raises(SceneError, match="only affine transforms"):
+        moved(1.1)
+
+
 def test_an_animation_with_a_stride(tmp_path: Path) -> None:
     wanted, model = loaded(tmp_path, sound()), sound()
     accessor = model.root["accessors"][model.root["animations"][0]["samplers"][0]["output"]]

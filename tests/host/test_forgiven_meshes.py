@@ -82,11 +82,14 @@ def test_strips_of_triangles(tmp_path: Path, strips: list[list[int]], wanted: li
 
 
 def test_lists_of_vertices_are_skipped(tmp_path: Path) -> None:
+    """Wherever they stand among the numbers."""
     wanted = sound(tmp_path).sha256()
-    extra = HEAD + b"property list ushort float descriptor\nproperty uchar kind\n"
-    rows = b"".join(POINTS[i].tobytes() + struct.pack(f"<H{i}fB", i, *range(i), 7) for i in range(4))
+    extra = HEAD.replace(
+        b"property float z", b"property list ushort float descriptor\nproperty float z\nproperty uchar kind"
+    )
+    rows = b"".join(struct.pack(f"<2fH{i}ffB", *POINTS[i, :2], i, *range(i), 0.0, 7) for i in range(4))
     assert read(tmp_path, "a.ply", extra % b"binary_little_endian" + FACE + rows + binary_faces()).sha256() == wanted
-    text = b"".join(b"%d %d 0 %d %b 7\n" % (*POINTS[i, :2].astype(int), i, b"1 " * i) for i in range(4))
+    text = b"".join(b"%d %d %d %b 0 7\n" % (*POINTS[i, :2].astype(int), i, b"1 " * i) for i in range(4))
     assert read(tmp_path, "b.ply", extra % b"ascii" + FACE + text + TEXT[TEXT.index(b"3 0 1 2") :]).sha256() == wanted
     with pytest.raises(SceneError, match="truncated"):
         read(tmp_path, "c.ply", extra % b"binary_little_endian" + FACE + rows)

@@ -252,7 +252,6 @@ def _check_node(document: Document, node: dict[str, Any], at: str) -> None:
         if max(abs(x - y) for x, y in zip(matrix[3::4], (0.0, 0.0, 0.0, 1.0), strict=True)) > _ROUNDED:
             raise document.fault(f"{at}/matrix", text)
         document.forgive(f"{at}/matrix", f"{text}; export it again")
-        matrix[3::4] = [0.0, 0.0, 0.0, 1.0]
     if "rotation" in node and (
         max(abs(x) for x in node["rotation"]) > 1.0 or sum(x * x for x in node["rotation"]) < 1e-6
     ):
