@@ -28,7 +28,7 @@ def main() -> None:
     except SystemExit as end:
         device = sys.modules.get("clrender.device.device")
         if device is not None and isinstance(end.code, int):
-            device.leave_lost_devices(end.code)
+            device.leave_busy_drivers(end.code)
         raise
     finally:
         # If Ctrl-C interrupts code compiled from a string, as in dataclasses, CPython remembers it although it was

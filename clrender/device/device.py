@@ -22,13 +22,14 @@ from clrender.device.program_cache import Sentinel, leave
 from clrender.device.registers import register_options
 from clrender.device.source import Source, load_source
 from clrender.errors import DeviceError, DeviceFailure, MemoryRefused, RenderError
+from clrender.process.driver_threads import wait_for_driver_threads
 from clrender.process.exclusive import Turn
 from clrender.process.huge_pages import LARGE_BYTES, prefer_large_pages, withdraw_preference
 
 if TYPE_CHECKING:
     import pyopencl as cl
 
-__all__ = ["PROGRAM_LIMIT", "Argument", "Buffer", "Device", "Program", "Reading", "leave_lost_devices", "whole_warps"]
+__all__ = ["PROGRAM_LIMIT", "Argument", "Buffer", "Device", "Program", "Reading", "leave_busy_drivers", "whole_warps"]
 
 _T = TypeVar("_T")
 _ROUNDED: Final = "-cl-fp32-correctly-rounded-divide-sqrt"
@@ -44,6 +45,8 @@ BUSY: Final = (
 )
 PROGRAM_LIMIT: Final = 64
 """Programs that a device keeps. With PoCL one takes 2 to 9 MB, and 0.2 s to load again from the cache of binaries."""
+_EXIT_SECONDS: Final = 0.2
+"""To wait, at the exit of a command, for threads that return from a driver."""
 _KEPT: Final[list[Any]] = []
 """Objects of lost devices, kept alive because their destructors would call the driver."""
 
@@ -539,9 +542,12 @@ def whole_warps(multiple: int, most: int) -> int:
     return max(1, min(-(-_GPU_GROUP // warp) * warp, most // warp * warp or most))
 
 
-def leave_lost_devices(code: int) -> None:
-    """End the process without exit handlers if a device was lost, as those of its driver might never return."""
-    if _KEPT:
+def leave_busy_drivers(code: int) -> None:
+    """End the process, without finalization, if a device was lost or a thread still calls a driver.
+
+    Exit handlers of a driver whose device was lost might never return.
+    """
+    if _KEPT or not wait_for_driver_threads(_EXIT_SECONDS):
         leave()
         sys.stdout.flush()
         sys.stderr.flush()

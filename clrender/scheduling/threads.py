@@ -12,6 +12,7 @@ from typing import Final
 
 from clrender.errors import DeviceError, DeviceFailure
 from clrender.film.unit import UnitSums
+from clrender.process.driver_threads import driver_thread
 from clrender.process.elapsed import processor_seconds
 from clrender.scheduling.watchdog import TimeLimits
 from clrender.scheduling.work import Kind, Task, Work
@@ -79,10 +80,7 @@ class WorkerThreads:
         self._work = work
         self._limits = limits
         self._stop = threading.Event()
-        # Daemon threads: one whose driver call does not return cannot be ended, and the process must not wait for it
-        self._threads = [
-            threading.Thread(target=self._live, args=(number,), daemon=True) for number in range(len(candidates))
-        ]
+        self._threads = [driver_thread(self._live, number) for number in range(len(candidates))]
 
     def start(self) -> None:
         """Start the threads."""

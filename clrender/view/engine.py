@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from clrender.errors import DeviceError, UsageError
+from clrender.process.driver_threads import driver_thread
 from clrender.rendering.rendered_image import Progress, RenderedImage
 from clrender.rendering.session import Session
 from clrender.scene import Scene
@@ -87,9 +87,9 @@ class Engine:
         self._broadcaster.retain("hello", tables.hello([], list(self._outputs)))
         self._broadcaster.send("scene", tables.scene(self._edited))
         self._send_state()
-        self._thread = threading.Thread(target=self._render_loop, name="clrender view", daemon=True)
+        self._thread = driver_thread(self._render_loop, name="clrender view")
         self._thread.start()
-        threading.Thread(target=self._list_devices, daemon=True).start()
+        driver_thread(self._list_devices).start()
         self._watcher: Watcher | None = None
         if source is not None:
             self._watcher = Watcher(lambda: source.files(self._edited.scene), lambda: self._reread(source))

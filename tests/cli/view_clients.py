@@ -88,14 +88,20 @@ class _Client:
         """The next message of a type that holds this content."""
         return self.until(lambda m: m.kind == kind and all(m.content.get(k) == v for k, v in content.items()))
 
-    def until_done(self) -> str:
-        """The hash of the image, once all samples are there, of another than was waited for last."""
+    def until_done(self, revision: int = 0) -> str:
+        """The hash of the image, once all samples are there, of another than was waited for last.
+
+        It may have been told before: a frame may come after it that has the same samples.
+        """
 
         def finished(m: Received) -> bool:
             told = m.content
-            return m.kind == "progress" and bool(told["sha256"]) and (told["revision"], told["spp"]) != self._done
+            if m.kind != "progress" or not told["sha256"] or told["revision"] < revision:
+                return False
+            return (told["revision"], told["spp"]) != self._done
 
-        told = self.until(finished).content
+        newest = self.newest.get("progress")
+        told = (newest if newest is not None and finished(newest) else self.until(finished)).content
         self._done = told["revision"], told["spp"]
         return str(told["sha256"])
 
@@ -128,7 +134,8 @@ class Page(_Client):
         super().__init__()
         url = address.replace("http://", "ws://").replace("/?", "/socket?")
         self._open = ExitStack()
-        opened = connect(url, max_size=None, compression=None, **options)
+        # No pings: a page that does not read gets no answers to its own, and would end by itself on a busy machine
+        opened = connect(url, max_size=None, compression=None, ping_interval=None, **options)
         self.socket: ClientConnection = self._open.enter_context(opened)
 
     def __enter__(self) -> Page:
