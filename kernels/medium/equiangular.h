@@ -15,8 +15,13 @@
 #ifdef EQUIANGULAR
 
 // In thin fog most paths have to get through it to surfaces: the share grows with the optical depth from here to the lamp, up to the most.
+//
+// A weight of this mixture has mean 1 and some variance, and that of a product of n such weights grows exponentially with n, while most
+// paths lose their throughput. The share therefore falls with the optical depth between lamp and ray, beyond which 1/r² matters no more,
+// and with the events before: the product over all of them has a finite bound, as that of 1 − share has.
 #define EQUIANGULAR_MOST 0.3f
 #define EQUIANGULAR_GROWTH 1.5f
+#define EQUIANGULAR_EVENTS 16.0f           // after which the share is half
 #define EQUIANGULAR_LEAST_ANGLE 1.0e-5f    // turns: single precision has no digits left for less
 #define EQUIANGULAR_LEAST_DISTANCE 1.0e-4f
 
@@ -27,7 +32,9 @@ typedef struct {
     vfloat first, angle;     // turns: the ray's origin as the lamp sees it, 0 where it is nearest; all of the ray
 } Equiangular;
 
-static Equiangular equiangular_about_lamp(const Scene* scene, Sampler sampler, vuint set, const Ray* ray, vfloat extinction, vmask may) {
+static Equiangular equiangular_about_lamp(
+    const Scene* scene, Sampler sampler, vuint set, vuint depth, const Ray* ray, vfloat extinction, vmask may
+) {
     Equiangular e;
     e.share = e.nearest = e.first = splat(0.0f);
     e.height = splat(1.0f), e.angle = splat(0.25f);
@@ -53,7 +60,9 @@ static Equiangular equiangular_about_lamp(const Scene* scene, Sampler sampler, v
     e.first = turn > 0.5f ? turn - 1.0f : turn;
     e.angle = splat(0.25f) - e.first;
     const vmask seen = may & somewhere & (e.angle > EQUIANGULAR_LEAST_ANGLE);
-    e.share = seen ? lesser(extinction * magnitude(to) * EQUIANGULAR_GROWTH, splat(EQUIANGULAR_MOST)) : splat(0.0f);
+    const vfloat near = lesser(extinction * magnitude(to) * EQUIANGULAR_GROWTH, splat(EQUIANGULAR_MOST));
+    const vfloat apart = extinction * e.height, late = vfloat_of(vint_from_uint(depth)) * (1.0f / EQUIANGULAR_EVENTS);
+    e.share = seen ? quotient(near, fma(apart, apart, splat(1.0f)) * fma(late, late, splat(1.0f))) : splat(0.0f);
     return e;
 }
 

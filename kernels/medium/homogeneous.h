@@ -60,7 +60,7 @@ static FreePath medium_free_path(const Scene* scene, const Interior* in, const R
     free.length = goes ? lesser(quotient(minus_log_of_bits(bits_length), goes ? chosen : splat(1.0f)), splat(FAR)) : splat(FAR);
 #ifdef EQUIANGULAR
     const vuint set = sampler_set(depth, SET_MEDIUM);
-    free.lamp = equiangular_about_lamp(scene, own, set, ray, inner(free.share, extinction), may & (interior_top(in) == 0u));
+    free.lamp = equiangular_about_lamp(scene, own, set, depth, ray, inner(free.share, extinction), may & (interior_top(in) == 0u));
     vuint bits_way, unused;
     sampler_hash_bits(own, set, &bits_way, &unused);
     free.length = unit_interval(bits_way) < free.lamp.share ? equiangular_sample(&free.lamp, bits_length) : free.length;

@@ -42,6 +42,19 @@ def cloud(paths: float, glass: bool) -> Scene:
     )
 
 
+def fog(paths: float) -> Scene:
+    """Within a ball of white fog, so many mean free paths to its centre, whose wall shines: radiance is 1 everywhere."""
+    wall = sphere((0.0, 0.0, 0.0), 1.0, flip_normals=True, material="wall", emission=[0.4, 0.4, 0.4])
+    return clrender.Scene(
+        camera=WITHIN,
+        shapes=[wall],
+        lights=[],
+        materials={"wall": lambert(0.6)},
+        media={"fog": {"scattering": paths}},
+        fog="fog",
+    )
+
+
 def judge(evidence: Evidence, studio: Studio, what: Scene, exact: float, size: int, **settings: Any) -> None:
     """The mean, by pixels of all seeds; and what each sample adds to the square of the relative error."""
     pixels = np.array([studio.pixels(what, size, spp=SPP, seed=seed, **settings) for seed in range(SEEDS)])
@@ -64,3 +77,9 @@ def test_integrating_spheres(evidence: Evidence, studio: Studio, albedo: float) 
 @pytest.mark.parametrize("paths", [10.0, pytest.param(100.0, marks=SLOW), pytest.param(1000.0, marks=SLOW)])
 def test_white_clouds(evidence: Evidence, studio: Studio, paths: float, glass: bool) -> None:
     judge(evidence, studio, cloud(paths, glass), 1.0, 4 if paths > 10.0 else 6)
+
+
+@pytest.mark.parametrize("paths", [1.0, 20.0])
+def test_white_fog(evidence: Evidence, studio: Studio, paths: float) -> None:
+    """Each free path weighs something else than 1, where distances are also sampled about a lamp."""
+    judge(evidence, studio, fog(paths), 1.0, 4)
