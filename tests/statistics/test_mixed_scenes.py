@@ -39,7 +39,11 @@ SIDE_BY_SIDE = {"white": (37, 44), "light": (18, 37), "black": (0,)}
 MANY = 500
 PARTS = 10
 NATURAL = 10
-"""Of so many scenes one is rendered without the features that it lacks."""
+"""Of so many scenes one is rendered without the features that it lacks, by the program of the path tracer alone."""
+OF_ALL_PROGRAMS = 50
+"""Of so many scenes one is rendered without them by all programs. To compile those takes longer than all images."""
+PROGRAMS = ("filter", "splitting", "photon", "whitted", "reuse", "direct")
+"""Ways that need programs of their own."""
 NEVER = {
     ("Scene", "title"),
     ("Scene", "image"),
@@ -67,7 +71,7 @@ def session(device: Device) -> Iterator[clrender.Session]:
 @pytest.fixture
 def oracle(session: clrender.Session, folder: Path) -> Oracle:
     """Without the ways that need programs of their own."""
-    return Oracle(session, folder, without=("filter", "splitting", "photon", "whitted"))
+    return Oracle(session, folder, without=PROGRAMS[:4])
 
 
 def told(found: list[Comparison]) -> str:
@@ -86,10 +90,13 @@ def test_a_few_mixed_scenes(oracle: Oracle) -> None:
 @pytest.mark.parametrize("part", range(PARTS))
 def test_many_mixed_scenes(session: clrender.Session, folder: Path, part: int) -> None:
     """In parts of some minutes each, which share the chance of a false alarm."""
-    oracle, made = Oracle(session, folder, more=4), list[Comparison]()
+    whole, path = Oracle(session, folder, more=4), Oracle(session, folder, more=4, without=PROGRAMS)
+    made: list[Comparison] = []
     for number in range(part * MANY // PARTS, (part + 1) * MANY // PARTS):
         mixed = mixed_scene(KINDS[number % len(KINDS)], number // len(KINDS))
-        made += oracle.judged(mixed, all_features=number % NATURAL > 0)
+        natural = number % NATURAL == 0
+        oracle = path if natural and number % OF_ALL_PROGRAMS else whole
+        made += oracle.judged(mixed, all_features=not natural)
     assert not (found := surprising(made, ALARM / PARTS)), told(found)
 
 
