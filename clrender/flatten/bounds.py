@@ -8,14 +8,29 @@ from numpy.typing import NDArray
 from clrender.flatten.assembly import assemble
 from clrender.flatten.polyhedra import polyhedron
 from clrender.scene.description import Scene
-from clrender.scene.shapes import Disk, Mesh, Sphere
+from clrender.scene.shapes import AnyShape, Disk, Mesh, Sphere
 from clrender.scene.transforms import affine
 
-__all__ = ["scene_bounds"]
+__all__ = ["is_seen", "scene_bounds"]
 
 
-def scene_bounds(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def is_seen(scene: Scene, shape: AnyShape) -> bool:
+    """Whether a shape's material is not wholly transparent by a constant opacity."""
+    if shape.material is None:
+        return True
+    material = scene.materials[shape.material]
+    opacity = material.opacity
+    return not isinstance(opacity, float) or (opacity > 0.0 and opacity >= (material.opacity_cutoff or 0.0))
+
+
+def scene_bounds(scene: Scene, seen_only: bool = False) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Bounding box of all shapes, world space, metres.
+
+    Parameters
+    ----------
+    scene : Scene
+    seen_only : bool
+        Whether to leave out what `is_seen` says is transparent.
 
     Returns
     -------
@@ -26,7 +41,7 @@ def scene_bounds(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]
     scene = assembly.scene
     lows, highs = [np.full((1, 3), np.inf)], [np.full((1, 3), -np.inf)]
     for group, shapes in enumerate(assembly.groups):
-        low, high = _bounds(scene, shapes)
+        low, high = _bounds(scene, shapes, seen_only)
         if (low <= high).all():
             maps = assembly.maps[assembly.group_of == group]
             middle, half = (low + high) / 2.0, (high - low) / 2.0
@@ -34,15 +49,17 @@ def scene_bounds(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]
             extent = (np.abs(maps[:, :, :3]) * half).sum(axis=2)
             lows.append(center - extent)
             highs.append(center + extent)
-    low, high = _bounds(scene, range(assembly.own_shapes))
+    low, high = _bounds(scene, range(assembly.own_shapes), seen_only)
     return np.concatenate([*lows, low[None]]).min(axis=0), np.concatenate([*highs, high[None]]).max(axis=0)
 
 
-def _bounds(scene: Scene, shapes: range) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _bounds(scene: Scene, shapes: range, seen_only: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Bounding box of some shapes that are not instances."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for index in shapes:
         shape = scene.plain_shapes[index]
+        if seen_only and not is_seen(scene, shape):
+            continue
         place = affine(shape.transform)
         if isinstance(shape, Sphere | Disk):
             middle = np.array(place.point(shape.center))

@@ -19,7 +19,7 @@ from typing import Any, Final
 from clrender.errors import UsageError
 from clrender.limits import NotAllowed, Range
 
-__all__ = ["LUMENS_PER_WATT", "PHOTOGRAPHIC", "SPEED", "camera_exposure", "photographic_stops"]
+__all__ = ["LUMENS_PER_WATT", "PHOTOGRAPHIC", "SPEED", "camera_exposure", "photographic_shutter", "photographic_stops"]
 
 PHOTOGRAPHIC: Final[Mapping[str, Range]] = {
     "f_stop": Range(0.1, 1000.0),
@@ -70,6 +70,17 @@ def photographic_stops(f_stop: float | None = None, shutter: float | None = None
         return 0.0
     light = math.log2(given["shutter"]) + math.log2(given.get("iso", SPEED)) - 2.0 * math.log2(given["f_stop"])
     return light + math.log2(LUMENS_PER_WATT / _SATURATION)
+
+
+def photographic_shutter(stops: int, f_stop: float) -> float:
+    """The shutter time, seconds, for which `photographic_stops` of an f-number and the default film speed is `stops`.
+
+    It is limited to times that are allowed.
+    """
+    allowed = PHOTOGRAPHIC["shutter"]
+    return min(
+        max(math.ldexp(f_stop * f_stop * _SATURATION / (LUMENS_PER_WATT * SPEED), stops), allowed.low), allowed.high
+    )
 
 
 def camera_exposure(provenance: Mapping[str, Any] | None, given: Mapping[str, float | None]) -> dict[str, float]:

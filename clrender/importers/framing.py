@@ -6,36 +6,43 @@ import math
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from clrender.errors import SceneError
 from clrender.exact.angles import angle_of, sin_cos, tangent
 from clrender.exact.matrices import length
 from clrender.flatten.bounds import scene_bounds
+from clrender.image.exposure import photographic_shutter
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
 from clrender.importers.instancing import share_meshes
+from clrender.importers.metering import stops_needed
 from clrender.importers.shared.meshes import without_area
 from clrender.importers.studio import studio_light
-from clrender.scene import EnvironmentLight, Mesh, Scene
+from clrender.importers.surface_points import SurfacePoints, surface_points, upright
+from clrender.importers.viewpoint import SIDES, chosen_side, visible
+from clrender.scene import Camera, EnvironmentLight, Mesh, Scene
 from clrender.scene.frozen import frozen
 from clrender.scene.validation_errors import scene_error
+from clrender.scene.values import Vector
 from clrender.wording import quoted
 
 __all__ = ["completed"]
 
-_FROM: Final = {"y": (0.45, 0.35, 1.0), "z": (0.45, -1.0, 0.35)}
-"""Direction from the model's centre to the camera, by the upward axis: in front, slightly to the right and above."""
 _UP: Final = {"y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _VERTICAL_FOV: Final = 35.0
 _MARGIN: Final = 1.05
+_F_STOPS: Final = {"dim": 4.0, "bright": 64.0}
+"""Of a camera whose exposure is chosen, by its lights."""
 _STUDIO: Final = "studio light"
 """Name of the environment map for models without light."""
+_EXPOSED: Final = (
+    "its lights are {} for its size: display images get {:+d} stops (f/{:g}, {:.3g} s), radiance none"
+)
 _LIT: Final = "there is no light in it: lit by a grey surround and a soft light from the camera's upper left"
 
 
-def completed(draft: Draft, files: AssetFiles, up: str = "y") -> Scene:
+def completed(draft: Draft, files: AssetFiles, up: str = "y", *, surrounded: bool = False) -> Scene:
     """The scene of a draft, with a camera and light if it has none.
 
     Parameters
@@ -44,6 +51,8 @@ def completed(draft: Draft, files: AssetFiles, up: str = "y") -> Scene:
     files : AssetFiles
     up : str
         Upward axis, ``y`` or ``z``, for that camera and light.
+    surrounded : bool
+        Whether the scene will be given an environment.
 
     Raises
     ------
@@ -70,10 +79,17 @@ def completed(draft: Draft, files: AssetFiles, up: str = "y") -> Scene:
     )
     scene = scene.with_files(meshes=meshes, transforms=places, encoded=draft.pictures, environments=pictures)
     if framed:
+        points = surface_points(scene)
+        keys, side = _around(scene, points, up)
         which = "" if up == "y" else "; z is up, or y with --up y"
-        notes = [*notes, f"there is no camera in it: it is framed from the front, a little from above{which}"]
-        low, high = scene_bounds(scene)
-        scene = scene.with_checked(camera=scene.camera.with_checked(**_around(low, high, scene, up)))
+        notes = [*notes, f"there is no camera in it: it is framed {side}{which}"]
+        camera = scene.camera.with_checked(**keys)
+        if not dark and not surrounded and (stops := _stops(points, scene, camera)):
+            kind = "dim" if stops > 0 else "bright"
+            shutter = photographic_shutter(stops, _F_STOPS[kind])
+            camera = camera.with_checked(f_stop=_F_STOPS[kind], shutter=shutter)
+            notes += [_EXPOSED.format(kind, stops, _F_STOPS[kind], shutter)]
+        scene = scene.with_checked(camera=camera)
     if dark:
         notes = [*notes, _LIT]
         scene = scene.with_default_light(EnvironmentLight(type="environment", file=_STUDIO), _LIT)
@@ -104,8 +120,11 @@ def _shines(description: dict[str, Any]) -> bool:
     return any("emission" in material for name, material in description["materials"].items() if name in used)
 
 
-def _around(low: NDArray[np.float64], high: NDArray[np.float64], scene: Scene, up: str) -> dict[str, Any]:
-    """Keys of a camera that frames a whole box."""
+def _around(scene: Scene, points: SurfacePoints, up: str) -> tuple[dict[str, Any], str]:
+    """Keys of a camera that frames all that is seen, and the name of the side from which it does."""
+    low, high = scene_bounds(scene, seen_only=True)
+    if not (high >= low).all():  # nothing but what is transparent
+        low, high = scene_bounds(scene)
     if not (high >= low).all():
         raise SceneError(f"{scene.source}: has no surface that a camera could be pointed at")
     middle, radius = (low + high) / 2.0, length(high - low) / 2.0
@@ -115,10 +134,27 @@ def _around(low: NDArray[np.float64], high: NDArray[np.float64], scene: Scene, u
     # Even for a single point, the camera is so far away that double precision distinguishes the two
     radius = max(radius, 1e-6 * max(1.0, float(np.abs(middle).max())))
     distance = _MARGIN * radius / sin_cos(half)[0]
-    toward = np.array(_FROM[up]) / length(_FROM[up])
-    return {
+    side = chosen_side(points.upright(up), upright(middle, up), distance, tangent(half))
+    toward = _from_y_up(SIDES[side], up)
+    keys = {
         **({} if up == "y" else {"up": _UP[up]}),
-        "position": tuple(float(x) for x in middle + distance * toward),
+        "position": tuple(float(x) for x in middle + distance * np.array(toward) / length(toward)),
         "target": tuple(float(x) for x in middle),
         "vertical_fov": _VERTICAL_FOV,
     }
+    return keys, side
+
+
+def _from_y_up(vector: Vector, up: str) -> Vector:
+    x, y, z = vector
+    return vector if up == "y" else (x, -z, y)
+
+
+def _stops(points: SurfacePoints, scene: Scene, camera: Camera) -> int:
+    """By how many stops the scene's lights are too dim for what the camera sees."""
+    view = [a - b for a, b in zip(camera.target, camera.position, strict=True)]
+    size = length(view)
+    slope = tangent(math.radians(camera.vertical_fov) / 2.0)
+    toward = (view[0] / size, view[1] / size, view[2] / size)
+    seen = visible(points, camera.position, toward, camera.up, slope)
+    return stops_needed(points, seen, scene.lights)

@@ -132,6 +132,7 @@ def load(
             raise SceneError(f"{quoted(str(folder))} is no folder, so nothing in it can be allowed")
     files = AssetFiles(ascii(str(path))[1:-1], path.parent, folders, strict)
     upright = up or ("z" if ending == ".stl" else "y")
-    scene = completed(read(path, files, choices) if ending in _CHOOSING else read(path, files), files, upright)
+    draft = read(path, files, choices) if ending in _CHOOSING else read(path, files)
+    scene = completed(draft, files, upright, surrounded=environment is not None)
     scene = scene.with_origin(origin)
     return scene if environment is None else scene.with_environment(environment)

@@ -1,0 +1,132 @@
+"""The first view of a model without a camera: from which side, of what, and how bright."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cases import for_each
+from gltf_files import Model
+
+import clrender
+from clrender.image.exposure import photographic_shutter, photographic_stops
+from clrender.importers.surface_points import surface_points
+from clrender.scene import Scene
+
+CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+FACES = {
+    "left": (0, 1, 3, 2),
+    "right": (4, 6, 7, 5),
+    "bottom": (0, 4, 5, 1),
+    "top": (2, 3, 7, 6),
+    "back": (0, 2, 6, 4),
+    "front": (1, 5, 7, 3),
+}
+"""Of a box with y up and z to the front; indices into CORNERS."""
+
+
+def room(*open_sides: str, up: str = "y") -> str:
+    """OBJ text of a box that lacks some sides, with a smaller box on its floor."""
+    lines = []
+    for number, (size, at) in enumerate((((4.0, 3.0, 4.0), (-2.0, 0.0, -2.0)), ((1.0, 1.0, 1.0), (-0.5, 0.0, -0.5)))):
+        for x, y, z in CORNERS * size + np.array(at):
+            lines.append(f"v {x} {y} {z}" if up == "y" else f"v {x} {-z} {y}")
+        for name, face in FACES.items():
+            if number or name not in open_sides:
+                lines.append("f " + " ".join(str(8 * number + corner + 1) for corner in face))
+    return "\n".join(lines)
+
+
+def loaded(folder: Path, text: str, **how: Any) -> Scene:
+    (folder / "model.obj").write_text(text)
+    return clrender.load(folder / "model.obj", **how)
+
+
+def toward(scene: Scene) -> np.ndarray[Any, Any]:
+    way = np.array(scene.camera.target) - np.array(scene.camera.position)
+    return way / np.linalg.norm(way)
+
+
+@for_each("up", ["y", "z"])
+@for_each(
+    ("side", "to"),
+    [("right", (1.0, 0.0, 0.0)), ("left", (-1.0, 0.0, 0.0)), ("back", (0.0, 0.0, -1.0)), ("front", (0.0, 0.0, 1.0))],
+)
+def test_a_room_is_seen_through_its_open_side(tmp_path: Path, up: str, side: str, to: tuple[float, ...]) -> None:
+    scene = loaded(tmp_path, room(side, up=up), up=up)
+    x, y, z = to
+    assert np.dot(toward(scene), to if up == "y" else (x, -z, y)) < -0.85
+    assert side in scene.notes[0]
+
+
+def test_a_room_without_a_ceiling_is_seen_from_above(tmp_path: Path) -> None:
+    assert toward(loaded(tmp_path, room("top")))[1] < -0.9
+
+
+@for_each("text", [room(), room("bottom"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3"])
+def test_what_hides_no_more_from_the_front_is_seen_from_there(tmp_path: Path, text: str) -> None:
+    scene = loaded(tmp_path, text)
+    assert "from the front, a little from above" in scene.notes[0]
+    np.testing.assert_allclose(-toward(scene), np.array((0.45, 0.35, 1.0)) / math.hypot(0.45, 0.35, 1.0), atol=1e-12)
+
+
+def test_points_are_spread_by_area_over_instances_and_stand_for_all_of_it(tmp_path: Path) -> None:
+    model = Model()
+    mesh = model.quad()
+    model.node(mesh=mesh)
+    model.node(mesh=mesh, translation=[10, 0, 0], scale=[3, 1, 1])
+    points = surface_points(clrender.load(model.write(tmp_path / "a.gltf")))
+    assert points.area == pytest.approx(16.0)
+    x = points.positions[:, 0]
+    assert np.mean(x > 5.0) == pytest.approx(0.75, abs=1e-3)
+    assert np.histogram(x[x > 5.0], 10, (7.0, 13.0))[0] == pytest.approx(0.075 * len(x), rel=0.05)
+    np.testing.assert_allclose(points.normals, np.broadcast_to((0.0, 0.0, 1.0), points.normals.shape))
+
+
+def test_what_is_transparent_is_not_framed(tmp_path: Path) -> None:
+    far = "\n".join(f"v {100 * x} {100 * y} {100 * z}" for x, y, z in CORNERS)
+    hull = "\n".join("usemtl none\nf " + " ".join(str(corner + 1) for corner in face) for face in FACES.values())
+    (tmp_path / "model.mtl").write_text("newmtl none\nd 0\nnewmtl some\nd 1\n")
+    near = "\nusemtl some\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 9 10 11"
+    scene = loaded(tmp_path, f"mtllib model.mtl\n{far}\n{hull}{near}")
+    assert np.linalg.norm(np.array(scene.camera.position) - np.array(scene.camera.target)) < 5.0
+
+
+def lit(folder: Path, radiance: float, **how: Any) -> Scene:
+    """An open room with a lamp below its ceiling, in whose radiance it is."""
+    (folder / "model.mtl").write_text(f"newmtl lamp\nKd 0 0 0\nKe {radiance} {radiance} {radiance}\n")
+    lamp = "\nusemtl lamp\nv -0.5 2.9 -0.5\nv 0.5 2.9 -0.5\nv 0.5 2.9 0.5\nv -0.5 2.9 0.5\nf 17 18 19 20"
+    return loaded(folder, f"mtllib model.mtl\n{room('front')}{lamp}", **how)
+
+
+@for_each(("radiance", "words"), [(1e-4, "dim"), (0.05, "dim"), (2e3, "bright"), (1e8, "bright")])
+def test_lights_of_any_strength_make_a_picture(tmp_path: Path, radiance: float, words: str) -> None:
+    scene = lit(tmp_path, radiance)
+    assert any(words in note for note in scene.notes)
+    stops = photographic_stops(**(scene.camera.exposure or {}))
+    assert 30.0 < radiance * 2.0**stops < 80.0
+    assert scene.lights == ()
+
+
+def test_twice_the_light_is_one_stop_less(tmp_path: Path) -> None:
+    stops = [photographic_stops(**(lit(tmp_path, radiance).camera.exposure or {})) for radiance in (1e-3, 2e-3, 0.256)]
+    assert stops[0] - stops[1] == pytest.approx(1.0)
+    assert stops[0] - stops[2] == pytest.approx(8.0)
+
+
+@for_each("how", [{}, {"environment": 1.0}])
+def test_usual_lights_and_surroundings_are_not_exposed(tmp_path: Path, how: dict[str, Any]) -> None:
+    assert lit(tmp_path, 1e-3 if how else 15.0, **how).camera.exposure is None
+
+
+@for_each("stops", [-7, 0, 12])
+def test_shutter_times_are_of_their_stops(stops: int) -> None:
+    assert photographic_stops(4.0, photographic_shutter(stops, 4.0)) == pytest.approx(stops, abs=1e-12)
+
+
+def test_shutter_times_stay_within_what_is_allowed() -> None:
+    assert photographic_shutter(200, 4.0) == 1e6
+    assert photographic_shutter(-200, 4.0) == 1e-6
