@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from itertools import product
 from typing import Any, Final
 
 import numpy as np
@@ -24,7 +26,7 @@ from clrender.importers.viewpoint import SIDES, chosen_side, visible
 from clrender.scene import Camera, EnvironmentLight, Mesh, Scene
 from clrender.scene.frozen import frozen
 from clrender.scene.validation_errors import scene_error
-from clrender.scene.values import Vector
+from clrender.scene.values import Vector, cross
 from clrender.wording import quoted
 
 __all__ = ["completed"]
@@ -36,9 +38,7 @@ _F_STOPS: Final = {"dim": 4.0, "bright": 64.0}
 """Of a camera whose exposure is chosen, by its lights."""
 _STUDIO: Final = "studio light"
 """Name of the environment map for models without light."""
-_EXPOSED: Final = (
-    "its lights are {} for its size: display images get {:+d} stops (f/{:g}, {:.3g} s), radiance none"
-)
+_EXPOSED: Final = "its lights are {} for its size: display images get {:+d} stops (f/{:g}, {:.3g} s), radiance none"
 _LIT: Final = "there is no light in it: lit by a grey surround and a soft light from the camera's upper left"
 
 
@@ -128,21 +128,38 @@ def _around(scene: Scene, points: SurfacePoints, up: str) -> tuple[dict[str, Any
     if not (high >= low).all():
         raise SceneError(f"{scene.source}: has no surface that a camera could be pointed at")
     middle, radius = (low + high) / 2.0, length(high - low) / 2.0
-    wide = scene.image.width / scene.image.height
-    half = math.radians(_VERTICAL_FOV) / 2.0
-    half = min(half, angle_of(tangent(half) * wide, 1.0))
     # Even for a single point, the camera is so far away that double precision distinguishes the two
     radius = max(radius, 1e-6 * max(1.0, float(np.abs(middle).max())))
-    distance = _MARGIN * radius / sin_cos(half)[0]
-    side = chosen_side(points.upright(up), upright(middle, up), distance, tangent(half))
+    slope = tangent(math.radians(_VERTICAL_FOV) / 2.0)
+    wide = scene.image.width / scene.image.height
+    sine = sin_cos(min(math.radians(_VERTICAL_FOV) / 2.0, angle_of(slope * wide, 1.0)))[0]
+    side = chosen_side(points.upright(up), upright(middle, up), _MARGIN * radius / sine, slope)
     toward = _from_y_up(SIDES[side], up)
+    toward = tuple(x / length(toward) for x in toward)  # type: ignore[assignment]
+    distance = _MARGIN * max(radius, _least_distance((high - low) / 2.0, toward, _UP[up], slope, wide))
     keys = {
         **({} if up == "y" else {"up": _UP[up]}),
-        "position": tuple(float(x) for x in middle + distance * np.array(toward) / length(toward)),
+        "position": tuple(float(x) for x in middle + distance * np.array(toward)),
         "target": tuple(float(x) for x in middle),
         "vertical_fov": _VERTICAL_FOV,
     }
     return keys, side
+
+
+def _least_distance(half: Iterable[float], toward: Vector, up: Vector, slope: float, wide: float) -> float:
+    """The distance from which all corners of a box, of half this size, are within the image."""
+    right = cross(up, toward)
+    size = length(right)
+    right = (right[0] / size, right[1] / size, right[2] / size)
+    upward = cross(toward, right)
+    distance = 0.0
+    for signs in product((-1.0, 1.0), repeat=3):
+        corner = [sign * float(h) for sign, h in zip(signs, half, strict=True)]
+        across, above, nearer = (
+            sum(a * b for a, b in zip(corner, axis, strict=True)) for axis in (right, upward, toward)
+        )
+        distance = max(distance, nearer + abs(above) / slope, nearer + abs(across) / (slope * wide))
+    return distance
 
 
 def _from_y_up(vector: Vector, up: str) -> Vector:

@@ -17,7 +17,8 @@ atexit.register(print, "finalized")
 
 
 def run(script: str) -> tuple[int, str]:
-    done = subprocess.run([sys.executable, "-c", BUSY + script], capture_output=True, text=True, timeout=60)
+    command = [sys.executable, "-c", BUSY + script]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.stderr == ""
     return done.returncode, done.stdout
 

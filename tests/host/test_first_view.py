@@ -47,7 +47,8 @@ def loaded(folder: Path, text: str, **how: Any) -> Scene:
 
 def toward(scene: Scene) -> np.ndarray[Any, Any]:
     way = np.array(scene.camera.target) - np.array(scene.camera.position)
-    return way / np.linalg.norm(way)
+    unit: np.ndarray[Any, Any] = way / np.linalg.norm(way)
+    return unit
 
 
 @for_each("up", ["y", "z"])
@@ -93,6 +94,20 @@ def test_what_is_transparent_is_not_framed(tmp_path: Path) -> None:
     near = "\nusemtl some\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 9 10 11"
     scene = loaded(tmp_path, f"mtllib model.mtl\n{far}\n{hull}{near}")
     assert np.linalg.norm(np.array(scene.camera.position) - np.array(scene.camera.target)) < 5.0
+
+
+@for_each("size", [(1.0, 1.0, 1.0), (8.0, 1.0, 1.0), (1.0, 8.0, 1.0), (1.0, 1.0, 8.0), (3.0, 2.0, 0.0)])
+def test_a_box_fills_the_image_and_all_of_it_is_there(tmp_path: Path, size: tuple[float, ...]) -> None:
+    corners = "\n".join(f"v {x} {y} {z}" for x, y, z in CORNERS * size)
+    faces = FACES.values() if size[2] else [FACES["front"]]
+    scene = loaded(tmp_path, corners + "".join("\nf " + " ".join(str(c + 1) for c in face) for face in faces))
+    view, camera = toward(scene), scene.camera
+    right = np.cross(view, camera.up)
+    right /= np.linalg.norm(right)
+    away = CORNERS * size - np.array(camera.position)
+    slope = math.tan(math.radians(camera.vertical_fov) / 2.0)
+    across, up = (np.abs(away @ axis) / (away @ view) / slope for axis in (right, np.cross(right, view)))
+    assert 0.85 < max(across.max(), up.max()) < 1.0
 
 
 def lit(folder: Path, radiance: float, **how: Any) -> Scene:

@@ -43,7 +43,7 @@ def cloud(paths: float, glass: bool) -> Scene:
 
 
 def fog(paths: float) -> Scene:
-    """Within a ball of white fog, so many mean free paths to its centre, whose wall shines: radiance is 1 everywhere."""
+    """Within a shining ball full of fog, so many mean free paths to its centre: radiance is 1 everywhere."""
     wall = sphere((0.0, 0.0, 0.0), 1.0, flip_normals=True, material="wall", emission=[0.4, 0.4, 0.4])
     return clrender.Scene(
         camera=WITHIN,
