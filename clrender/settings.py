@@ -172,7 +172,7 @@ class RenderSettings:
     integrator: str = _setting("path", Choice(tuple(INTEGRATORS)), "Light transport algorithm")
     filter: str = _setting(
         "box",
-        Choice(("box", "gaussian", "blackman-harris", "mitchell")),
+        Choice(("box", "tent", "gaussian", "blackman-harris", "mitchell")),
         "Pixel reconstruction filter; samples are distributed according to it",
     )
     shadow_rays: int = _setting(1, Range(1, 4096, whole=True), "Shadow rays per diffuse hit", metavar="M")

@@ -7,6 +7,7 @@ pixels:
 name             radius  function
 ===============  ======  ==============================================================================================
 box              0.5     1: the pixel itself, and no table
+tent             1       1 - |x|: Bartlett's window, and the interpolation of neighbours
 gaussian         1.5     exp(-2 x^2) less its value at the radius: standard deviation 0.5 (PBR 4ed, 8.8.2)
 blackman-harris  1.5     the four-term window of F. Harris, "On the use of windows for harmonic analysis with the
                          discrete Fourier transform", Proc. IEEE 66(1) 1978, of full width 3
@@ -96,6 +97,10 @@ def _places(ends: tuple[Decimal, ...]) -> list[Decimal]:
     return places
 
 
+def _tent(x: Decimal) -> Decimal:
+    return 1 - x
+
+
 def _gaussian(x: Decimal) -> Decimal:
     return (-2 * x * x).exp() - Decimal("-4.5").exp()
 
@@ -123,6 +128,7 @@ def _cosine(x: Decimal) -> Decimal:
 
 
 PIXEL_FILTERS: Final[Mapping[str, tuple[Callable[[Decimal], Decimal], tuple[Decimal, ...]]]] = {
+    "tent": (_tent, (Decimal(1),)),
     "gaussian": (_gaussian, (Decimal("1.5"),)),
     "blackman-harris": (_blackman_harris, (Decimal("1.5"),)),
     "mitchell": (_mitchell, (Decimal(8) / 7, Decimal(2))),

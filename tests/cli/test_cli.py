@@ -134,7 +134,7 @@ BAD_COMMAND_LINES: dict[str, tuple[str, tuple[str, ...]]] = {
     "photograph of linear images": ("render room -o a.exr --iso 100", ("--iso", ".png and .jpg")),
     "unknown filter": (
         "render room -o a.png --filter tent",
-        ("--filter", "box, gaussian, blackman-harris or mitchell"),
+        ("--filter", "box, tent, gaussian, blackman-harris or mitchell"),
     ),
     "no tile": ("render room -o a.png --tile 0", ("--tile", "at least 1")),
     "no samples in a pass": ("render room -o a.png --samples-per-pass 0", ("--samples-per-pass", "at least 1")),

@@ -578,3 +578,42 @@ def test_sheets_of_pbrt_reflect_and_transmit_their_colours(
     color = made.diffuse_transmission_color or (0.0, 0.0, 0.0)
     np.testing.assert_allclose(np.multiply(color, share), np.multiply(transmitted, scale), atol=1e-9)
     assert not any("diffusetransmission" in note for note in scene.notes)
+
+
+@for_each(
+    ("kind", "parameter", "name", "noted"),
+    [
+        ("box", "", "box", False),
+        ("tent", "", "tent", False),
+        ("tent", '<float name="radius" value="1"/>', "tent", False),
+        ("tent", '<float name="radius" value="2"/>', "tent", True),
+        ("gaussian", "", "gaussian", False),
+        ("gaussian", '<float name="stddev" value="0.4"/>', "gaussian", True),
+        ("mitchell", "", "mitchell", False),
+        ("lanczos", "", "mitchell", True),
+    ],
+)
+def test_pixel_filters_of_mitsuba(tmp_path: Path, kind: str, parameter: str, name: str, noted: bool) -> None:
+    film = f'<film type="hdrfilm"><rfilter type="{kind}">{parameter}</rfilter></film>'
+    scene = mitsuba(tmp_path, f'<sensor type="perspective">{film}</sensor><shape type="sphere">{GREY}</shape>')
+    assert scene.render.filter == name
+    assert any("pixel filter" in note for note in scene.notes) is noted
+
+
+@for_each(
+    ("given", "name", "noted"),
+    [
+        ('"box"', "box", False),
+        ('"triangle" "float xradius" 1 "float yradius" 1', "tent", False),
+        ('"triangle"', "tent", True),  # of radius 2
+        ('"gaussian"', "gaussian", False),
+        ('"gaussian" "float xradius" 2', "gaussian", True),
+        ('"mitchell"', "mitchell", False),
+        ('"sinc"', "mitchell", True),
+        ('"other"', "gaussian", True),
+    ],
+)
+def test_pixel_filters_of_pbrt(tmp_path: Path, given: str, name: str, noted: bool) -> None:
+    scene = pbrt(tmp_path, BALL, f"PixelFilter {given}\n")
+    assert scene.render.filter == name
+    assert any("pixel filter" in note for note in scene.notes) is noted

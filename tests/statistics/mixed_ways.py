@@ -125,7 +125,7 @@ def white_ways(draw: Draw, content: Json) -> list[Way]:
     """
     made = [Way("plain", {}), *(way for way in ways(draw, content) if way.reference.get("integrator") != "direct")]
     made = [way for way in made if "max_depth" not in way.settings]
-    made.append(Way("filter", {"filter": draw.one(("box", "gaussian", "blackman-harris", "mitchell"))}))
+    made.append(Way("filter", {"filter": draw.one(("box", "tent", "gaussian", "blackman-harris", "mitchell"))}))
     return [way for way in made if way.name == "plain" or draw.chance(0.35)]
 
 

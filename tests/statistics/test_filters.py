@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 WEIGHTS = np.array([0.5, 0.3, 0.2])
 """Of the channels in `Studio.gray`."""
-RADIUS = {"gaussian": 1.5, "blackman-harris": 1.5, "mitchell": 2.0}
+RADIUS = {"tent": 1.0, "gaussian": 1.5, "blackman-harris": 1.5, "mitchell": 2.0}
 ALLOWED = 1e-3
 """How far the chain of lines may be from the function, of its largest value (clrender/image/pixel_filter.py)."""
 ONE_IS_ENOUGH = [pytest.param(name, marks=() if name == "mitchell" else pytest.mark.slow) for name in RADIUS]
@@ -37,6 +37,8 @@ def profile(name: str, x: Floats) -> Floats:
     x = np.abs(x)
     if name == "box":
         value = np.ones_like(x)
+    elif name == "tent":
+        value = 1.0 - x
     elif name == "gaussian":
         value = np.exp(-(x**2) / (2 * 0.5**2)) - math.exp(-(1.5**2) / (2 * 0.5**2))
     elif name == "blackman-harris":

@@ -33,8 +33,14 @@ _CAMERAS: Final = ("perspective", "thinlens", "orthographic")
 _PATHS: Final = frozenset(
     ["path", "volpath", "volpathmis", "prb", "prbvolpath", "bdpt", "ptracer", "mlt", "pssmlt", "erpt"]
 )
-_FILTERS: Final = {"box": "box", "gaussian": "gaussian", "mitchell": "mitchell"}
-_NEAR_FILTER: Final = {"tent": "gaussian", "catmullrom": "mitchell", "lanczos": "mitchell", "windowedsinc": "mitchell"}
+_FILTERS: Final = {
+    "box": ("radius", 0.5),
+    "tent": ("radius", 1.0),
+    "gaussian": ("stddev", 0.5),
+    "mitchell": ("B", 1 / 3),
+}
+"""Pixel filters that we have too, each with a parameter that has to have this value."""
+_NEAR_FILTER: Final = {"catmullrom": "mitchell", "lanczos": "mitchell", "windowedsinc": "mitchell"}
 
 
 def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft:
@@ -156,12 +162,15 @@ class _Settings:
     def _filter(self, film: Plugin) -> None:
         kinds = film.children_of("rfilter")
         kind = kinds[0].type if kinds else "gaussian"
-        if kind in _FILTERS:
-            self._render()["filter"] = _FILTERS[kind]
-        else:
-            near = _NEAR_FILTER.get(kind, "box")
+        near = kind if kind in _FILTERS else _NEAR_FILTER.get(kind, "box")
+        self._render()["filter"] = near
+        if kind != near:
             self._staging.note(f"the pixel filter {quoted(kind)} is not known: {quoted(near)} in its place")
-            self._render()["filter"] = near
+        elif kinds:
+            name, ours = _FILTERS[kind]
+            given = kinds[0].number(name, ours)
+            if abs(given - ours) > 1e-6:
+                self._staging.note(f"the pixel filter {quoted(kind)} has a {name} of {given:g}: {ours:g} in its place")
 
     def _integrator(self, plugin: Plugin) -> None:
         inner = plugin.children_of("integrator")

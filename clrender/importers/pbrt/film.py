@@ -21,10 +21,10 @@ _FILTERS: Final = {
     "box": "box",
     "gaussian": "gaussian",
     "mitchell": "mitchell",
-    "triangle": "gaussian",
+    "triangle": "tent",
     "sinc": "mitchell",
 }
-_RADII: Final = {"box": 0.5, "gaussian": 1.5, "mitchell": 2.0}
+_RADII: Final = {"box": 0.5, "tent": 1.0, "gaussian": 1.5, "mitchell": 2.0}
 _PATHS: Final = frozenset(["path", "volpath", "simplepath", "simplevolpath", "bdpt", "mlt", "lightpath"])
 
 
@@ -121,9 +121,9 @@ class Settings:
         """Our closest pixel filter."""
         kind, parameters = directive.text(0, "type"), directive.parameters
         near = _FILTERS.get(kind, "gaussian")
-        radius = parameters.number("xradius", _RADII[near])
+        radius = parameters.number("xradius", 2.0 if kind == "triangle" else _RADII[near])
         parameters.ignore("yradius", "sigma", "B", "C", "tau")
-        if kind != near or abs(radius - _RADII[near]) > 1e-6:
+        if _FILTERS.get(kind) is None or kind == "sinc" or abs(radius - _RADII[near]) > 1e-6:
             wanted = f"{quoted(kind)} of radius {radius:g}"
             self._staging.note(
                 f"the pixel filter {wanted} is not known: {quoted(near)} of {_RADII[near]:g} in its place"
