@@ -41,6 +41,8 @@ class Draft:
         What is not supported and what was done instead; a sentence each, without the file's name.
     wants_light : bool
         Whether it needs a default environment although it has emissive surfaces, if it has no other lights.
+    wants_exposure : bool
+        Whether its camera is of a format in which cameras have no exposure.
     forgiven, left_out : int
         Faults that were forgiven, and parts that were left out for theirs.
     """
@@ -52,6 +54,7 @@ class Draft:
     places: dict[str, TransformArray] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     wants_light: bool = False
+    wants_exposure: bool = False
     forgiven: int = 0
     left_out: int = 0
     _more: int = field(default=0, repr=False)

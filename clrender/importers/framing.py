@@ -1,4 +1,4 @@
-"""Adds what a model lacks: a camera that frames it, and light."""
+"""Adds what a model lacks: a camera that frames it, an exposure, and light."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from clrender.importers.instancing import share_meshes
 from clrender.importers.metering import stops_needed
 from clrender.importers.shared.meshes import without_area
 from clrender.importers.studio import studio_light
-from clrender.importers.surface_points import SurfacePoints, surface_points, upright
+from clrender.importers.surface_points import surface_points, upright
 from clrender.importers.viewpoint import SIDES, chosen_side, visible
-from clrender.scene import Camera, EnvironmentLight, Mesh, Scene
+from clrender.scene import EnvironmentLight, Mesh, Scene
 from clrender.scene.frozen import frozen
 from clrender.scene.validation_errors import scene_error
 from clrender.scene.values import Vector, cross
@@ -79,17 +79,13 @@ def completed(draft: Draft, files: AssetFiles, up: str = "y", *, surrounded: boo
     )
     scene = scene.with_files(meshes=meshes, transforms=places, encoded=draft.pictures, environments=pictures)
     if framed:
-        points = surface_points(scene)
-        keys, side = _around(scene, points, up)
+        keys, side = _around(scene, up)
         which = "" if up == "y" else "; z is up, or y with --up y"
         notes = [*notes, f"there is no camera in it: it is framed {side}{which}"]
-        camera = scene.camera.with_checked(**keys)
-        if not dark and not surrounded and (stops := _stops(points, scene, camera)):
-            kind = "dim" if stops > 0 else "bright"
-            shutter = photographic_shutter(stops, _F_STOPS[kind])
-            camera = camera.with_checked(f_stop=_F_STOPS[kind], shutter=shutter)
-            notes += [_EXPOSED.format(kind, stops, _F_STOPS[kind], shutter)]
-        scene = scene.with_checked(camera=camera)
+        scene = scene.with_checked(camera=scene.camera.with_checked(**keys))
+    if not dark and not surrounded and (framed or draft.wants_exposure):
+        scene, exposed = _exposed(scene)
+        notes = [*notes, *exposed]
     if dark:
         notes = [*notes, _LIT]
         scene = scene.with_default_light(EnvironmentLight(type="environment", file=_STUDIO), _LIT)
@@ -120,7 +116,7 @@ def _shines(description: dict[str, Any]) -> bool:
     return any("emission" in material for name, material in description["materials"].items() if name in used)
 
 
-def _around(scene: Scene, points: SurfacePoints, up: str) -> tuple[dict[str, Any], str]:
+def _around(scene: Scene, up: str) -> tuple[dict[str, Any], str]:
     """Keys of a camera that frames all that is seen, and the name of the side from which it does."""
     low, high = scene_bounds(scene, seen_only=True)
     if not (high >= low).all():  # nothing but what is transparent
@@ -133,7 +129,7 @@ def _around(scene: Scene, points: SurfacePoints, up: str) -> tuple[dict[str, Any
     slope = tangent(math.radians(_VERTICAL_FOV) / 2.0)
     wide = scene.image.width / scene.image.height
     sine = sin_cos(min(math.radians(_VERTICAL_FOV) / 2.0, angle_of(slope * wide, 1.0)))[0]
-    side = chosen_side(points.upright(up), upright(middle, up), _MARGIN * radius / sine, slope)
+    side = chosen_side(surface_points(scene).upright(up), upright(middle, up), _MARGIN * radius / sine, slope)
     toward = _from_y_up(SIDES[side], up)
     toward = tuple(x / length(toward) for x in toward)  # type: ignore[assignment]
     distance = _MARGIN * max(radius, _least_distance((high - low) / 2.0, toward, _UP[up], slope, wide))
@@ -167,11 +163,20 @@ def _from_y_up(vector: Vector, up: str) -> Vector:
     return vector if up == "y" else (x, -z, y)
 
 
-def _stops(points: SurfacePoints, scene: Scene, camera: Camera) -> int:
-    """By how many stops the scene's lights are too dim for what the camera sees."""
+def _exposed(scene: Scene) -> tuple[Scene, list[str]]:
+    """The scene with an exposure of display images if its lights are much too dim or bright, and a note of that."""
+    camera = scene.camera
+    if camera.type != "perspective":
+        return scene, []
+    points = surface_points(scene)
     view = [a - b for a, b in zip(camera.target, camera.position, strict=True)]
     size = length(view)
     slope = tangent(math.radians(camera.vertical_fov) / 2.0)
     toward = (view[0] / size, view[1] / size, view[2] / size)
-    seen = visible(points, camera.position, toward, camera.up, slope)
-    return stops_needed(points, seen, scene.lights)
+    stops = stops_needed(points, visible(points, camera.position, toward, camera.up, slope), scene.lights)
+    if not stops:
+        return scene, []
+    kind = "dim" if stops > 0 else "bright"
+    shutter = photographic_shutter(stops, _F_STOPS[kind])
+    camera = camera.with_checked(f_stop=_F_STOPS[kind], shutter=shutter)
+    return scene.with_checked(camera=camera), [_EXPOSED.format(kind, stops, _F_STOPS[kind], shutter)]

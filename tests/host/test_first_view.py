@@ -137,6 +137,21 @@ def test_usual_lights_and_surroundings_are_not_exposed(tmp_path: Path, how: dict
     assert lit(tmp_path, 1e-3 if how else 15.0, **how).camera.exposure is None
 
 
+@for_each(("candela", "exposed"), [(50.0, True), (683.0 * 20.0, False), (1e9, True)])
+def test_gltf_with_a_camera_of_its_own_is_exposed_too(tmp_path: Path, candela: float, exposed: bool) -> None:
+    model = Model()
+    model.node(mesh=model.quad())
+    perspective = {"yfov": 0.7, "znear": 0.1, "aspectRatio": 1.5}
+    model.node(camera=model.add("cameras", {"type": "perspective", "perspective": perspective}), translation=[0, 0, 4])
+    model.extend("KHR_lights_punctual")
+    lights = [{"type": "point", "intensity": candela}]
+    model.root["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
+    model.node(extensions={"KHR_lights_punctual": {"light": 0}}, translation=[0, 2, 3])
+    scene = clrender.load(model.write(tmp_path / "a.gltf"))
+    assert scene.camera.position == (0.0, 0.0, 4.0)
+    assert (scene.camera.exposure is not None) is exposed
+
+
 @for_each("stops", [-7, 0, 12])
 def test_shutter_times_are_of_their_stops(stops: int) -> None:
     assert photographic_stops(4.0, photographic_shutter(stops, 4.0)) == pytest.approx(stops, abs=1e-12)

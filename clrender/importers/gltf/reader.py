@@ -49,7 +49,7 @@ def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft
     """
     choices = choices or Choices()
     # Emission in glTF is mostly a detail of a model that viewers light themselves
-    document = opened(path, files, Draft(wants_light=True))
+    document = opened(path, files, Draft(wants_light=True, wants_exposure=True))
     validate(document)
     accessors = Accessors(document)
     accessors.check()
