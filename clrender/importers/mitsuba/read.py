@@ -33,6 +33,7 @@ _CAMERAS: Final = ("perspective", "thinlens", "orthographic")
 _PATHS: Final = frozenset(
     ["path", "volpath", "volpathmis", "prb", "prbvolpath", "bdpt", "ptracer", "mlt", "pssmlt", "erpt"]
 )
+_PHOTON_MAPS: Final = frozenset(["photonmapper", "ppm", "sppm"])
 _FILTERS: Final = {
     "box": ("radius", 0.5),
     "tent": ("radius", 1.0),
@@ -178,6 +179,8 @@ class _Settings:
             plugin = inner[0]  # additional outputs are options of the command line here
         if plugin.type == "direct":
             self._render()["max_depth"] = 1
+        elif plugin.type in _PHOTON_MAPS:
+            self._render()["integrator"] = "photon"
         elif plugin.type not in _PATHS:
             self._staging.note(f'{plugin.label} is read as "path"')
         depth = plugin.whole("max_depth", -1)
