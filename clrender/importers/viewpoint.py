@@ -29,13 +29,16 @@ SIDES: Final[dict[str, Vector]] = {
     "straight from the right": (1.0, 0.1, 0.0),
     "straight from the left": (-1.0, 0.1, 0.0),
     "straight from the back": (0.0, 0.1, -1.0),
+    "from the front, steeply from above": (0.45, 1.2, 1.0),
     "from above": (0.0, 1.0, 0.3),
 }
-"""Directions to the camera for an upward y axis and a front towards +z, and their names."""
+"""Directions to the camera for an upward y axis and a front towards +z, and their names; the first are preferred."""
 _LEAST: Final = 0.7
 """Share of all surfaces that has to be seen from another side: more than of a solid, of which about half is seen."""
 _GAIN: Final = 1.4
 """By which factor this has to be more than from the front."""
+_AS_GOOD: Final = 0.9
+"""Share of the most that is seen from any side, from which on a preferred side is taken."""
 _CELLS: Final = 56
 """Of the depth buffer, per side. Each has several points where a surface fills it."""
 _STEEPEST: Final = 10.0
@@ -99,8 +102,10 @@ def chosen_side(points: SurfacePoints, middle: Iterable[float], distance: float,
         outward = _scaled(way, 1.0 / length(way))
         eye = [m + distance * o for m, o in zip(middle, outward, strict=True)]
         counts[name] = int(visible(points, eye, _scaled(outward, -1.0), (0.0, 1.0, 0.0), slope).sum())
-    best = max(counts, key=lambda name: counts[name])
-    return best if counts[best] > max(_LEAST * len(points.positions), _GAIN * counts[FRONT]) else FRONT
+    most = max(counts.values())
+    if most <= max(_LEAST * len(points.positions), _GAIN * counts[FRONT]):
+        return FRONT
+    return next(name for name, count in counts.items() if count >= _AS_GOOD * most)
 
 
 def _scaled(v: Vector, by: float) -> Vector:
