@@ -10,7 +10,7 @@ import pytest
 
 from clrender.image.files import write_image
 from clrender.importers.asset_files import AssetFiles
-from clrender.importers.shared.sky_maps import square_place, turned_picture, unfolded_picture
+from clrender.importers.shared.sky_maps import picture_from_poles, square_place, turned_picture, unfolded_picture
 
 AXES = [np.array(each, np.float64) for each in np.concatenate([np.eye(3), -np.eye(3)]).tolist()]
 
@@ -54,6 +54,16 @@ def test_a_picture_is_turned(tmp_path: Path, axis: int) -> None:
     assert seen(picture, AXES[axis]) == 1.0
     files = AssetFiles("scene", tmp_path)
     same = turned_picture(files, "sky.exr", "line 1", np.eye(4)).pixels
-    np.testing.assert_allclose(same, picture, atol=1e-5)
+    np.testing.assert_allclose(same, picture_from_poles(files, "sky.exr", "line 1").pixels, atol=1e-5)
     made = turned_picture(files, "sky.exr", "line 1", turn).pixels
     assert [seen(made, each) for each in AXES] == [seen(picture, turn[:3, :3].T @ each) for each in AXES]
+
+
+@pytest.mark.parametrize("rows", [1, 2, 7, 64])
+def test_rows_from_pole_to_pole(tmp_path: Path, rows: int) -> None:
+    """A map that is linear in the angle stays so, with the values that Mitsuba 3.7 has for the directions."""
+    picture = np.broadcast_to(np.arange(rows, dtype=np.float32)[:, None, None], (rows, 2 * rows, 3))
+    write_image(tmp_path / "sky.exr", picture, {})
+    made = picture_from_poles(AssetFiles("scene", tmp_path), "sky.exr", "line 1").pixels
+    expected = (np.arange(rows) + 0.5) / rows * (rows - 1)
+    np.testing.assert_allclose(made, np.broadcast_to(expected[:, None, None], made.shape), rtol=1e-5)

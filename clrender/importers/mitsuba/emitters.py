@@ -11,7 +11,7 @@ from clrender.exact.matrices import length, times
 from clrender.importers.mitsuba.plugins import Plugin
 from clrender.importers.mitsuba.textures import TextureReader
 from clrender.importers.shared.matrices import Matrix, handedness
-from clrender.importers.shared.sky_maps import turn_about_y, turned_picture
+from clrender.importers.shared.sky_maps import picture_from_poles, turn_about_y, turned_picture
 from clrender.importers.shared.spectra import Color
 from clrender.importers.shared.staging import Staging
 from clrender.wording import quoted
@@ -108,12 +108,13 @@ class EmitterReader:
         plugin.ignore("mis_compensation", "cache", "gamma")
         scale = [plugin.number("scale", 1.0)] * 3
         name = self._staging.files.name(file, f"line {plugin.line}")
-        turn = turn_about_y(matrix)
-        if turn is not None:
-            return {"type": "environment", "file": name, "scale": scale, **({"rotate_degrees": turn} if turn else {})}
-        picture = turned_picture(self._staging.files, name, f"line {plugin.line}", matrix)
-        self._staging.draft.environments[f"{file} (turned)"] = picture
-        return {"type": "environment", "file": f"{file} (turned)", "scale": scale}
+        turn, files, place = turn_about_y(matrix), self._staging.files, f"line {plugin.line}"
+        if turn is None:
+            name, picture = f"{file} (turned)", turned_picture(files, name, place, matrix)
+        else:
+            name, picture = f"{file} (rows from pole to pole)", picture_from_poles(files, name, place)
+        self._staging.draft.environments[name] = picture
+        return {"type": "environment", "file": name, "scale": scale, **({"rotate_degrees": turn} if turn else {})}
 
     def _sky(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any] | None:
         """Sun and sky: up is z in Mitsuba, before `to_world`, and y here; the sun's direction is in world space."""

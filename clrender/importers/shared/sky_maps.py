@@ -1,4 +1,8 @@
-"""Converts other renderers' environment maps to our equirectangular ones: by rotation, or from equal-area squares."""
+"""Converts other renderers' environment maps to our equirectangular ones.
+
+Mitsuba's have the centres of their first and last rows at the poles, so that row k of H is at k / (H - 1) of the way
+from pole to pole, where ours are at (k + 1/2) / H. pbrt-v4's are equal-area squares.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +19,7 @@ from clrender.importers.asset_files import AssetFiles
 from clrender.importers.shared.matrices import Matrix
 from clrender.scene.environment import EnvironmentPicture
 
-__all__ = ["turn_about_y", "turned_picture", "unfolded_picture"]
+__all__ = ["picture_from_poles", "turn_about_y", "turned_picture", "unfolded_picture"]
 
 _EVEN: Final = 1e-5
 _LARGEST: Final = 4096
@@ -57,8 +61,21 @@ def _looked_up(pixels: NDArray[np.float32], x: Any, y: Any, around: bool) -> NDA
     return total.astype(np.float32)
 
 
+def picture_from_poles(files: AssetFiles, name: str, place: str) -> EnvironmentPicture:
+    """A map of Mitsuba's, with as many rows as it has. For the parameters see `turned_picture`."""
+    pixels = _read(files, name, place)
+    rows = len(pixels)
+    made = np.empty_like(pixels)
+    for row in range(rows):
+        y = (row + 0.5) / rows * (rows - 1)
+        top = min(int(y), max(rows - 2, 0))
+        below = min(top + 1, rows - 1)
+        made[row] = pixels[top] + np.float32(y - top) * (pixels[below] - pixels[top])
+    return EnvironmentPicture.checked(made, f"{files.source}: {place}")
+
+
 def turned_picture(files: AssetFiles, name: str, place: str, matrix: Matrix) -> EnvironmentPicture:
-    """An equirectangular map, rotated or mirrored by a matrix.
+    """A map of Mitsuba's, rotated or mirrored by a matrix.
 
     Parameters
     ----------
@@ -80,7 +97,7 @@ def turned_picture(files: AssetFiles, name: str, place: str, matrix: Matrix) -> 
         own /= lengths(own)[:, None]
         theta = angles_of(np.sqrt(own[:, 0] * own[:, 0] + own[:, 2] * own[:, 2]), own[:, 1])
         turns = angles_of(own[:, 0], -own[:, 2]) / (2.0 * np.pi) % 1.0
-        x, y = turns * width - 0.5, theta / np.pi * height - 0.5
+        x, y = turns * width - 0.5, theta / np.pi * (height - 1)
         made[row] = _looked_up(pixels, x, y, True)
     return EnvironmentPicture.checked(made, f"{files.source}: {place}")
 
