@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from itertools import product
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from clrender.errors import SceneError
@@ -129,10 +128,12 @@ def _around(scene: Scene, up: str) -> tuple[dict[str, Any], str]:
     slope = tangent(math.radians(_VERTICAL_FOV) / 2.0)
     wide = scene.image.width / scene.image.height
     sine = sin_cos(min(math.radians(_VERTICAL_FOV) / 2.0, angle_of(slope * wide, 1.0)))[0]
-    side = chosen_side(surface_points(scene).upright(up), upright(middle, up), _MARGIN * radius / sine, slope)
+    points = surface_points(scene)
+    side = chosen_side(points.upright(up), upright(middle, up), _MARGIN * radius / sine, slope)
     toward = _from_y_up(SIDES[side], up)
     toward = tuple(x / length(toward) for x in toward)  # type: ignore[assignment]
-    distance = _MARGIN * max(radius, _least_distance((high - low) / 2.0, toward, _UP[up], slope, wide))
+    corners = points.corners.reshape(-1, 3) if len(points.corners) else np.stack([low, high])
+    distance = _MARGIN * max(radius / 2.0, _least_distance(corners - middle, toward, _UP[up], slope, wide))
     keys = {
         **({} if up == "y" else {"up": _UP[up]}),
         "position": tuple(float(x) for x in middle + distance * np.array(toward)),
@@ -142,20 +143,14 @@ def _around(scene: Scene, up: str) -> tuple[dict[str, Any], str]:
     return keys, side
 
 
-def _least_distance(half: Iterable[float], toward: Vector, up: Vector, slope: float, wide: float) -> float:
-    """The distance from which all corners of a box, of half this size, are within the image."""
+def _least_distance(points: NDArray[np.float64], toward: Vector, up: Vector, slope: float, wide: float) -> float:
+    """The distance from the origin, in a direction, from which all points, (N, 3), are within the image."""
     right = cross(up, toward)
     size = length(right)
     right = (right[0] / size, right[1] / size, right[2] / size)
-    upward = cross(toward, right)
-    distance = 0.0
-    for signs in product((-1.0, 1.0), repeat=3):
-        corner = [sign * float(h) for sign, h in zip(signs, half, strict=True)]
-        across, above, nearer = (
-            sum(a * b for a, b in zip(corner, axis, strict=True)) for axis in (right, upward, toward)
-        )
-        distance = max(distance, nearer + abs(above) / slope, nearer + abs(across) / (slope * wide))
-    return distance
+    x, y, z = points.T
+    across, above, nearer = ((a[0] * x + a[1] * y) + a[2] * z for a in (right, cross(toward, right), toward))
+    return float((nearer + np.maximum(np.abs(above) / slope, np.abs(across) / (slope * wide))).max())
 
 
 def _from_y_up(vector: Vector, up: str) -> Vector:

@@ -87,6 +87,26 @@ def test_points_are_spread_by_area_over_instances_and_stand_for_all_of_it(tmp_pa
     np.testing.assert_allclose(points.normals, np.broadcast_to((0.0, 0.0, 1.0), points.normals.shape))
 
 
+@for_each(
+    ("shape", "area", "reach"),
+    [
+        ({"type": "sphere", "center": [1.0, 2.0, 3.0], "radius": 2.0}, 16.0 * math.pi, 2.0),
+        ({"type": "disk", "center": [1.0, 2.0, 3.0], "normal": [0.0, 3.0, 4.0], "radius": 2.0}, 4.0 * math.pi, 2.0),
+        ({"type": "box", "center": [1.0, 2.0, 3.0], "size": [2.0, 2.0, 2.0]}, 24.0, math.sqrt(3.0)),
+    ],
+)
+def test_points_lie_on_every_kind_of_shape(shape: dict[str, Any], area: float, reach: float) -> None:
+    points = surface_points(Scene(camera={"position": [0, 0, 9], "target": [0, 0, 0]}, shapes=[shape]))
+    assert points.area == pytest.approx(area, rel=1e-3)
+    away = points.positions - (1.0, 2.0, 3.0)
+    assert np.sqrt((away**2).sum(axis=1)).max() == pytest.approx(reach, rel=0.02)
+    if shape["type"] == "disk":
+        assert np.abs(away @ (0.0, 0.6, 0.8)).max() < 1e-6
+        assert np.abs(np.abs(points.normals @ (0.0, 0.6, 0.8)) - 1.0).max() < 1e-6
+    if shape["type"] == "sphere":
+        assert (np.sum(points.normals * away, axis=1) > 1.9).all()
+
+
 def test_what_is_transparent_is_not_framed(tmp_path: Path) -> None:
     far = "\n".join(f"v {100 * x} {100 * y} {100 * z}" for x, y, z in CORNERS)
     hull = "\n".join("usemtl none\nf " + " ".join(str(corner + 1) for corner in face) for face in FACES.values())
