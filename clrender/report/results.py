@@ -56,11 +56,6 @@ class Run:
         """1 / (relMSE x seconds)."""
         return 1.0 / (self.noise * self.cost)
 
-    @property
-    def display_efficiency(self) -> float:
-        """Efficiency for the display error: 1 / (its square x seconds)."""
-        return 1.0 / (self.display_error**2 * self.cost)
-
 
 @dataclass
 class Row:
