@@ -199,7 +199,7 @@ def _extremes(numbers: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
 def _buffers(document: Document) -> list[memoryview | None]:
     """Bytes of all buffers; None for one that is neither readable nor used."""
     views = document.items("bufferViews")
-    extensions = [found[1] for view in views if (found := compression(document, view)) is not None]
+    extensions = [packed[1] for view in views if (packed := compression(document, view)) is not None]
     used = {each["buffer"] for each in (*views, *extensions)}
     unread = unread_fallbacks(document)
     found: list[memoryview | None] = []

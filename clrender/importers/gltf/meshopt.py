@@ -114,7 +114,7 @@ def _decoded(document: Document, parts: list[_Compressed], total: int) -> list[m
     if len(found) < len(parts):
         text = "holds data that meshoptimizer cannot decode, or that take too much memory or time; export it again"
         raise document.fault(parts[len(found)].at, text)
-    return [memoryview(_filtered(part, each["bytes"])) for part, each in zip(parts, found, strict=True)]
+    return [_filtered(part, each["bytes"]).data for part, each in zip(parts, found, strict=True)]
 
 
 def _filtered(part: _Compressed, numbers: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -79,7 +79,8 @@ def _quaternion(stored: NDArray[Any]) -> NDArray[Any]:
 
 def _exponential(stored: NDArray[Any]) -> NDArray[Any]:
     """Floats from exponents in the highest eight bits and mantissas in the others, both signed."""
-    return np.ldexp(((stored << 8) >> 8).astype(np.float32), stored >> 24).astype("<f4")
+    found: NDArray[Any] = np.ldexp(((stored << 8) >> 8).astype(np.float32), stored >> 24)
+    return found.astype("<f4")
 
 
 def _color(stored: NDArray[Any]) -> NDArray[Any]:
