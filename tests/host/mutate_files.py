@@ -25,6 +25,7 @@ import numpy as np
 import OpenEXR
 import peer_scenes
 from gltf_files import Model, meshopt_compressed
+from ktx2_files import ETC1S, ktx2, plain, uastc, zstd
 from PIL import Image
 from serialized_files import serialized
 
@@ -150,6 +151,17 @@ def originals(folder: Path, ending: str) -> list[bytes]:
     if ending in (".gltf", ".glb", MESHOPT):
         model = meshopt_compressed(glTF()) if ending == MESHOPT else glTF()
         return [model.gltf() if ending == ".gltf" else model.glb()]
+    if ending == ".ktx2":
+        model = Model()
+        model.extend("KHR_texture_basisu")
+        source = model.add("images", {"uri": "mutated.ktx2"})
+        texture = model.add("textures", {"extensions": {"KHR_texture_basisu": {"source": source}}})
+        base = {"baseColorTexture": {"index": texture}}
+        model.node(mesh=model.quad(model.add("materials", {"pbrMetallicRoughness": base})))
+        model.write(folder / "picture.gltf")
+        blocks = uastc(np.arange(240).reshape(5, 12, 4))
+        packed = ktx2(48, 20, zstd(blocks), model=166, scheme=2, room=len(blocks))
+        return [ETC1S, ktx2(48, 20, blocks, model=166), packed, plain(np.clip(image * 9.0, 0, 255), True)]
     if ending in (".xml", ".pbrt"):
         peer_scenes.write_parts(folder)
         texts = [peer_scenes.PBRT] if ending == ".pbrt" else [peer_scenes.MITSUBA, peer_scenes.MITSUBA_06]
@@ -359,6 +371,13 @@ def _library(path: Path) -> Any:
     return load(path.with_name("model.obj"))
 
 
+def _texture(path: Path) -> Any:
+    try:
+        return load(path.with_name("picture.gltf"), strict=True)
+    except ClrenderError as error:
+        raise type(error)(str(error).replace("picture.gltf", f"picture.gltf: {path.name}")) from None
+
+
 def _image(path: Path) -> Any:
     read_provenance(path)
     return read_image(path)
@@ -394,6 +413,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     ".serialized": _serialized,
     ".mtl": _library,
     ".ies": _lamp,
+    ".ktx2": _texture,
     ".film": Film.load,
     ".gltf": _scene,
     ".glb": _scene,

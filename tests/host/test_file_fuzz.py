@@ -11,11 +11,13 @@ import pytest
 
 FILES = [".npy", ".exr", ".png", ".hdr", ".ies", ".film"]
 SCENES = [".ply", ".obj", ".mtl", ".stl", ".serialized", ".gltf", ".glb", ".xml", ".pbrt", "-places.npy"]
-COMPRESSED = ["-meshopt.glb"]
+COMPRESSED = ["-meshopt.glb", ".ktx2"]
 """Each of these takes a process."""
 RASTERS = [".tga", ".bmp", ".ppm", ".tif", ".gif", ".dds", ".pfm"]
 PROGRAM = Path(__file__).with_name("mutate_files.py")
-needs_decoders = pytest.mark.skipif(find_spec("meshopt") is None, reason="meshopt is not installed: the extra gltf")
+needs_decoders = pytest.mark.skipif(
+    find_spec("meshopt") is None or find_spec("opengl_basisu") is None, reason="needs all of the extra gltf"
+)
 MEMORY = 700
 """MiB. A file of ten thousand bytes may hold a DWA image of 2^15 times as many; see `clrender.image.exr`."""
 

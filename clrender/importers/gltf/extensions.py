@@ -33,6 +33,7 @@ _READ: Final = frozenset(
         "KHR_mesh_quantization",
         "KHR_meshopt_compression",
         "KHR_node_visibility",
+        "KHR_texture_basisu",
         "KHR_texture_transform",
         # About the file, not about the image
         "KHR_xmp",
@@ -40,7 +41,6 @@ _READ: Final = frozenset(
     }
 )
 _CURES: Final[Mapping[str, str]] = {
-    "KHR_texture_basisu": "textures in KTX2 (Basis Universal) are not read; export them as PNG, JPEG or WebP",
     "EXT_lights_image_based": "light of cube maps is not read; export it without, and give its light with "
     "--environment FILE",
     "KHR_lights_image_based": "light of cube maps is not read; export it without, and give its light with "
@@ -48,7 +48,6 @@ _CURES: Final[Mapping[str, str]] = {
 }
 """Why some required extensions are refused."""
 _INSTEAD: Final[Mapping[str, str]] = {
-    "KHR_texture_basisu": "pictures are read where the file holds them as PNG or JPEG as well",
     "KHR_materials_iridescence": "surfaces reflect without colours of thin films",
     "KHR_materials_dispersion": "glass bends all colours alike",
     "KHR_animation_pointer": "what it moves stays as it is in the file",
