@@ -21,6 +21,7 @@ from clrender.errors import SceneError
 from clrender.image.pictures import open_picture
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.gltf import ktx2 as reader
+from clrender.importers.gltf.decoding import decoded
 from clrender.importers.gltf.reader import read
 from clrender.scene import Scene
 
@@ -150,7 +151,7 @@ def test_pictures_are_decoded_together_and_a_damaged_one_spoils_no_other(
 ) -> None:
     damaged = bytearray(SOUND["UASTC, compressed again"])
     damaged[-len(UASTC) - 12] ^= 255  # in the head of the frame
-    calls, decoded = [], reader.decoded
+    calls: list[int] = []
 
     def counted(source: str, decoder: str, parts: Any, *limits: int) -> Any:
         calls.append(len(parts))

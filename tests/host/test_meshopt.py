@@ -16,7 +16,7 @@ from gltf_files import Model, meshopt_compressed
 
 import clrender
 from clrender.errors import SceneError
-from clrender.importers.gltf import meshopt
+from clrender.importers.gltf import decoding, meshopt
 from clrender.importers.gltf.meshopt_filters import FILTERS
 from clrender.scene import Scene
 
@@ -40,7 +40,7 @@ def sheet(side: int, indices: str = "uint16") -> Model:
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     attributes = {"POSITION": places, "NORMAL": normals, "TEXCOORD_0": np.stack([x, 1.0 - y], 1)}
     picture = {"index": model.texture([[[9, 9, 9]]])}
-    primitive = {
+    primitive: dict[str, Any] = {
         "attributes": {name: model.accessor(numbers) for name, numbers in attributes.items()},
         "indices": model.accessor(corners.ravel(), indices),
         "material": model.add("materials", {"pbrMetallicRoughness": {"baseColorTexture": picture}}),
@@ -237,6 +237,32 @@ def test_a_few_bytes_cannot_promise_much(tmp_path: Path) -> None:
     model.root["bufferViews"][0]["byteLength"] = model.more_buffers[0]["byteLength"] = 144 * 2**20
     with pytest.raises(SceneError, match=f"{AT}/byteLength is 64, too few for 150994944 bytes"):
         loaded(tmp_path, model)
+
+
+def test_all_views_together_have_a_bound(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(meshopt, "_LIMIT", 47)
+    with pytest.raises(SceneError, match=f"{AT} and others take more than 47 bytes, which is the most"):
+        loaded(tmp_path, placeholder())
+
+
+@needs_meshopt
+def test_bounds_of_compressed_numbers_are_checked(tmp_path: Path) -> None:
+    model = meshopt_compressed(sheet(5))
+    model.root["accessors"][0].update(min=[0, 0, -1], max=[0.5, 1, 1])
+    notes = loaded(tmp_path, model).notes
+    assert any("/accessors/0/max/0 is 0.5, but there is a number 1 in the data" in note for note in notes)
+
+
+@needs_meshopt
+@for_each("limits", ({"_MEMORY": 1 << 20}, {"_SECONDS": 0.01, "_SHARE": 0}))
+def test_a_process_beyond_its_limits_is_ended(monkeypatch: pytest.MonkeyPatch, limits: dict[str, Any]) -> None:
+    numbers = np.arange(64, dtype=np.uint8).reshape(4, 16)
+    part = decoding.Encoded(library().encode_vertex_buffer(numbers), {"count": 4, "size": 16, "mode": "ATTRIBUTES"})
+    (found,) = decoding.decoded("m.glb", "meshopt", [part], 0, 0)
+    assert found["bytes"].tolist() == list(range(64))
+    for name, value in limits.items():
+        monkeypatch.setattr(decoding, name, value)
+    assert decoding.decoded("m.glb", "meshopt", [part], 0, 0) == []
 
 
 def survive(folder: Path, count: int) -> None:

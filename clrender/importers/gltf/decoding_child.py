@@ -49,16 +49,15 @@ def meshopt() -> Callable[[bytes, dict[str, Any]], dict[str, NDArray[Any]]]:
 
 
 def basis() -> Callable[[bytes, dict[str, Any]], dict[str, NDArray[Any]]]:
-    """A decoder of KTX2 files in Basis Universal: the largest level as ``png``, with alpha if there is any."""
+    """A decoder of KTX2 files in Basis Universal: the largest level as ``png``, in RGBA."""
     import numpy as np
     import opengl_basisu
     from PIL import Image
 
     def decode(data: bytes, settings: dict[str, Any]) -> dict[str, NDArray[Any]]:
-        texture = opengl_basisu.open(data)
-        pixels = texture.transcode(opengl_basisu.Target.RGBA8).data
+        pixels = opengl_basisu.open(data).transcode(opengl_basisu.Target.RGBA8).data
         png = io.BytesIO()
-        Image.fromarray(pixels if texture.has_alpha else pixels[..., :3]).save(png, "PNG", compress_level=1)
+        Image.fromarray(pixels).save(png, "PNG", compress_level=1)
         return {"png": np.frombuffer(png.getbuffer(), np.uint8)}
 
     return decode
