@@ -26,7 +26,8 @@ def packages(extra: str) -> list[str]:
     Returns
     -------
     list of str
-        Requirements for pip. Empty if clrender is used without having been installed.
+        Requirements for pip, each with the environment that it is for, if not for all. Empty if clrender is used
+        without having been installed.
     """
     from importlib.metadata import PackageNotFoundError, requires
 
@@ -34,8 +35,14 @@ def packages(extra: str) -> list[str]:
         declared = requires("clrender") or []
     except PackageNotFoundError:
         return []
-    parts = [line.partition(";") for line in declared]
-    return [name.strip() for name, _, marker in parts if marker.strip().replace("'", '"') == f'extra == "{extra}"']
+    found = []
+    for line in declared:
+        name, _, marker = line.partition(";")
+        environment, belongs, _ = marker.strip().replace("'", '"').rpartition(f'extra == "{extra}"')
+        if belongs:
+            environment = environment.removesuffix(" and ").strip()
+            found.append(f"{name.strip()}; {environment}" if environment else name.strip())
+    return found
 
 
 def install_command(extra: str) -> str:

@@ -217,7 +217,8 @@ def _use(environment: Path, work: Path, extras: str) -> str:
         if json.loads((work / "f.json").read_text())["image_sha256"] != digest:
             raise CheckError("the image of a cluster is another one")
     if everything("gltf"):
-        _run([str(environment / "bin" / "python"), "-c", "import DracoPy"])
+        decoders = "import sys, DracoPy, opengl_basisu; sys.version_info < (3, 11) or __import__('meshopt')"
+        _run([str(environment / "bin" / "python"), "-c", decoders])
     if not (environment / "share" / "man" / "man1" / "clrender.1").is_file():
         raise CheckError("the manual page is not installed")
     return digest

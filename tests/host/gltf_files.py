@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import base64
+import copy
+import importlib
 import io
 import json
 import struct
@@ -13,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-__all__ = ["Model", "picture_uri"]
+__all__ = ["Model", "meshopt_compressed", "picture_uri"]
 
 _COMPONENTS: Final = {"int8": 5120, "uint8": 5121, "int16": 5122, "uint16": 5123, "uint32": 5125, "float32": 5126}
 _TYPES: Final = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
@@ -33,6 +35,7 @@ class Model:
     def __init__(self) -> None:
         self.root: dict[str, Any] = {"asset": {"version": "2.0"}, "scenes": [{"nodes": []}], "nodes": []}
         self.data = bytearray()
+        self.more_buffers: list[dict[str, Any]] = []
 
     def add(self, collection: str, value: dict[str, Any]) -> int:
         """Append an object to one of the root's arrays; its index."""
@@ -89,7 +92,8 @@ class Model:
 
     def glb(self) -> bytes:
         """The file as a GLB."""
-        root = {**self.root, "buffers": [{"byteLength": max(len(self.data), 1)}]} if self.data else self.root
+        buffers = [{"byteLength": max(len(self.data), 1)}, *self.more_buffers]
+        root = {**self.root, "buffers": buffers} if self.data else self.root
         text = json.dumps(root).encode()
         text += b" " * (-len(text) % 4)
         body = struct.pack("<II", len(text), 0x4E4F534A) + text
@@ -101,10 +105,41 @@ class Model:
     def gltf(self) -> bytes:
         """The file as JSON with its bytes in a data URI."""
         uri = "data:application/octet-stream;base64," + base64.b64encode(bytes(self.data)).decode()
-        buffers = {"buffers": [{"byteLength": len(self.data), "uri": uri}]} if self.data else {}
+        one = {"byteLength": len(self.data), "uri": uri}
+        buffers = {"buffers": [one, *self.more_buffers]} if self.data else {}
         return json.dumps({**self.root, **buffers}).encode()
 
     def write(self, path: Path) -> Path:
         """Write the file; its ending says as which kind."""
         path.write_bytes(self.glb() if path.suffix == ".glb" else self.gltf())
         return path
+
+
+def meshopt_compressed(model: Model, name: str = "EXT_meshopt_compression", version: int = 0) -> Model:
+    """The model with the views of all accessors compressed by meshoptimizer, and a fallback buffer without bytes.
+
+    Its indices are kept in their order.
+    """
+    library: Any = importlib.import_module("meshopt")
+    made, room = copy.deepcopy(model), 0
+    made.extend(name, required=True)
+    made.data.clear()
+    views = made.root["bufferViews"]
+    accessors = {each["bufferView"]: each for each in made.root["accessors"] if "bufferView" in each}
+    for index in range(len(views)):
+        view = views[index]
+        data = bytes(model.data[view["byteOffset"] :][: view["byteLength"]])
+        accessor = accessors.get(index)
+        if accessor is None:
+            view.update(views.pop(made.view(data)))
+            continue
+        rows = np.frombuffer(data, np.uint8).reshape(accessor["count"], -1)
+        stride = rows.shape[1]
+        whole = accessor["type"] == "SCALAR" and accessor["componentType"] in (5123, 5125)
+        mode = "INDICES" if whole else "ATTRIBUTES"
+        encoded = library.encode_gltf_buffer(rows.view(f"<u{stride}").reshape(-1) if whole else rows, mode, version)
+        packed = {"count": len(rows), "byteStride": stride, "mode": mode, **views.pop(made.view(encoded))}
+        view.update({"buffer": 1, "byteOffset": room, "extensions": {name: packed}})
+        room += len(data) + -len(data) % 4
+    made.more_buffers.append({"byteLength": max(room, 1), "extensions": {name: {"fallback": True}}})
+    return made

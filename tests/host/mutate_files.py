@@ -24,7 +24,8 @@ from typing import Any
 import numpy as np
 import OpenEXR
 import peer_scenes
-from gltf_files import Model
+from gltf_files import Model, meshopt_compressed
+from ktx2_files import ETC1S, ktx2, plain, uastc, zstd
 from PIL import Image
 from serialized_files import serialized
 
@@ -41,7 +42,9 @@ from clrender.scene.ies import read_ies
 __all__ = ["main"]
 
 PLACES = "-places.npy"
-"""The one ending that is not a format's: `.npy` alone is an image."""
+"""Not a format's ending: `.npy` alone is an image."""
+MESHOPT = "-meshopt.glb"
+"""Not a format's ending: a `.glb` compressed by meshoptimizer, each of which takes a process."""
 SECONDS = 10
 RASTER: dict[str, list[dict[str, Any]]] = {
     ".tga": [{}, {"compression": "tga_rle"}],
@@ -145,8 +148,20 @@ def originals(folder: Path, ending: str) -> list[bytes]:
     if ending == ".ies":
         one = IES[: IES.index(b"100 80.")].replace(b"5 3 1 2", b"5 1 1 2").replace(b"0 45 90\r\n", b"0\r\n")
         return [IES, one[one.index(b"TILT") :]]
-    if ending in (".gltf", ".glb"):
-        return [glTF().glb() if ending == ".glb" else glTF().gltf()]
+    if ending in (".gltf", ".glb", MESHOPT):
+        model = meshopt_compressed(glTF()) if ending == MESHOPT else glTF()
+        return [model.gltf() if ending == ".gltf" else model.glb()]
+    if ending == ".ktx2":
+        model = Model()
+        model.extend("KHR_texture_basisu")
+        source = model.add("images", {"uri": "mutated.ktx2"})
+        texture = model.add("textures", {"extensions": {"KHR_texture_basisu": {"source": source}}})
+        base = {"baseColorTexture": {"index": texture}}
+        model.node(mesh=model.quad(model.add("materials", {"pbrMetallicRoughness": base})))
+        model.write(folder / "picture.gltf")
+        blocks = uastc(np.arange(240).reshape(5, 12, 4))
+        packed = ktx2(48, 20, zstd(blocks), model=166, scheme=2, room=len(blocks))
+        return [ETC1S, ktx2(48, 20, blocks, model=166), packed, plain(np.clip(image * 9.0, 0, 255), True)]
     if ending in (".xml", ".pbrt"):
         peer_scenes.write_parts(folder)
         texts = [peer_scenes.PBRT] if ending == ".pbrt" else [peer_scenes.MITSUBA, peer_scenes.MITSUBA_06]
@@ -237,7 +252,31 @@ def changed_model(rng: random.Random, ending: str) -> bytes:
     if rng.random() < 0.3:
         at = rng.randrange(0, len(model.data), 4)
         model.data[at : at + 4] = struct.pack("<f", rng.choice([math.nan, math.inf, 1e38, -1e-40, 7.0]))
-    return bytes(model.glb() if ending == ".glb" else model.gltf())
+    return model.gltf() if ending == ".gltf" else model.glb()
+
+
+def changed_compression(rng: random.Random) -> bytes:
+    """A compressed model some of whose encoded bytes are others, or numbers that say how they are encoded."""
+    model = meshopt_compressed(glTF())
+    packed = [view for view in model.root["bufferViews"] if "extensions" in view]
+    for view in rng.sample(packed, rng.randint(1, 3)):
+        extension = view["extensions"]["EXT_meshopt_compression"]
+        if rng.random() < 0.7:
+            at = extension["byteOffset"] + rng.randrange(extension["byteLength"])
+            model.data[at] = rng.randrange(256)
+            continue
+        match rng.randrange(4):
+            case 0:
+                extension["filter"] = rng.choice(["OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR"])
+            case 1:
+                extension["mode"] = rng.choice(["TRIANGLES", "INDICES", "ATTRIBUTES"])
+            case 2:
+                extension["byteLength"] = max(extension["byteLength"] - rng.randint(1, 40), 1)
+            case _:
+                extension["count"] *= 1024
+                view["byteLength"] *= 1024
+                model.more_buffers[0]["byteLength"] = 2**20
+    return model.glb()
 
 
 def changed_meshes(data: bytes, rng: random.Random) -> bytes:
@@ -259,6 +298,8 @@ def mutated(data: bytes, rng: random.Random, ending: str = "") -> bytes:
     """The file with some of its bytes changed, cut out, doubled or put in; headers more often than the rest."""
     if ending in (".gltf", ".glb") and rng.random() < 0.8:
         return changed_model(rng, ending)
+    if ending == MESHOPT and rng.random() < 0.9:
+        return changed_compression(rng)
     if ending == ".serialized" and rng.random() < 0.7:
         return changed_meshes(data, rng)
     new = bytearray(data)
@@ -330,6 +371,13 @@ def _library(path: Path) -> Any:
     return load(path.with_name("model.obj"))
 
 
+def _texture(path: Path) -> Any:
+    try:
+        return load(path.with_name("picture.gltf"), strict=True)
+    except ClrenderError as error:
+        raise type(error)(str(error).replace("picture.gltf", f"picture.gltf: {path.name}")) from None
+
+
 def _image(path: Path) -> Any:
     read_provenance(path)
     return read_image(path)
@@ -365,9 +413,11 @@ READERS: dict[str, Callable[[Path], Any]] = {
     ".serialized": _serialized,
     ".mtl": _library,
     ".ies": _lamp,
+    ".ktx2": _texture,
     ".film": Film.load,
     ".gltf": _scene,
     ".glb": _scene,
+    MESHOPT: _scene,
     ".xml": _scene,
     ".pbrt": _scene,
     PLACES: _placements,

@@ -34,10 +34,12 @@ LACKING = {
 """By extra: a module of it, and a command that needs it."""
 
 
-def parts(requirement: str) -> tuple[str, frozenset[str]]:
-    """Name and limits of a requirement; build tools reorder the limits."""
-    name, limits = re.fullmatch(r"([\w.-]+)(.*)", requirement.strip()).groups()  # type: ignore[union-attr]
-    return name, frozenset(limits.replace(" ", "").split(","))
+def parts(requirement: str) -> tuple[str, frozenset[str], str]:
+    """Name, limits and environment of a requirement; build tools reorder the limits."""
+    match = re.fullmatch(r"([\w.-]+)([^;]*);?(.*)", requirement.strip())
+    assert match
+    name, limits, environment = match.groups()
+    return name, frozenset(limits.replace(" ", "").split(",")), environment.strip(" ()")
 
 
 @for_each("extra", ALONE)

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
 FILES = [".npy", ".exr", ".png", ".hdr", ".ies", ".film"]
 SCENES = [".ply", ".obj", ".mtl", ".stl", ".serialized", ".gltf", ".glb", ".xml", ".pbrt", "-places.npy"]
+COMPRESSED = ["-meshopt.glb", ".ktx2"]
+"""Each of these takes a process."""
 RASTERS = [".tga", ".bmp", ".ppm", ".tif", ".gif", ".dds", ".pfm"]
 PROGRAM = Path(__file__).with_name("mutate_files.py")
+needs_decoders = pytest.mark.skipif(
+    find_spec("meshopt") is None or find_spec("opengl_basisu") is None, reason="needs all of the extra gltf"
+)
 MEMORY = 700
 """MiB. A file of ten thousand bytes may hold a DWA image of 2^15 times as many; see `clrender.image.exr`."""
 
@@ -34,6 +40,12 @@ def test_mutated_files(tmp_path: Path, endings: list[str]) -> None:
     answers(tmp_path, 60, 1, endings)
 
 
+@pytest.mark.thorough
+@needs_decoders
+def test_mutated_compressed_scenes(tmp_path: Path) -> None:
+    answers(tmp_path, 20, 1, COMPRESSED)
+
+
 def test_two_thousand_serialized_meshes(tmp_path: Path) -> None:
     answers(tmp_path, 2000, 4, [".serialized"])
 
@@ -48,6 +60,13 @@ def test_ten_thousand_mutated_scenes(tmp_path: Path, ending: str) -> None:
 @pytest.mark.parametrize("ending", RASTERS)
 def test_ten_thousand_mutated_pictures(tmp_path: Path, ending: str) -> None:
     answers(tmp_path, 10_000, 5, [ending])
+
+
+@pytest.mark.slow
+@needs_decoders
+@pytest.mark.parametrize("ending", COMPRESSED)
+def test_a_thousand_mutated_compressed_scenes(tmp_path: Path, ending: str) -> None:
+    answers(tmp_path, 1000, 6, [ending])
 
 
 @pytest.mark.slow

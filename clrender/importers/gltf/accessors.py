@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.importers.gltf.document import Document
+from clrender.importers.gltf.meshopt import compression, decode_meshopt, unread_fallbacks
 from clrender.importers.gltf.schema import COMPONENTS
 from clrender.importers.gltf.validator import element_bytes
 from clrender.wording import quoted
@@ -34,16 +35,19 @@ class Accessors:
     Raises
     ------
     SceneError
-        A buffer cannot be read, or is too short.
+        A buffer cannot be read or decoded, or is too short.
     """
 
     def __init__(self, document: Document) -> None:
         self._document = document
         self._buffers = _buffers(document)
+        self._decoded = decode_meshopt(document, self._buffers)
         self._arrays: dict[int, NDArray[Any]] = {}
 
     def view(self, index: int) -> memoryview:
         """Bytes of a buffer view."""
+        if index in self._decoded:
+            return self._decoded[index]
         view = self._document.items("bufferViews")[index]
         start = view.get("byteOffset", 0)
         data = self._buffers[view["buffer"]]
@@ -97,8 +101,9 @@ class Accessors:
             return False
         sparse = accessor.get("sparse")
         parts = [accessor] + ([sparse["indices"], sparse["values"]] if sparse else [])
-        views = [self._document.items("bufferViews")[part["bufferView"]] for part in parts if "bufferView" in part]
-        return all(self._buffers[view["buffer"]] is not None for view in views)
+        views = [part["bufferView"] for part in parts if "bufferView" in part]
+        buffers = {index: self._document.items("bufferViews")[index]["buffer"] for index in views}
+        return all(index in self._decoded or self._buffers[buffers[index]] is not None for index in views)
 
     @cached_property
     def _directions(self) -> set[int]:
@@ -193,16 +198,20 @@ def _extremes(numbers: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
 
 def _buffers(document: Document) -> list[memoryview | None]:
     """Bytes of all buffers; None for one that is neither readable nor used."""
-    used = {view["buffer"] for view in document.items("bufferViews")}
+    views = document.items("bufferViews")
+    extensions = [packed[1] for view in views if (packed := compression(document, view)) is not None]
+    used = {each["buffer"] for each in (*views, *extensions)}
+    unread = unread_fallbacks(document)
     found: list[memoryview | None] = []
     for index, buffer in enumerate(document.items("buffers")):
         at, uri = f"/buffers/{index}", buffer.get("uri")
         size = buffer["byteLength"]
+        if index in unread or (uri is None and (index > 0 or document.binary is None)):
+            found.append(None)
+            continue
         if uri is None:
-            data = document.binary if index == 0 else None
-            if data is None:  # a placeholder of an extension, such as meshoptimizer's
-                found.append(None)
-                continue
+            assert document.binary is not None
+            data = document.binary
             if len(data) > size + 3:
                 document.note(f"{at} has {size} bytes, fewer than the binary chunk; the rest was left out")
         elif index not in used and uri.partition("://")[0].lower() in ("http", "https"):

@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-import io
-import struct
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.errors import SceneError
 from clrender.extras import install_command, lacking
 from clrender.importers.gltf.accessors import Accessors
+from clrender.importers.gltf.decoding import Encoded, decoded
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.schema import COMPONENTS
 
 __all__ = ["DRACO", "decode_draco", "draco_is_there"]
 
 DRACO: Final = "KHR_draco_mesh_compression"
-_SECONDS: Final = 20.0
-"""Time allowed for starting the process on a busy machine, in addition to its computation."""
+_MEMORY_OF_A_BYTE: Final = 256
+"""Memory that decoding takes for each byte of data."""
+_BYTES_IN_A_SECOND: Final = 500_000
 
 
 @dataclass(frozen=True)
@@ -64,9 +60,9 @@ def decode_draco(document: Document, accessors: Accessors) -> None:
         cure = f"install what reads it with `{install_command('gltf')}`, or export it without Draco compression"
         raise lacking("gltf", document.fault(parts[0].at, f"is compressed by Draco; {cure}"))
     different = {part.data: number for number, part in reversed(list(enumerate(parts)))}
-    decoded = dict(zip(different, _decoded(document, [parts[i] for i in different.values()]), strict=True))
+    meshes = dict(zip(different, _decoded(document, [parts[i] for i in different.values()]), strict=True))
     for part in parts:
-        _fill(document, accessors, part, decoded[part.data])
+        _fill(document, accessors, part, meshes[part.data])
 
 
 def _parts(document: Document, accessors: Accessors) -> Iterator[_Part]:
@@ -81,36 +77,19 @@ def _parts(document: Document, accessors: Accessors) -> Iterator[_Part]:
 
 
 def _decoded(document: Document, parts: list[_Part]) -> list[dict[str, NDArray[Any]]]:
-    """Decode the data in a separate process; the first mesh without an answer is at fault."""
-    child = Path(__file__).with_name("draco_child.py")
-    data = b"".join(struct.pack("<Q", len(part.data)) + part.data for part in parts)
-    more = len(data) / 100_000
-    try:
-        done = subprocess.run(
-            [sys.executable, str(child)], input=data, capture_output=True, timeout=_SECONDS + more, check=False
-        )
-        answer = done.stdout
-    except subprocess.TimeoutExpired as error:
-        answer = error.stdout or b""
-    except OSError as error:
-        raise SceneError(f"{document.files.source}: Draco's process cannot be started: {error.strerror}") from None
-    found: list[dict[str, NDArray[Any]]] = []
-    at = 0
-    while len(answer) >= at + 8:
-        (size,) = struct.unpack_from("<Q", answer, at)
-        if len(answer) < at + 8 + size:
-            break
-        with np.load(io.BytesIO(answer[at + 8 : at + 8 + size]), allow_pickle=False) as archive:
-            found.append(dict(archive))
-        at += 8 + size
+    """Decode the data; the first mesh without an answer is at fault."""
+    total = sum(len(part.data) for part in parts)
+    encoded = [Encoded(part.data) for part in parts]
+    memory, seconds = _MEMORY_OF_A_BYTE * total, total // _BYTES_IN_A_SECOND
+    found = decoded(document.files.source, "draco", encoded, memory, seconds)
     if len(found) < len(parts):
         text = "holds data that Draco cannot decode, or that take too much memory or time; export it again"
         raise document.fault(f"{parts[len(found)].at}/bufferView", text)
     return found
 
 
-def _fill(document: Document, accessors: Accessors, part: _Part, decoded: dict[str, NDArray[Any]]) -> None:
-    faces = decoded["faces"].reshape(-1, 3)
+def _fill(document: Document, accessors: Accessors, part: _Part, mesh: dict[str, NDArray[Any]]) -> None:
+    faces = mesh["faces"].reshape(-1, 3)
     if "indices" in part.primitive:
         accessors.provide(part.primitive["indices"], faces.reshape(-1))
     elif len(faces):
@@ -122,7 +101,7 @@ def _fill(document: Document, accessors: Accessors, part: _Part, decoded: dict[s
         if number is None:
             raise document.fault(at, "is no attribute of the primitive; export it again")
         accessor = document.items("accessors")[number]
-        array = decoded.get(str(unique))
+        array = mesh.get(str(unique))
         if array is None:
             raise document.fault(at, f"is {unique}, but the data hold no attribute of that number; export it again")
         columns, rows = COMPONENTS.get(accessor.get("type", ""), (1, 0))

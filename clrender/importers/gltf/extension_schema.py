@@ -5,17 +5,33 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from clrender.importers.gltf.rules import Rule, Table, Walk, choice, flag, integer, many, named, number, ref, share
+from clrender.importers.gltf.rules import (
+    Rule,
+    Table,
+    Walk,
+    choice,
+    flag,
+    integer,
+    many,
+    named,
+    number,
+    ref,
+    share,
+    text,
+)
 
 __all__ = [
+    "BUFFER_EXTENSIONS",
     "LIGHTS",
     "MATERIAL_EXTENSIONS",
+    "MESHOPT",
     "NODE_EXTENSIONS",
     "PRIMITIVE_EXTENSIONS",
     "TEXTURE_EXTENSIONS",
     "TEXTURE_INFO",
     "TEXTURE_TRANSFORM",
     "VARIANTS",
+    "VIEW_EXTENSIONS",
 ]
 
 _SHARE: Final = share()
@@ -93,6 +109,25 @@ MATERIAL_EXTENSIONS: Final[Mapping[str, Rule]] = dict(
         ),
     ]
 )
+MESHOPT: Final = ("EXT_meshopt_compression", "KHR_meshopt_compression")
+"""Names of one extension. The second adds a filter and a version of the data; both are read under either name."""
+BUFFER_EXTENSIONS: Final[Mapping[str, Rule]] = {name: Table(name, {"fallback": flag()}) for name in MESHOPT}
+VIEW_EXTENSIONS: Final[Mapping[str, Rule]] = {
+    name: Table(
+        name,
+        {
+            "buffer": ref("buffers"),
+            "byteOffset": integer(),
+            "byteLength": integer(1),
+            "byteStride": integer(1),
+            "count": integer(1),
+            "mode": text(),
+            "filter": text(),
+        },
+        ("buffer", "byteLength", "byteStride", "count", "mode"),
+    )
+    for name in MESHOPT
+}
 PRIMITIVE_EXTENSIONS: Final[Mapping[str, Rule]] = {
     "KHR_draco_mesh_compression": Table(
         "KHR_draco_mesh_compression",

@@ -14,6 +14,7 @@ __all__ = ["check_declared", "check_required"]
 _READ: Final = frozenset(
     {
         "EXT_mesh_gpu_instancing",
+        "EXT_meshopt_compression",
         "EXT_texture_webp",
         "KHR_draco_mesh_compression",
         "KHR_lights_punctual",
@@ -30,7 +31,9 @@ _READ: Final = frozenset(
         "KHR_materials_variants",
         "KHR_materials_volume",
         "KHR_mesh_quantization",
+        "KHR_meshopt_compression",
         "KHR_node_visibility",
+        "KHR_texture_basisu",
         "KHR_texture_transform",
         # About the file, not about the image
         "KHR_xmp",
@@ -38,9 +41,6 @@ _READ: Final = frozenset(
     }
 )
 _CURES: Final[Mapping[str, str]] = {
-    "EXT_meshopt_compression": "buffers compressed by meshoptimizer are not read; export it without",
-    "KHR_meshopt_compression": "buffers compressed by meshoptimizer are not read; export it without",
-    "KHR_texture_basisu": "textures in KTX2 (Basis Universal) are not read; export them as PNG, JPEG or WebP",
     "EXT_lights_image_based": "light of cube maps is not read; export it without, and give its light with "
     "--environment FILE",
     "KHR_lights_image_based": "light of cube maps is not read; export it without, and give its light with "
@@ -48,9 +48,6 @@ _CURES: Final[Mapping[str, str]] = {
 }
 """Why some required extensions are refused."""
 _INSTEAD: Final[Mapping[str, str]] = {
-    "EXT_meshopt_compression": "buffers are read where the file holds them without compression as well",
-    "KHR_meshopt_compression": "buffers are read where the file holds them without compression as well",
-    "KHR_texture_basisu": "pictures are read where the file holds them as PNG or JPEG as well",
     "KHR_materials_iridescence": "surfaces reflect without colours of thin films",
     "KHR_materials_dispersion": "glass bends all colours alike",
     "KHR_animation_pointer": "what it moves stays as it is in the file",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from clrender.importers.gltf.extension_schema import (
+    BUFFER_EXTENSIONS,
     LIGHTS,
     MATERIAL_EXTENSIONS,
     NODE_EXTENSIONS,
@@ -13,6 +14,7 @@ from clrender.importers.gltf.extension_schema import (
     TEXTURE_INFO,
     TEXTURE_TRANSFORM,
     VARIANTS,
+    VIEW_EXTENSIONS,
 )
 from clrender.importers.gltf.rules import Table, choice, flag, integer, many, named, number, ref, share, text
 
@@ -68,7 +70,7 @@ _ACCESSOR = Table(
 _ASSET = Table(
     "asset", {"copyright": text(), "generator": text(), "version": text(), "minVersion": text()}, ("version",)
 )
-_BUFFER = Table("a buffer", {"uri": text(), "byteLength": _COUNT}, ("byteLength",))
+_BUFFER = Table("a buffer", {"uri": text(), "byteLength": _COUNT}, ("byteLength",), BUFFER_EXTENSIONS)
 _BUFFER_VIEW = Table(
     "a buffer view",
     {
@@ -79,6 +81,7 @@ _BUFFER_VIEW = Table(
         "target": integer(among=(34962, 34963)),
     },
     ("buffer", "byteLength"),
+    VIEW_EXTENSIONS,
 )
 _FAR = {"znear": number(0.0), "zfar": number(above=0.0)}
 _CAMERA = Table(
