@@ -76,10 +76,12 @@ def read(path: Path, files: AssetFiles) -> Draft:
             records = read_records(file, label, None, statements=True, strict=files.strict)
         except OSError as error:
             raise SceneError(f"{label} cannot be read: {error.strerror or error}") from None
-    for fault in records.faults:
-        draft.left_out += 1
-        draft.note(fault)
-    records.faults.clear()
+    for said in records.told:
+        draft.note(said)
+    draft.left_out += len(records.faults)
+    draft.forgiven += len(records.forgiven)
+    records.faults.clear()  # or each mesh would tell them too
+    records.forgiven.clear()
     faces = ObjFaces(records, label)
     runs = _runs(records.statements, records.counts["f"])
     _note_statements(records, runs, faces, draft)

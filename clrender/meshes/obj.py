@@ -170,7 +170,7 @@ class ObjFaces:
             vertices,
             (corners.reshape(-1, 3) if triangles is None else corners[triangles]).astype(np.uint32),
             normals,
-            "; ".join(each for each in (*self.records.faults, crossed_warning(crossed), warning) if each),
+            "; ".join(each for each in (*self.records.told, crossed_warning(crossed), warning) if each),
             by_triangle(uvs),
             colors=by_triangle(shades),
         )

@@ -84,8 +84,8 @@ class ObjRecords:
         Whether only some positions have colours, or more than were requested.
     strict : bool
         Whether faces that cannot be drawn refuse the file.
-    faults : list of str
-        What was left out otherwise.
+    faults, forgiven : list of str
+        What was left out otherwise; what was read all the same.
     doubtful : bool
         Whether there may be such faces.
     """
@@ -105,14 +105,27 @@ class ObjRecords:
     some_colored: bool = False
     strict: bool = False
     faults: list[str] = field(default_factory=list)
+    forgiven: list[str] = field(default_factory=list)
     doubtful: bool = False
 
     def tell(self, fault: SceneError, label: str, what: str) -> None:
         """Note a fault for which something is left out, the first of its kind alone, or raise it if `strict`."""
+        self._note(self.faults, fault, label, what)
+
+    def forgive(self, fault: SceneError, label: str, what: str) -> None:
+        """Note a fault that leaves no doubt, the first of its kind alone, or raise it if `strict`."""
+        self._note(self.forgiven, fault, label, what)
+
+    @property
+    def told(self) -> list[str]:
+        """All faults."""
+        return [*self.faults, *self.forgiven]
+
+    def _note(self, into: list[str], fault: SceneError, label: str, what: str) -> None:
         if self.strict:
             raise fault
-        if not any(known.endswith(what) for known in self.faults):
-            self.faults.append(f"{str(fault).removeprefix(label).lstrip(': ')}: {what}")
+        if not any(known.endswith(what) for known in into):
+            into.append(f"{str(fault).removeprefix(label).lstrip(': ')}: {what}")
 
 
 def read_records(
@@ -261,17 +274,17 @@ def _read_block(block: Block, found: ObjRecords, label: str, colors: bool | None
         some = lines("v")
         size = 6 if colors or (colors is None and bool((some.words >= 6).all())) else 3
         try:
-            found.positions.append(_vectors(some, size, block, label))
+            found.positions.append(_vectors(some, size, block, found, label))
         except SceneError:
             if size == 3 or colors:
                 raise
             size = 3
-            found.positions.append(_vectors(some, size, block, label))
+            found.positions.append(_vectors(some, size, block, found, label))
         found.some_colored |= size == 3 and bool((some.words >= 6).any())
         found.counts["v"] += len(some.words)
     for kind, into, size in (("vt", found.uvs, 2), ("vn", found.normals, 3)):
         if is_kind[kind].any():
-            into.append(_vectors(lines(kind), size, block, label))
+            into.append(_vectors(lines(kind), size, block, found, label))
             found.counts[kind] += len(into[-1])
     if is_kind["f"].any():
         of_faces = {kind: before[kind][is_kind["f"]] for kind in _INDEXED}
@@ -295,7 +308,7 @@ def _add_statements(block: Block, found: ObjRecords, keys: _Whole, lines: _Whole
             found.statements.append(Statement(keyword, said, count, line))
 
 
-def _vectors(lines: Lines, size: int, block: Block, label: str) -> NDArray[np.float64]:
+def _vectors(lines: Lines, size: int, block: Block, found: ObjRecords, label: str) -> NDArray[np.float64]:
     """The first `size` numbers of each line; more may follow (a weight, a colour)."""
     numbers = parse_numbers(lines.text, (lines.starts, lines.ends))
     if size == 2 and (lines.words == 1).all() and numbers is not None:
@@ -311,6 +324,13 @@ def _vectors(lines: Lines, size: int, block: Block, label: str) -> NDArray[np.fl
             return numbers.reshape(-1, size)
     if numbers is None or (lines.words < size).any() or not np.isfinite(numbers).all():
         what = f"is not a {_VECTORS[size]} of {size} numbers"
+        # As many words as numbers, and no point in any: a comma is the decimal point of some languages
+        if b"," in lines.text and b"." not in lines.text and (lines.words == size).all():
+            numbers = parse_numbers(lines.text.replace(b",", b"."), (lines.starts, lines.ends))
+            if numbers is not None and np.isfinite(numbers).all():
+                fault = bad_line(block, int(lines.places[0]), label, what)
+                found.forgive(fault, label, "its commas are read as decimal points")
+                return numbers.reshape(-1, size)
         for place in lines.places.tolist():
             words = block.line(place).split()[1:]
             if len(words) < size or not all(_NUMBER.fullmatch(word) and np.isfinite(float(word)) for word in words):

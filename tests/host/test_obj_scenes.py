@@ -410,3 +410,24 @@ def test_a_material_without_a_name_and_one_by_a_spectrum(tmp_path: Path) -> None
 def test_tr_of_one_without_d_means_opaque(tmp_path: Path) -> None:
     scene = load(tmp_path, f"mtllib m.mtl\n{SQUARE}usemtl a\nf 1 2 3\n", "newmtl a\nKd 1 0 0\nTr 1\n")
     assert "Tr 1 without d" in said(scene) and scene.materials["a"].opacity == 1.0
+
+
+def test_decimal_commas(tmp_path: Path) -> None:
+    text = "v 0.5 0.0 -1.25\nv 1.5 0.0 0.0\nv 0.0 1.0 1e1\nvt 0.5 0.0\nvt 0.25 1.0\nvt 0.0 0.0\nf 1/1 2/2 3/3\n"
+    scene = load(tmp_path, text.replace(".", ","))
+    assert scene.sha256() == load(tmp_path, text).sha256()
+    assert "its commas are read as decimal points" in said(scene)
+    assert scene.faults == {"forgiven": 1, "left_out": 0}
+    load(tmp_path, text.replace(".", ","))
+    assert "its commas are read as decimal points" in read_mesh("m.obj", tmp_path, (), "x").warning
+    with pytest.raises(SceneError, match="line 1 is not a position"):
+        clrender.load(tmp_path / "m.obj", strict=True)
+
+
+@for_each(
+    "line",
+    ["v 0,0 0,0", "v 0,0 0,0 0.5", "v 0,0,0 0 0", "v 0,0 0,0 0,0 0,0", "v 0,x 0,0 0,0", "v , , ,"],
+)
+def test_commas_that_may_be_separators_are_refused(tmp_path: Path, line: str) -> None:
+    with pytest.raises(SceneError, match="line 1 is not a position"):
+        load(tmp_path, f"{line}\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
