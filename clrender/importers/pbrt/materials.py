@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
-from clrender.importers.shared.curved import below_boundary
+from clrender.importers.shared.curved import below_boundary, coated_metal
+from clrender.importers.shared.fresnel import below_coat, conductor_reflectance
+from clrender.importers.shared.spectra import Color
 from clrender.importers.shared.staging import Staging
 from clrender.wording import quoted, suggestion
 
 __all__ = ["MaterialReader"]
+
+_COAT_REFLECTANCE: Final = 0.04
+"""Reflectance of our coat at normal incidence: of an index of 1.5."""
+_MOST_REFLECTANCE: Final = 0.9999
+"""Largest reflectance of a metal, as in pbrt."""
 
 
 class MaterialReader:
@@ -136,27 +143,54 @@ class MaterialReader:
         parameters.ignore("thickness", "interface.thickness", "g", "maxdepth", "nsamples")
 
     def _metal(self, parameters: Parameters, prefix: str) -> dict[str, Any]:
-        if parameters.get(f"{prefix}reflectance") is not None or parameters.get("reflectance") is not None:
-            name = f"{prefix}reflectance" if f"{prefix}reflectance" in parameters.values else "reflectance"
-            color = self._textures.color(parameters, name, 0.5)
-            if isinstance(color, dict):
-                return {"f0": color}
-            color = [min(x, 0.9999) for x in color]
+        color = self._reflectance(parameters, prefix)
+        if isinstance(color, dict):
+            return {"f0": color}
+        if color is not None:
+            color = [min(x, _MOST_REFLECTANCE) for x in color]
             return {"eta": [1.0] * 3, "k": [2.0 * math.sqrt(x / (1.0 - x)) for x in color]}
-        eta = self._textures.metal(parameters, f"{prefix}eta", "metal-Cu-eta")
-        k = self._textures.metal(parameters, f"{prefix}k", "metal-Cu-k")
+        eta, k = self._index_of_metal(parameters, prefix)
         return {"eta": [min(max(x, 1e-3), 1000.0) for x in eta], "k": [min(max(x, 0.0), 1000.0) for x in k]}
+
+    def _reflectance(self, parameters: Parameters, prefix: str) -> Any:
+        """The reflectance of a metal, or a texture of it; None if its index of refraction is given instead."""
+        for name in (f"{prefix}reflectance", "reflectance"):
+            if parameters.get(name) is not None:
+                return self._textures.color(parameters, name, 0.5)
+        return None
+
+    def _index_of_metal(self, parameters: Parameters, prefix: str) -> tuple[Color, Color]:
+        return (
+            self._textures.metal(parameters, f"{prefix}eta", "metal-Cu-eta"),
+            self._textures.metal(parameters, f"{prefix}k", "metal-Cu-k"),
+        )
 
     def _conductor(self, parameters: Parameters) -> dict[str, Any]:
         return {"type": "conductor", **self._metal(parameters, ""), **self._microfacets(parameters)}
 
     def _coated_conductor(self, parameters: Parameters) -> dict[str, Any]:
-        self._staging.note('"coatedconductor" is read as a conductor: without its coat')
-        self._textures.index(parameters, "interface.eta")
-        self._textures.roughness(parameters, "interface.")
+        """A metal below a clear coat, which at normal incidence reflect together what pbrt's layers do."""
+        self._staging.note('"coatedconductor" is read as "principled": off the perpendicular by Schlick\'s formula')
+        ior = max(self._textures.index(parameters, "interface.eta"), 1.0)
+        share = conductor_reflectance(ior, 0.0)
+        if share > _COAT_REFLECTANCE:
+            self._staging.note(f"a coat of index {ior:g} reflects as one of 1.5, which is the most")
         self._layers(parameters)
-        microfacets = self._microfacets(parameters, "conductor.")
-        return {"type": "conductor", **self._metal(parameters, "conductor."), **microfacets}
+        base = self._reflectance(parameters, "conductor.")
+        if base is None:
+            metal = zip(*self._index_of_metal(parameters, "conductor."), strict=True)
+            inside = np.array([conductor_reflectance(eta / ior, k / ior) for eta, k in metal])
+            base = below_coat(inside, ior).tolist()
+        else:
+            base = coated_metal(self._staging, base, ior, parameters.line)
+        return {
+            "type": "principled",
+            "metallic": 1.0,
+            "base_color": base,
+            "roughness": self._textures.roughness(parameters, "conductor."),
+            "coat": min(share / _COAT_REFLECTANCE, 1.0),
+            "coat_roughness": self._textures.roughness(parameters, "interface."),
+        }
 
     def _dielectric(self, parameters: Parameters) -> dict[str, Any]:
         ior = min(max(self._textures.index(parameters), 1e-3), 1000.0)

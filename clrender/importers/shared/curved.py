@@ -16,10 +16,10 @@ from clrender.image.exr_write import ExrFormat, write_exr
 from clrender.image.pictures import Picture, open_picture
 from clrender.image.texel_tiles import coded_values
 from clrender.image.tone_map import LUMINANCE
-from clrender.importers.shared.fresnel import internal_reflectance
+from clrender.importers.shared.fresnel import below_coat, immersed, internal_reflectance
 from clrender.importers.shared.staging import Staging
 
-__all__ = ["below_boundary", "rooted"]
+__all__ = ["below_boundary", "coated_metal", "rooted"]
 
 _Curve: TypeAlias = Callable[[NDArray[np.floating]], NDArray[np.floating]]
 _CHANNELS: Final = {"r": 0, "g": 1, "b": 2, "a": 3}
@@ -48,6 +48,27 @@ def below_boundary(staging: Staging, base: Any, ior: float, line: int) -> Any:
         return np.asarray(x * (1.0 - inside) / (1.0 - x * inside))
 
     return _curved(staging, base, curve, f"below an index of {ior!r}", line, number=False)
+
+
+def coated_metal(staging: Staging, reflectance: Any, ior: float, line: int) -> Any:
+    """The colour of all that a metal below a smooth coat returns, at normal incidence, over the coat's own reflection.
+
+    Parameters
+    ----------
+    staging : Staging
+        Receives the picture.
+    reflectance : list of float, or dict
+        That of the metal in vacuum, or a texture of it as in a scene file.
+    ior : float
+        Index of refraction of the coat; at least 1.
+    line : int
+        Of the texture, for messages.
+    """
+
+    def curve(x: NDArray[np.floating]) -> NDArray[np.floating]:
+        return below_coat(immersed(x, ior), ior)
+
+    return _curved(staging, reflectance, curve, f"metal below a coat of index {ior!r}", line, number=False)
 
 
 def rooted(staging: Staging, value: Any, times: int, line: int) -> Any:
