@@ -11,10 +11,14 @@ import pytest
 from cases import for_each
 
 import clrender.importers.pbrt
+from clrender.errors import SceneError
+from clrender.exact.matrices import times
 from clrender.image.pictures import open_picture
 from clrender.importers import load
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
+from clrender.importers.shared.spectra import TO_REC709
+from clrender.importers.shared.white_balance import daylight_xyz, white_balance
 from clrender.scene import Scene
 
 BALL = 'Shape "sphere"\n'
@@ -112,3 +116,76 @@ def test_a_coat_of_a_larger_index_is_told(tmp_path: Path) -> None:
     scene = pbrt(tmp_path, f'Material "coatedconductor" "float interface.eta" 2\n{BALL}')
     assert dump(next(iter(scene.materials.values())))["coat"] == 1.0
     assert any("a coat of index 2 reflects as one of 1.5" in note for note in scene.notes)
+
+
+# --- film
+
+
+def test_daylight_has_the_chromaticities_of_the_standard() -> None:
+    """Illuminants D50, D55, D65 and D75 of CIE 15:2004, whose temperatures are those of 1964 times 1.4388 / 1.4380."""
+    for kelvin, x, y in (
+        (5000, 0.3457, 0.3585),
+        (5500, 0.3324, 0.3474),
+        (6500, 0.3127, 0.3290),
+        (7500, 0.2990, 0.3149),
+    ):
+        xyz = daylight_xyz(float(kelvin))
+        assert (xyz / xyz.sum())[:2] == pytest.approx((x, y), abs=2e-4) and xyz[1] == 1.0
+    # Planck's locus at 3000 K (Wyszecki & Stiles, table 1(3.11))
+    xyz = daylight_xyz(3000.0 * 1.4380 / 1.4388)
+    assert (xyz / xyz.sum())[:2] == pytest.approx((0.4369, 0.4041), abs=1e-4)
+
+
+def test_a_white_balance_makes_its_light_white() -> None:
+    for kelvin in (2800.0, 5000.0, 9000.0):
+        light = times(TO_REC709, daylight_xyz(kelvin))
+        np.testing.assert_allclose(times(white_balance(kelvin), light), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(white_balance(6500.0), np.eye(3), atol=1e-3)
+    # Bradford's matrix from D50 to D65 on XYZ, as published by Lindbloom
+    wanted = [
+        [0.9555766, -0.0230393, 0.0631636],
+        [-0.0282895, 1.0099416, 0.0210077],
+        [0.0122982, -0.0204830, 1.3299098],
+    ]
+    to_xyz = np.linalg.inv(TO_REC709)
+    np.testing.assert_allclose(to_xyz @ white_balance(5000.0) @ TO_REC709, wanted, atol=2e-3)
+
+
+@for_each("light", ["point", "area", "map", "constant"])
+def test_the_white_balance_of_the_film_is_that_of_all_lights(tmp_path: Path, light: str) -> None:
+    """Light of a black body of 3000 K is as white as the film says, whichever lamp it comes from."""
+    (red, green, blue) = (float(x) for x in times(TO_REC709, daylight_xyz(3000.0)))
+    pixels = np.broadcast_to(np.array([red, green, blue], "<f4"), (16, 16, 3)).tobytes()
+    (tmp_path / "sky.pfm").write_bytes(b"PF\n16 16\n-1\n" + pixels)
+    world = {
+        "point": f'LightSource "point" "rgb I" [{red} {green} {blue}]\n' + BALL,
+        "area": f'AreaLightSource "diffuse" "rgb L" [{red} {green} {blue}]\n' + BALL,
+        "map": 'LightSource "infinite" "string filename" "sky.pfm"\n' + BALL,
+        "constant": f'LightSource "infinite" "rgb L" [{red} {green} {blue}]\n' + BALL,
+    }[light]
+    film = 'Film "gbuffer" "float iso" 150 "float whitebalance" 3000 "string sensor" "nikon_d810"'
+    scene = pbrt(tmp_path, world, f'Camera "perspective"\n{film}')
+    if light == "map":
+        (lamp,) = (dump(each) for each in scene.lights)
+        found = scene.environment_picture().pixels[8, 8] * np.array(lamp["scale"])  # type: ignore[union-attr]
+    elif light == "area":
+        found = dump(scene.shapes[0])["emission"]
+    else:
+        (lamp,) = (dump(each) for each in scene.lights)
+        found = lamp["intensity" if light == "point" else "radiance"]
+    np.testing.assert_allclose(found, 1.5, atol=2e-3)
+    said = " ".join(scene.notes)
+    assert "white balance of the film, 3000 K" in said and '"nikon_d810" is read as cie1931' in said
+    assert "not understood" not in said
+
+
+def test_sensors_without_a_white_balance_change_no_colour(tmp_path: Path) -> None:
+    """Named sensors are balanced for 6500 K, which is the white of the image."""
+    film = 'Film "rgb" "string sensor" "canon_eos_100d"'
+    scene = pbrt(tmp_path, 'LightSource "point" "rgb I" [1 2 3]\n' + BALL, f'Camera "perspective"\n{film}')
+    assert dump(scene.lights[0])["intensity"] == (1.0, 2.0, 3.0)
+
+
+def test_a_white_balance_is_a_temperature(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r'line 2: "whitebalance" is 10, but must be 1000 to 25000 kelvin'):
+        pbrt(tmp_path, BALL, 'Camera "perspective"\nFilm "rgb" "float whitebalance" 10')

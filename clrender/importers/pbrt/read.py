@@ -147,7 +147,7 @@ class _World:
         self._in_world = True
         self._state = replace(self._state, matrix=np.eye(4))
         self._systems["world"] = np.eye(4)
-        self._placer.brightness = self._lights.brightness = self._settings.brightness()
+        self._placer.exposure = self._lights.exposure = self._settings.exposure()
 
     def _begin(self, directive: Directive) -> None:
         if len(self._stack) >= _DEPTH:
