@@ -13,10 +13,12 @@ from cases import for_each
 import clrender.importers.pbrt
 from clrender.errors import SceneError
 from clrender.exact.matrices import times
+from clrender.flatten.subsurface import single_scattering
 from clrender.image.pictures import open_picture
 from clrender.importers import load
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
+from clrender.importers.shared.half_space import h_function, returned
 from clrender.importers.shared.spectra import TO_REC709
 from clrender.importers.shared.white_balance import daylight_xyz, white_balance
 from clrender.scene import Scene
@@ -189,3 +191,116 @@ def test_sensors_without_a_white_balance_change_no_colour(tmp_path: Path) -> Non
 def test_a_white_balance_is_a_temperature(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r'line 2: "whitebalance" is 10, but must be 1000 to 25000 kelvin'):
         pbrt(tmp_path, BALL, 'Camera "perspective"\nFilm "rgb" "float whitebalance" 10')
+
+
+# --- subsurface scattering
+
+
+def test_half_spaces_without_a_boundary_return_their_albedo() -> None:
+    """Against the renderer's own table, which comes from another method."""
+    for albedo in (0.05, 0.3, 0.7, 0.97):
+        plain, entered = returned(np.sqrt(1.0 - single_scattering(albedo, 0.0)), 1.0)
+        assert plain == pytest.approx(albedo, rel=2e-4) and entered == pytest.approx(plain, rel=1e-9)
+    assert returned(0.0, 1.5) == pytest.approx((1.0, 1.0), abs=1e-7)
+    # Chandrasekhar's H at 1, without absorption, is 2.9078
+    cosines, weights = np.polynomial.legendre.leggauss(64)
+    found = h_function(0.0, (cosines + 1.0) / 2.0, weights / 2.0)
+    assert np.interp(1.0, (cosines + 1.0) / 2.0, found) == pytest.approx(2.9078, abs=2e-3)
+
+
+def walked(alpha: float, ior: float, walks: int) -> float:
+    """Share of the diffuse light that enters a half-space which leaves again, by random walks."""
+    random = np.random.default_rng(1)
+    outside = np.sqrt(random.random(walks))
+    entering = np.sqrt(1.0 - (1.0 - outside**2) / ior**2)
+
+    def mirrored(inside: Any) -> Any:
+        beyond = np.sqrt(np.maximum(1.0 - ior**2 * (1.0 - inside**2), 0.0))
+        s, p = (ior * inside - beyond) / (ior * inside + beyond), (inside - ior * beyond) / (inside + ior * beyond)
+        return (s**2 + p**2) / 2.0
+
+    enters = random.random(walks) >= mirrored(entering)
+    down, depth = entering[enters], np.zeros(int(enters.sum()))
+    count, left = len(down), 0
+    while len(down):
+        depth += down * -np.log(1.0 - random.random(len(down)))
+        above = depth <= 0.0
+        leaves = above & (random.random(len(down)) >= mirrored(np.abs(down)))
+        left += int(leaves.sum())
+        # What is mirrored goes on from the surface; the rest scatters where it is, or is absorbed
+        depth = np.where(above, 0.0, depth)
+        down = np.where(above, -down, 2.0 * random.random(len(down)) - 1.0)
+        kept = ~leaves & (above | (random.random(len(down)) < alpha))
+        down, depth = down[kept], depth[kept]
+    return left / count
+
+
+def test_half_spaces_below_a_boundary_return_what_walks_do() -> None:
+    for alpha, ior in ((0.6, 1.33), (0.95, 1.5), (0.99, 1.33)):
+        assert returned(np.sqrt(1.0 - alpha), ior)[1] == pytest.approx(walked(alpha, ior, 100_000), abs=0.006)
+
+
+def test_subsurface_by_reflectance_returns_it_below_its_boundary(tmp_path: Path) -> None:
+    given = '"rgb reflectance" [0.2 0.5 1] "rgb mfp" [0.1 0.2 0.3] "float scale" 0.5 "float g" 0.4'
+    scene = pbrt(tmp_path, f'Material "subsurface" {given} "float roughness" 0.0016\n{BALL}')
+    made = dump(next(iter(scene.materials.values())))
+    assert made["type"] == "subsurface" and made["ior"] == 1.33 and made["g"] == 0.4
+    assert made["radius"] == pytest.approx((0.05, 0.1, 0.15)) and made["roughness"] ** 4 == pytest.approx(0.0016)
+    assert made["albedo"][2] == 1.0
+    for wanted, albedo in zip((0.2, 0.5), made["albedo"], strict=False):
+        root = np.sqrt(1.0 - single_scattering(albedo, 0.0))
+        assert returned(root, 1.33)[1] == pytest.approx(wanted, rel=3e-4)
+
+
+@for_each(
+    ("given", "scattering", "absorption"),
+    [
+        ("", (2.55, 3.21, 3.77), (0.0011, 0.0024, 0.014)),
+        ('"string name" "Skin1" "float g" 0.8', (0.74, 0.88, 1.01), (0.032, 0.17, 0.48)),
+        ('"rgb sigma_s" [1 2 3] "rgb sigma_a" [4 5 6]', (1.0, 2.0, 3.0), (4.0, 5.0, 6.0)),
+    ],
+)
+def test_subsurface_by_coefficients_is_glass_with_a_medium(
+    tmp_path: Path, given: str, scattering: tuple[float, ...], absorption: tuple[float, ...]
+) -> None:
+    scene = pbrt(tmp_path, f'Material "subsurface" {given} "float scale" 10 "float eta" 1.4\n{BALL}')
+    (shape,) = scene.shapes
+    glass, medium = dump(scene.materials[shape.material]), dump(scene.media[shape.interior])
+    assert glass["type"] == "dielectric" and glass["ior"] == 1.4
+    assert medium["scattering"] == pytest.approx(np.multiply(scattering, 10.0))
+    assert medium["absorption"] == pytest.approx(np.multiply(absorption, 10.0))
+    assert medium["g"] == 0.0 and not any("not understood" in note for note in scene.notes)
+
+
+def test_equal_surfaces_of_other_media_stay_apart(tmp_path: Path) -> None:
+    world = f'Material "subsurface" "string name" "Skin1"\n{BALL}Material "subsurface" "string name" "Skin2"\n{BALL}'
+    first, second = pbrt(tmp_path, world + 'Material "dielectric" "float eta" 1.33\n').shapes
+    assert first.interior != second.interior and first.material != second.material
+
+
+def test_textured_subsurface_has_the_mean_colour_of_its_picture(tmp_path: Path) -> None:
+    pixels = np.array([[[0.2, 0.4, 0.6], [0.4, 0.6, 0.8]]], "<f4")
+    (tmp_path / "t.pfm").write_bytes(b"PF\n2 1\n-1\n" + pixels.tobytes())
+    picture = 'Texture "t" "spectrum" "imagemap" "string filename" "t.pfm"\n'
+    skin = 'Material "subsurface" "texture reflectance" "t" "float eta" 1\n'
+    scene = pbrt(tmp_path, picture + skin + BALL)
+    assert dump(scene.materials["subsurface"])["albedo"] == pytest.approx((0.3, 0.5, 0.7), abs=1e-6)
+    assert any("mean colour" in note for note in scene.notes)
+
+
+def test_named_media_and_what_is_not_one(tmp_path: Path) -> None:
+    medium = 'MakeNamedMedium "m" "string type" "homogeneous" "string preset" "Coke" "float scale" 2\n'
+    scene = pbrt(tmp_path, medium + f'MediumInterface "m" ""\nMaterial "interface"\n{BALL}')
+    assert dump(scene.media["m"])["absorption"] == pytest.approx((0.20028, 0.33006, 0.4936))
+    plain = pbrt(tmp_path, f'MakeNamedMedium "m"\nMediumInterface "m" ""\nMaterial "interface"\n{BALL}')
+    assert dump(plain.media["m"])["scattering"] == (1.0, 1.0, 1.0) == dump(plain.media["m"])["absorption"]
+    with pytest.raises(SceneError, match='the medium "Skin" is not known; did you mean "Skin.".'):
+        pbrt(tmp_path, f'Material "subsurface" "string name" "Skin"\n{BALL}')
+
+
+def test_subsurface_scattering_in_a_mixture_is_diffuse(tmp_path: Path) -> None:
+    made = 'MakeNamedMaterial "a" "string type" "subsurface" "rgb reflectance" [0 0 1]\n'
+    made += 'MakeNamedMaterial "b" "string type" "diffuse"\n'
+    scene = pbrt(tmp_path, made + 'Material "mix" "string materials" ["a" "b"]\n' + BALL)
+    assert dump(scene.materials["a, diffuse"]) == {"type": "lambert", "reflectance": (0.0, 0.0, 1.0)}
+    assert any("in a mixture" in note for note in scene.notes)

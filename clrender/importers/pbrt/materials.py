@@ -9,10 +9,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.importers.pbrt.media import MediumReader
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.shared.curved import below_boundary, coated_metal
 from clrender.importers.shared.fresnel import below_coat, conductor_reflectance
+from clrender.importers.shared.half_space import albedo_without_boundary
+from clrender.importers.shared.measured_media import MEASURED_MEDIA
 from clrender.importers.shared.spectra import Color
 from clrender.importers.shared.staging import Staging
 from clrender.wording import quoted, suggestion
@@ -21,6 +24,14 @@ __all__ = ["MaterialReader"]
 
 _COAT_REFLECTANCE: Final = 0.04
 """Reflectance of our coat at normal incidence: of an index of 1.5."""
+_SKIN_INDEX: Final = 1.33
+"""Default index of refraction of subsurface materials."""
+_LEAST_INDEX: Final = 1.01
+"""Lowest index of our subsurface materials with a boundary."""
+_LEAST_PATH: Final = 1e-9
+"""Shortest mean free path, metres."""
+_MOST_G: Final = 0.95
+"""Largest mean cosine of our subsurface materials."""
 _MOST_REFLECTANCE: Final = 0.9999
 """Largest reflectance of a metal, as in pbrt."""
 
@@ -32,11 +43,18 @@ class MaterialReader:
     ----------
     staging : Staging
     textures : TextureReader
+    media : MediumReader
+
+    Attributes
+    ----------
+    fillings : dict of str to str
+        Media that fill shapes of a material, by its name.
     """
 
-    def __init__(self, staging: Staging, textures: TextureReader) -> None:
-        self._staging, self._textures = staging, textures
+    def __init__(self, staging: Staging, textures: TextureReader, media: MediumReader) -> None:
+        self._staging, self._textures, self._media = staging, textures, media
         self._named: dict[str, str | None] = {}
+        self.fillings: dict[str, str] = {}
 
     def named(self, name: str, parameters: Parameters) -> str | None:
         """The material of that name."""
@@ -71,7 +89,10 @@ class MaterialReader:
         parameters.ignore("type")
         if kind in ("interface", "", "none"):
             return None
-        if kind in known:
+        filling = None
+        if kind == "subsurface":
+            described, filling = self._subsurface(parameters, wanted or kind)
+        elif kind in known:
             described = known[kind](parameters)
             if kind == "thindielectric":
                 described["thin"] = True
@@ -85,7 +106,11 @@ class MaterialReader:
             self._staging.note(
                 f"{quoted(unknown)} of a material of type {quoted(kind)} is not understood and does nothing"
             )
-        return self._staging.material(wanted or kind, described)
+        # By the name of the medium, since equal surfaces may have different insides
+        name = self._staging.material(filling or wanted or kind, described)
+        if filling is not None:
+            self.fillings[name] = filling
+        return name
 
     def _add_maps(self, described: dict[str, Any], parameters: Parameters) -> None:
         normals = parameters.text("normalmap")
@@ -196,6 +221,50 @@ class MaterialReader:
         ior = min(max(self._textures.index(parameters), 1e-3), 1000.0)
         return {"type": "dielectric", "ior": ior, **self._microfacets(parameters)}
 
+    def _subsurface(self, parameters: Parameters, wanted: str) -> tuple[dict[str, Any], str | None]:
+        """A material, and the medium in it if that is given by coefficients."""
+        self._staging.note('"subsurface" is computed by random walks here, and by a profile of diffusion in pbrt')
+        ior = min(max(self._textures.index(parameters, default=_SKIN_INDEX), 1e-3), 1000.0)
+        microfacets = self._microfacets(parameters)
+        measured = self._media.measured(parameters, "name")
+        diffuse = measured is None and parameters.get("sigma_a") is None and parameters.get("sigma_s") is None
+        if diffuse and parameters.get("reflectance") is not None:
+            return self._diffusing(parameters, max(ior, 1.0), microfacets["roughness"]), None
+        if measured is None:
+            default = MEASURED_MEDIA["Wholemilk"]
+            scattering = self._textures.coefficients(parameters, "sigma_s", default[0])
+            absorption = self._textures.coefficients(parameters, "sigma_a", default[1])
+        else:
+            parameters.values.pop("g", None)  # the measured scattering is the reduced one, which is of g = 0
+            scattering, absorption = measured
+        filling = self._media.added(wanted, scattering, absorption, parameters)
+        return {"type": "dielectric", "ior": ior, **microfacets}, filling
+
+    def _diffusing(self, parameters: Parameters, ior: float, roughness: Any) -> dict[str, Any]:
+        """Subsurface scattering by the share of the light inside that leaves again, and the mean free path."""
+        albedo = self._textures.mean_color(parameters, "reflectance", 0.5)
+        path = self._textures.coefficients(parameters, "mfp", (1.0, 1.0, 1.0))
+        scale = parameters.number("scale", 1.0)
+        made: dict[str, Any] = {
+            "type": "subsurface",
+            "radius": [min(max(x * scale, _LEAST_PATH), 1e6) for x in path],
+            "g": min(max(parameters.number("g", 0.0), -_MOST_G), _MOST_G),
+        }
+        if ior < _LEAST_INDEX:
+            return {**made, "albedo": albedo}
+        # Our albedo is that without the boundary, which returns light to the inside
+        albedo = [albedo_without_boundary(x, ior) for x in albedo]
+        return {**made, "albedo": albedo, "ior": ior, "roughness": roughness}
+
+    def _part(self, name: str) -> str:
+        """What stands for a material in a mixture, where there is no subsurface scattering."""
+        described = self._staging.draft.description["materials"][name]
+        if described["type"] != "subsurface" and name not in self.fillings:
+            return name
+        self._staging.note("subsurface scattering in a mixture is read as a diffuse surface")
+        color = described.get("albedo", [0.5] * 3)
+        return self._staging.material(f"{name}, diffuse", {"type": "lambert", "reflectance": color})
+
     def _mix(self, parameters: Parameters) -> dict[str, Any]:
         names = parameters.texts("materials")
         if len(names) != 2:
@@ -203,6 +272,7 @@ class MaterialReader:
         parts = [self.named(name, parameters) for name in names]
         if None in parts:
             raise parameters.fault('a mixture with "interface" is not read; use alpha instead', "materials")
+        parts = [self._part(name) for name in parts if name is not None]
         return {"type": "mix", "materials": parts, "weight": self._textures.share(parameters, "amount", 0.5)}
 
 

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.importers.pbrt.materials import MaterialReader
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.state import Graphics
 from clrender.importers.pbrt.textures import TextureReader
@@ -29,10 +30,11 @@ class ShapeReader:
     ----------
     staging : Staging
     textures : TextureReader
+    materials : MaterialReader
     """
 
-    def __init__(self, staging: Staging, textures: TextureReader) -> None:
-        self._staging, self._textures = staging, textures
+    def __init__(self, staging: Staging, textures: TextureReader, materials: MaterialReader) -> None:
+        self._staging, self._textures, self._materials = staging, textures, materials
         self._count = 0
 
     def read(self, kind: str, parameters: Parameters, state: Graphics, interior: str | None) -> list[dict[str, Any]]:
@@ -83,6 +85,7 @@ class ShapeReader:
             made["material"] = self._with_alpha(material, parameters)
             described = self._staging.draft.description["materials"][material]
             filled = described["type"] == "dielectric" and not described.get("thin")
+            interior = self._materials.fillings.get(material, interior)
         if interior is not None and (material is None or filled):
             made["interior"] = interior
         elif interior is not None:
@@ -97,8 +100,8 @@ class ShapeReader:
         described = self._staging.draft.description["materials"][material]
         if alpha == 1.0:
             return material
-        if described["type"] == "dielectric" and not described.get("thin"):
-            self._staging.note("the alpha of glass with an inside is left out")
+        if described["type"] in ("dielectric", "subsurface") and not described.get("thin"):
+            self._staging.note("the alpha of what has an inside is left out")
             return material
         return self._staging.material(f"{material}, with holes", {**described, "opacity": alpha})
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from clrender.image.pictures import CODED_ENDINGS
 from clrender.importers.pbrt.parameters import Parameter, Parameters
-from clrender.importers.shared.curved import rooted
+from clrender.importers.shared.curved import mean_color, rooted
 from clrender.importers.shared.metals import CONDUCTORS, GLASSES
 from clrender.importers.shared.spectra import (
     Color,
@@ -111,17 +111,17 @@ class TextureReader:
             return CONDUCTORS[symbol][part]
         return reflectance_color(*self._spectrum(parameters, name, found))
 
-    def index(self, parameters: Parameters, name: str = "eta") -> float:
+    def index(self, parameters: Parameters, name: str = "eta", default: float = 1.5) -> float:
         """Index of refraction of a dielectric, at one wavelength."""
         found = parameters.get(name)
         if found is None:
-            return 1.5
+            return default
         if found.kind == "spectrum":
             self._staging.note("dispersion is left out: an index of refraction is that at 588 nm")
             if isinstance(found.values, list) and found.values and found.values[0] in GLASSES:
                 return GLASSES[found.values[0]]
             return value_at(*self._spectrum(parameters, name, found), _SODIUM)
-        return self._one(parameters, name, 1.5)
+        return self._one(parameters, name, default)
 
     def _one(self, parameters: Parameters, name: str, default: float) -> float:
         found = parameters.get(name)
@@ -152,6 +152,14 @@ class TextureReader:
             raise parameters.fault(f"{quoted(name)} is of type {found.kind}, but must be a colour", name)
         return self._staging.reflectance(color, f"{quoted(name)} of a material")
 
+    def mean_color(self, parameters: Parameters, name: str, default: float) -> list[float]:
+        """A reflectance where there can be no texture: that of a texture is its mean, with a note."""
+        color = self.color(parameters, name, default)
+        if isinstance(color, list):
+            return color
+        self._staging.note(f"a texture as {quoted(name)} is read as its mean colour")
+        return mean_color(self._staging, color, default, parameters.line)
+
     def coefficients(self, parameters: Parameters, name: str, default: Color) -> Color:
         """Coefficients of a medium."""
         found = parameters.get(name)
@@ -161,6 +169,9 @@ class TextureReader:
             return self._rgb(parameters, name, found)
         if found.kind == "spectrum":
             return reflectance_color(*self._spectrum(parameters, name, found))
+        if found.kind == "texture":
+            self._staging.note(f"a texture as {quoted(name)} is left out: {default[0]:g} in its place")
+            return default
         return (parameters.number(name, 0.0),) * 3
 
     def share(self, parameters: Parameters, name: str, default: float) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
-from clrender.exact.matrices import inner
+from clrender.exact.matrices import inner, total
 from clrender.image.exr_write import ExrFormat, write_exr
 from clrender.image.pictures import Picture, open_picture
 from clrender.image.texel_tiles import coded_values
@@ -19,7 +19,7 @@ from clrender.image.tone_map import LUMINANCE
 from clrender.importers.shared.fresnel import below_coat, immersed, internal_reflectance
 from clrender.importers.shared.staging import Staging
 
-__all__ = ["below_boundary", "coated_metal", "rooted"]
+__all__ = ["below_boundary", "coated_metal", "mean_color", "rooted"]
 
 _Curve: TypeAlias = Callable[[NDArray[np.floating]], NDArray[np.floating]]
 _CHANNELS: Final = {"r": 0, "g": 1, "b": 2, "a": 3}
@@ -91,6 +91,37 @@ def rooted(staging: Staging, value: Any, times: int, line: int) -> Any:
         return x
 
     return _curved(staging, value, curve, f"square root, {times} times", line, number=True)
+
+
+def mean_color(staging: Staging, texture: dict[str, Any], default: float, line: int) -> list[float]:
+    """The mean colour of a texture, 0 to 1.
+
+    Parameters
+    ----------
+    staging : Staging
+    texture : dict
+        As in a scene file.
+    default : float
+        Grey that stands for a picture that cannot be read.
+    line : int
+        Of the texture, for messages.
+    """
+    for key in ("checker", "ramp"):
+        if key in texture:
+            found: list[float] = np.clip(total(texture[key]) / len(texture[key]), 0.0, 1.0).tolist()
+            return found
+    scale = np.asarray(texture.get("scale", 1.0), np.float64)
+    try:
+        file, _ = staging.files.open(texture["texture"], f"line {line}")
+        with file:
+            picture = open_picture(file, Path(texture["texture"]).suffix.lower())
+            srgb = texture.get("color_space", "srgb") == "srgb"
+            rows = [total(_colors(picture, band, srgb)) for band in picture.bands()]
+    except Exception:  # whatever a library stumbles over
+        return [default] * 3
+    mean = total(total(np.array(rows))) / (picture.width * picture.height)
+    made: list[float] = np.clip(mean * scale * np.ones(3), 0.0, 1.0).tolist()
+    return made
 
 
 def _curved(staging: Staging, value: Any, curve: _Curve, told: str, line: int, number: bool) -> Any:
