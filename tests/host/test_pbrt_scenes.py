@@ -294,7 +294,7 @@ def test_named_media_and_what_is_not_one(tmp_path: Path) -> None:
     assert dump(scene.media["m"])["absorption"] == pytest.approx((0.20028, 0.33006, 0.4936))
     plain = pbrt(tmp_path, f'MakeNamedMedium "m"\nMediumInterface "m" ""\nMaterial "interface"\n{BALL}')
     assert dump(plain.media["m"])["scattering"] == (1.0, 1.0, 1.0) == dump(plain.media["m"])["absorption"]
-    with pytest.raises(SceneError, match='the medium "Skin" is not known; did you mean "Skin.".'):
+    with pytest.raises(SceneError, match=r'the medium "Skin" is not known; did you mean "Skin.".'):
         pbrt(tmp_path, f'Material "subsurface" "string name" "Skin"\n{BALL}')
 
 

@@ -12,6 +12,7 @@ from clrender.importers.pbrt.materials import MaterialReader
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.state import Graphics
 from clrender.importers.pbrt.textures import TextureReader
+from clrender.importers.shared.loop_subdivision import subdivided
 from clrender.importers.shared.meshes import cylinder_mesh, faced_by_normals, quads_mesh
 from clrender.importers.shared.staging import Staging
 from clrender.meshes.data import MeshData
@@ -55,14 +56,11 @@ class ShapeReader:
             "trianglemesh": self._triangles,
             "bilinearmesh": self._patches,
             "plymesh": self._ply,
-            "loopsubdiv": self._triangles,
+            "loopsubdiv": self._loop,
         }
         if kind not in known:
             self._staging.note(f"a shape of type {quoted(kind)} is not known and left out")
             return []
-        if kind == "loopsubdiv":
-            self._staging.note('"loopsubdiv" is read as the mesh that it would subdivide')
-            parameters.ignore("levels")
         described = known[kind](parameters)
         described |= self._surface(parameters, state, interior)
         parameters.ignore("alpha")
@@ -146,13 +144,25 @@ class ShapeReader:
                 raise parameters.fault('the mesh has no "indices", and not three points; give them')
             corners = np.array([[0, 1, 2]])
         triangles = corners.astype(np.uint32)
-        of_corners = np.array([[0, 0], [1, 0], [1, 1]], np.float32)
-        if uvs is not None:
-            given = uvs.astype(np.float32)[triangles]
-        else:
-            given = np.broadcast_to(of_corners, (len(triangles), 3, 2)).copy()
+        given = _default_uvs(len(triangles)) if uvs is None else uvs.astype(np.float32)[triangles]
         parameters.ignore("S", "faceIndices")
         return self._mesh("mesh", faced_by_normals(MeshData(places, triangles, normals=normals, uvs=given)))
+
+    def _loop(self, parameters: Parameters) -> dict[str, Any]:
+        """A subdivided mesh, whose normals are clockwise in pbrt."""
+        places, _, _ = self._vertices(parameters)
+        corners = parameters.indices("indices", 3, len(places))
+        if corners is None:
+            raise parameters.fault('the mesh to subdivide has no "indices"; give them')
+        levels = parameters.whole("levels", 3)
+        try:
+            points, triangles, normals, regular = subdivided(places, corners, max(levels, 0))
+        except ValueError as error:
+            raise parameters.fault(f'{error}, which is the most; use fewer "levels"', "levels") from None
+        if not regular:
+            self._staging.note("edges of other than two triangles that pass them oppositely are boundaries")
+        mesh = MeshData(points, triangles.astype(np.uint32), normals=-normals, uvs=_default_uvs(len(triangles)))
+        return self._mesh("subdivided mesh", faced_by_normals(mesh))
 
     def _patches(self, parameters: Parameters) -> dict[str, Any]:
         places, normals, uvs = self._vertices(parameters)
@@ -204,3 +214,8 @@ class ShapeReader:
         name = f"{kind} {self._count}"
         self._staging.draft.meshes[name] = mesh
         return {"type": "mesh", "file": name}
+
+
+def _default_uvs(count: int) -> NDArray[np.float32]:
+    """pbrt's texture coordinates of triangles that have none, (count, 3, 2)."""
+    return np.broadcast_to(np.array([[0, 0], [1, 0], [1, 1]], np.float32), (count, 3, 2)).copy()
