@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import for_each
+from PIL import Image
 
 import clrender.importers.pbrt
 from clrender.errors import SceneError
@@ -304,3 +305,68 @@ def test_subsurface_scattering_in_a_mixture_is_diffuse(tmp_path: Path) -> None:
     scene = pbrt(tmp_path, made + 'Material "mix" "string materials" ["a" "b"]\n' + BALL)
     assert dump(scene.materials["a, diffuse"]) == {"type": "lambert", "reflectance": (0.0, 0.0, 1.0)}
     assert any("in a mixture" in note for note in scene.notes)
+
+
+# --- pictures as numbers, and holes
+
+
+def opacity_of(folder: Path, texture: str, pixels: Any) -> Any:
+    """The values of a shape's alpha, with a picture of 8 bits."""
+    Image.fromarray(np.array([pixels], np.uint8)).save(folder / "t.png")
+    world = f'Texture "t" "float" "imagemap" "string filename" "t.png" {texture}\n'
+    draft = draft_of(folder, f'{world}Material "diffuse"\nShape "sphere" "texture alpha" "t"')
+    (name,) = {shape["material"] for shape in draft.description["shapes"]}
+    opacity = draft.description["materials"][name]["opacity"]
+    if opacity["texture"] in draft.pictures:
+        data, ending = draft.pictures[opacity["texture"]]
+        (band,) = open_picture(io.BytesIO(data), ending).bands()
+        assert opacity["channel"] == "r" and not {"scale", "color_space"} & set(opacity)
+        return band.view(np.float16)[0, :, 0].astype(float)
+    return opacity
+
+
+def test_holes_are_of_the_alpha_of_their_picture(tmp_path: Path) -> None:
+    """pbrt takes the alpha of a picture that has one, decoded like its colours, unless it is opaque everywhere."""
+    leaf = [[10, 20, 30, 0], [10, 20, 30, 128], [10, 20, 30, 255]]
+    wanted = [0.0, ((128 / 255 + 0.055) / 1.055) ** 2.4, 1.0]
+    assert opacity_of(tmp_path, "", leaf) == pytest.approx(wanted, rel=1e-3)
+    assert opacity_of(tmp_path, '"bool invert" true', leaf) == pytest.approx(np.subtract(1.0, wanted), rel=1e-3)
+    linear = opacity_of(tmp_path, '"string encoding" "linear" "float scale" 0.5', leaf)
+    assert linear["channel"] == "a" and linear["color_space"] == "linear" and linear["scale"] == [0.5] * 3
+    for pixels, channel in (
+        ([[10, 10, 10, 255], [200, 200, 200, 255]], "r"),
+        ([[10, 20, 30], [4, 5, 6]], "luminance"),
+        ([10, 200], "r"),
+    ):
+        found = opacity_of(tmp_path, "", pixels)
+        assert found["channel"] == channel and found["color_space"] == "srgb"
+
+
+def test_holes_of_numbers_and_other_textures(tmp_path: Path) -> None:
+    board = 'Texture "t" "float" "checkerboard" "float tex1" 0.25 "float tex2" 0\n'
+    world = board + 'Shape "sphere" "float alpha" 0.5\nShape "disk" "texture alpha" "t"'
+    scene = pbrt(tmp_path, world)
+    first, second = (scene.materials[shape.material] for shape in scene.shapes)
+    assert first.opacity == 0.5 and dump(second)["opacity"]["checker"] == ((0.25,) * 3, (0.0,) * 3)
+
+
+def test_lamps_of_alpha_0_shine(tmp_path: Path) -> None:
+    scene = pbrt(tmp_path, 'AreaLightSource "diffuse"\nMaterial "diffuse"\nShape "sphere" "float alpha" 0')
+    (shape,) = scene.shapes
+    assert shape.emission == (1.0, 1.0, 1.0) and scene.materials[shape.material].opacity == 1.0
+    assert any("a lamp of alpha 0" in note for note in scene.notes)
+
+
+def test_inverted_pictures(tmp_path: Path) -> None:
+    """One minus the scaled colour, and of that the mean of a picture, as of any other."""
+    pixels = np.array([[[0.2, 0.4, 0.6], [0.4, 0.6, 0.8]]], "<f4")
+    (tmp_path / "t.pfm").write_bytes(b"PF\n2 1\n-1\n" + pixels.tobytes())
+    inverted = '"imagemap" "string filename" "t.pfm" "bool invert" true "float scale" 0.5'
+    world = f'Texture "t" "spectrum" {inverted}\nMaterial "diffuse" "texture reflectance" "t"\n{BALL}'
+    world += f'Material "subsurface" "texture reflectance" "t" "float eta" 1\n{BALL}'
+    draft = draft_of(tmp_path, world)
+    made = draft.description["materials"]
+    data, ending = draft.pictures[made["diffuse"]["reflectance"]["texture"]]
+    (band,) = open_picture(io.BytesIO(data), ending).bands()
+    np.testing.assert_allclose(band.view(np.float16)[0, :, :3], 1.0 - pixels[0] / 2.0, rtol=1e-3)
+    assert made["subsurface"]["albedo"] == pytest.approx([0.85, 0.75, 0.65], rel=1e-3)

@@ -80,7 +80,7 @@ class ShapeReader:
         if material == "":
             material = self._staging.material("default", {"type": "lambert", "reflectance": [0.5] * 3})
         if material is not None:
-            made["material"] = self._with_alpha(material, parameters)
+            made["material"] = self._with_alpha(material, parameters, state.emission is not None)
             described = self._staging.draft.description["materials"][material]
             filled = described["type"] == "dielectric" and not described.get("thin")
             interior = self._materials.fillings.get(material, interior)
@@ -90,13 +90,16 @@ class ShapeReader:
             self._staging.note("a medium inside of what lets no light in is left out")
         return made
 
-    def _with_alpha(self, material: str, parameters: Parameters) -> str:
+    def _with_alpha(self, material: str, parameters: Parameters, shines: bool) -> str:
         """The material, with the shape's alpha."""
         if parameters.get("alpha") is None:
             return material
         alpha = self._textures.share(parameters, "alpha", 1.0)
         described = self._staging.draft.description["materials"][material]
         if alpha == 1.0:
+            return material
+        if alpha == 0.0 and shines:
+            self._staging.note("a lamp of alpha 0, which pbrt lets shine without being there, is seen here")
             return material
         if described["type"] in ("dielectric", "subsurface") and not described.get("thin"):
             self._staging.note("the alpha of what has an inside is left out")

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from clrender.image.pictures import CODED_ENDINGS
 from clrender.importers.pbrt.parameters import Parameter, Parameters
-from clrender.importers.shared.curved import mean_color, rooted
+from clrender.importers.shared.curved import decoded, inverted, mean_color, number_channel, rooted
 from clrender.importers.shared.metals import CONDUCTORS, GLASSES
 from clrender.importers.shared.spectra import (
     Color,
@@ -40,6 +40,7 @@ class TextureReader:
     def __init__(self, staging: Staging) -> None:
         self._staging = staging
         self._textures: dict[tuple[str, str], Any] = {}
+        self._channels: dict[str, str] = {}
 
     # --- spectra
 
@@ -181,8 +182,22 @@ class TextureReader:
             value = self._named(parameters, name, "float")
             if isinstance(value, list):
                 return sum(value) / 3.0
-            return {**value, "channel": "r"} if "texture" in value else value
+            return self._number(value, found.line)
         return self._staging.share(parameters.number(name, default), quoted(name))
+
+    def _number(self, texture: dict[str, Any], line: int) -> dict[str, Any]:
+        """A float texture, with the channel of its picture that is the number."""
+        if "texture" not in texture or "channel" in texture:
+            return texture
+        name = texture["texture"]
+        if name not in self._channels:
+            self._channels[name] = number_channel(self._staging, name, line)
+        made: dict[str, Any] = {**texture, "channel": self._channels[name]}
+        if made["channel"] == "luminance":
+            self._staging.note("a coloured picture as a number is its luminance, and not the mean of its colours")
+        if made["channel"] == "a" and made.get("color_space") == "srgb":
+            made = decoded(self._staging, made, line)  # in pbrt the coding is that of all channels
+        return made
 
     def roughness(self, parameters: Parameters, prefix: str = "") -> Any:
         """Our roughness, or a texture of it: the root of alpha, which is the root of pbrt's unless remapping is off."""
@@ -293,15 +308,16 @@ class TextureReader:
             made["color_space"] = "linear" if encoding == "linear" else "srgb"
             if encoding.startswith("gamma"):
                 self._staging.note("pictures encoded by a gamma are read as sRGB")
-        if parameters.flag("invert", False):
-            self._staging.note('"invert" of a picture is left out')
         parameters.ignore("encoding", "maxanisotropy")
         factor = parameters.number("scale", 1.0)
         if factor != 1.0:
             made["scale"] = [max(factor, 0.0)] * 3
+        made |= self._mapping(parameters)
+        if not parameters.flag("invert", False):
+            return made
         if kind == "float":
-            made["channel"] = "luminance"
-        return {**made, **self._mapping(parameters)}
+            made = self._number(made, line)
+        return inverted(self._staging, made, line, number=kind == "float")
 
     def _mapping(self, parameters: Parameters) -> dict[str, Any]:
         if parameters.text("mapping", "uv") != "uv":
