@@ -252,7 +252,10 @@ class ShapeReader:
 
         kind = f"{plugin.type}{f' {index}' if index else ''}{', flat' if flat else ''}{', turned' if turned else ''}"
         read = serialized if plugin.type == "serialized" else read_mesh
-        name, had_normals = self._staging.mesh_of_file(file, kind, plugin.line, adapted, read)
+        found = self._staging.mesh_of_file(file, kind, plugin.line, adapted, read)
+        if found is None:
+            return
+        name, had_normals = found
         # Without normals in the file, the winding decides, and mirroring reverses it
         by_winding = flat or not had_normals
         inside_out = flip != (by_winding and handedness(matrix) < 0.0)

@@ -49,7 +49,7 @@ class ShapeReader:
         interior : str or None
             Name of the medium inside it.
         """
-        known: dict[str, Callable[[Parameters], dict[str, Any]]] = {
+        known: dict[str, Callable[[Parameters], dict[str, Any] | None]] = {
             "sphere": self._sphere,
             "disk": self._disk,
             "cylinder": self._cylinder,
@@ -62,6 +62,8 @@ class ShapeReader:
             self._staging.note(f"a shape of type {quoted(kind)} is not known and left out")
             return []
         described = known[kind](parameters)
+        if described is None:
+            return []
         described |= self._surface(parameters, state, interior)
         parameters.ignore("alpha")
         for unknown in parameters.unused():
@@ -201,7 +203,7 @@ class ShapeReader:
                 raise parameters.fault(f"a number of {quoted(name)} is larger than {most:g}, which is the most", name)
         return places, normals, uvs
 
-    def _ply(self, parameters: Parameters) -> dict[str, Any]:
+    def _ply(self, parameters: Parameters) -> dict[str, Any] | None:
         file = parameters.text("filename")
         if not file:
             raise parameters.fault('the plymesh has no "filename"; give it')
@@ -209,8 +211,8 @@ class ShapeReader:
             self._staging.note("the displacement of a mesh is left out")
         parameters.ignore("displacement.edgelength", "edgelength")
         line = parameters.values["filename"].line
-        name, _ = self._staging.mesh_of_file(file, "ply", line, faced_by_normals)
-        return {"type": "mesh", "file": name}
+        found = self._staging.mesh_of_file(file, "ply", line, faced_by_normals)
+        return None if found is None else {"type": "mesh", "file": found[0]}
 
     def _mesh(self, kind: str, mesh: MeshData) -> dict[str, Any]:
         self._count += 1

@@ -11,7 +11,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.errors import SceneError
+from clrender.errors import OutOfMemory
 from clrender.exact.matrices import inner, total
 from clrender.image.exr_write import ExrFormat, write_exr
 from clrender.image.pictures import Picture, open_picture
@@ -190,7 +190,7 @@ def _curved(staging: Staging, value: Any, curve: _Curve, told: str, line: int, n
         try:
             staging.draft.pictures[name] = _picture(staging, value, curve, line, number), ".exr"
         except MemoryError:
-            raise SceneError(f"{staging.files.source}: {value['texture']!a} is too large for this machine") from None
+            raise OutOfMemory(f"{staging.files.source}: {value['texture']!a} is too large for this machine") from None
         except Exception:  # whatever a library stumbles over: the reader of the picture itself reports it
             return value
     kept = {key: each for key, each in value.items() if key not in used}
