@@ -578,3 +578,33 @@ def test_sheets_of_pbrt_reflect_and_transmit_their_colours(
     color = made.diffuse_transmission_color or (0.0, 0.0, 0.0)
     np.testing.assert_allclose(np.multiply(color, share), np.multiply(transmitted, scale), atol=1e-9)
     assert not any("diffusetransmission" in note for note in scene.notes)
+
+
+@for_each("kind", ["pbrt", "xml"])
+@for_each("textured", [True, False])
+def test_meshes_without_texture_coordinates_show_the_picture_on_each_triangle(
+    tmp_path: Path, kind: str, textured: bool
+) -> None:
+    """Barycentric coordinates in Mitsuba, those of the corners (0, 0), (1, 0) and (1, 1) in pbrt; also if turned."""
+    Image.new("RGB", (2, 2), (9, 9, 9)).save(tmp_path / "t.png")
+    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    head += "property float nx\nproperty float ny\nproperty float nz\nelement face 1\n"
+    head += "property list uchar int vertex_indices\nend_header\n"
+    (tmp_path / "a.ply").write_text(head + "0 0 0 0 0 -1\n1 0 0 0 0 -1\n0 1 0 0 0 -1\n3 0 1 2\n")
+    if kind == "pbrt":
+        color = '"texture reflectance" "t"' if textured else ""
+        picture = 'Texture "t" "spectrum" "imagemap" "string filename" "t.png"\n'
+        scene = pbrt(tmp_path, f'{picture}Material "diffuse" {color}\nShape "plymesh" "string filename" "a.ply"')
+    else:
+        color = '<texture name="reflectance" type="bitmap"><string name="filename" value="t.png"/></texture>'
+        inside = f'<bsdf type="diffuse">{color if textured else ""}</bsdf>'
+        scene = mitsuba(tmp_path, f'<shape type="ply"><string name="filename" value="a.ply"/>{inside}</shape>')
+    ((at, shape),) = scene.all_shapes()
+    mesh = scene.mesh_of(at, shape)  # type: ignore[arg-type]
+    if not textured:
+        assert mesh.uvs is None
+        return
+    assert mesh.uvs is not None and mesh.triangles.tolist() == [[2, 1, 0]]
+    last = [1.0, 1.0] if kind == "pbrt" else [0.0, 1.0]
+    assert mesh.uvs.tolist() == [[last, [1.0, 0.0], [0.0, 0.0]]]
+    flatten(scene, 8, 8)

@@ -13,12 +13,15 @@ from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.state import Graphics
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.shared.loop_subdivision import subdivided
-from clrender.importers.shared.meshes import cylinder_mesh, faced_by_normals, quads_mesh
+from clrender.importers.shared.meshes import cylinder_mesh, faced_by_normals, quads_mesh, with_uvs
 from clrender.importers.shared.staging import Staging
 from clrender.meshes.data import MeshData
 from clrender.wording import quoted
 
 __all__ = ["ShapeReader"]
+
+_CORNERS: Final = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
+"""Texture coordinates of triangles that have none."""
 
 _POLES: Final = np.array([[0.0, 0.0, -1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 """From our sphere to pbrt's: u runs from 0 at +x, v from 0 at -z."""
@@ -65,6 +68,10 @@ class ShapeReader:
         if described is None:
             return []
         described |= self._surface(parameters, state, interior)
+        shown = state.emission is not None and state.emission.text("filename") != ""
+        seen = {**described, "emission": {}} if shown else described
+        if kind == "plymesh" and self._staging.lacks_uvs(described["file"], seen):
+            described |= self._ply(parameters, mapped=True) or {}
         parameters.ignore("alpha")
         for unknown in parameters.unused():
             self._staging.note(
@@ -149,9 +156,10 @@ class ShapeReader:
                 raise parameters.fault('the mesh has no "indices", and not three points; give them')
             corners = np.array([[0, 1, 2]])
         triangles = corners.astype(np.uint32)
-        given = _default_uvs(len(triangles)) if uvs is None else uvs.astype(np.float32)[triangles]
+        given = None if uvs is None else uvs.astype(np.float32)[triangles]
         parameters.ignore("S", "faceIndices")
-        return self._mesh("mesh", faced_by_normals(MeshData(places, triangles, normals=normals, uvs=given)))
+        mesh = MeshData(places, triangles, normals=normals, uvs=given)
+        return self._mesh("mesh", faced_by_normals(with_uvs(mesh, _CORNERS)))
 
     def _loop(self, parameters: Parameters) -> dict[str, Any]:
         """A subdivided mesh, whose normals are clockwise in pbrt."""
@@ -166,8 +174,8 @@ class ShapeReader:
             raise parameters.fault(f'{error}, which is the most; use fewer "levels"', "levels") from None
         if not regular:
             self._staging.note("edges of other than two triangles that pass them oppositely are boundaries")
-        mesh = MeshData(points, triangles.astype(np.uint32), normals=-normals, uvs=_default_uvs(len(triangles)))
-        return self._mesh("subdivided mesh", faced_by_normals(mesh))
+        mesh = MeshData(points, triangles.astype(np.uint32), normals=-normals)
+        return self._mesh("subdivided mesh", faced_by_normals(with_uvs(mesh, _CORNERS)))
 
     def _patches(self, parameters: Parameters) -> dict[str, Any]:
         places, normals, uvs = self._vertices(parameters)
@@ -203,7 +211,7 @@ class ShapeReader:
                 raise parameters.fault(f"a number of {quoted(name)} is larger than {most:g}, which is the most", name)
         return places, normals, uvs
 
-    def _ply(self, parameters: Parameters) -> dict[str, Any] | None:
+    def _ply(self, parameters: Parameters, mapped: bool = False) -> dict[str, Any] | None:
         file = parameters.text("filename")
         if not file:
             raise parameters.fault('the plymesh has no "filename"; give it')
@@ -211,7 +219,11 @@ class ShapeReader:
             self._staging.note("the displacement of a mesh is left out")
         parameters.ignore("displacement.edgelength", "edgelength")
         line = parameters.values["filename"].line
-        found = self._staging.mesh_of_file(file, "ply", line, faced_by_normals)
+
+        def adapted(mesh: MeshData) -> MeshData:
+            return faced_by_normals(with_uvs(mesh, _CORNERS) if mapped else mesh)
+
+        found = self._staging.mesh_of_file(file, "ply, mapped" if mapped else "ply", line, adapted)
         return None if found is None else {"type": "mesh", "file": found[0]}
 
     def _mesh(self, kind: str, mesh: MeshData) -> dict[str, Any]:
@@ -219,8 +231,3 @@ class ShapeReader:
         name = f"{kind} {self._count}"
         self._staging.draft.meshes[name] = mesh
         return {"type": "mesh", "file": name}
-
-
-def _default_uvs(count: int) -> NDArray[np.float32]:
-    """pbrt's texture coordinates of triangles that have none, (count, 3, 2)."""
-    return np.broadcast_to(np.array([[0, 0], [1, 0], [1, 1]], np.float32), (count, 3, 2)).copy()

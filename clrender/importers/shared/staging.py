@@ -138,6 +138,24 @@ class Staging:
             self.draft.meshes[name] = make()
         self.shape({"type": "mesh", "file": name, **described}, matrix, line)
 
+    def is_textured(self, described: dict[str, Any]) -> bool:
+        """Whether anything on a shape varies over its surface."""
+        if isinstance(described.get("emission"), dict):
+            return True
+        name = described.get("material")
+        parts = [name] if name else []
+        materials = self.draft.description["materials"]
+        while parts:
+            material = materials[parts.pop()]
+            if any(isinstance(value, dict) for value in material.values()):
+                return True
+            parts += material.get("materials", [])
+        return False
+
+    def lacks_uvs(self, name: str, described: dict[str, Any]) -> bool:
+        """Whether a mesh of the draft has no texture coordinates although something on its shape is textured."""
+        return self.draft.meshes[name].uvs is None and self.is_textured(described)
+
     def mesh_of_file(
         self,
         uri: str,
