@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from clrender.errors import SceneError
 from clrender.exact.matrices import length, product
 from clrender.importers.mitsuba.materials import MaterialReader
 from clrender.importers.mitsuba.media import MediumReader
@@ -132,6 +133,8 @@ class ShapeReader:
         flip = plugin.flag("flip_normals", False)
         described = self._surface(plugin)
         if described is not None:
+            if plugin.type != "ply" and described.get("material") in self._materials.colored:
+                self._staging.note(f"{plugin.label} has no colours of vertices: white in their place")
             if plugin.id:
                 described["name"] = plugin.id[:NAME_LIMIT]
             known[plugin.type](plugin, described, matrix, flip)
@@ -246,6 +249,12 @@ class ShapeReader:
             faceted = wanted and self._old  # Mitsuba 3 ignores it
             return without_normals(mesh) if faceted else mesh
 
+        def coloured(name: str, folder: Path, allow_paths: Sequence[Path], place: str) -> MeshData:
+            try:
+                return read_mesh(name, folder, allow_paths, place, "auto")
+            except SceneError:  # it may have no colours
+                return read_mesh(name, folder, allow_paths, place)
+
         def adapted(mesh: MeshData, mapped: Callable[[MeshData], MeshData] = lambda mesh: mesh) -> MeshData:
             if turned != self._old:  # in 0.6 images are upright with the file's own numbers
                 mesh = flipped_v(mesh)
@@ -255,6 +264,8 @@ class ShapeReader:
 
         kind = f"{plugin.type}{f' {index}' if index else ''}{', flat' if flat else ''}{', turned' if turned else ''}"
         read = serialized if plugin.type == "serialized" else read_mesh
+        if plugin.type == "ply" and described.get("material") in self._materials.colored:
+            kind, read = f"{kind}, coloured", coloured
         found = self._staging.mesh_of_file(file, kind, plugin.line, adapted, read)
         if found is not None and self._staging.lacks_uvs(found[0], described):
             found = self._staging.mesh_of_file(
@@ -267,6 +278,10 @@ class ShapeReader:
         if found is None:
             return
         name, had_normals = found
+        if read is coloured and self._staging.draft.meshes[name].colors is None:
+            self._staging.note(f"{plugin.label} has no colours of vertices: white in their place")
+        elif read is coloured:
+            described = {**described, "vertex_colors": "linear"}
         # Without normals in the file, the winding decides, and mirroring reverses it
         by_winding = flat or not had_normals
         inside_out = flip != (by_winding and handedness(matrix) < 0.0)
