@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-__all__ = ["ClrenderError", "DeviceError", "DeviceFailure", "MemoryRefused", "RenderError", "SceneError", "UsageError"]
+__all__ = [
+    "ClrenderError",
+    "DeviceError",
+    "DeviceFailure",
+    "MemoryRefused",
+    "OutOfMemory",
+    "RenderError",
+    "SceneError",
+    "UsageError",
+]
 
 
 class ClrenderError(Exception):
@@ -40,6 +49,10 @@ class SceneError(ClrenderError):
     """The scene, or a file it refers to, does not conform to its format."""
 
     exit_code = 2
+
+
+class OutOfMemory(SceneError):
+    """A file of a scene needs more memory than this machine has."""
 
 
 class UsageError(ClrenderError):

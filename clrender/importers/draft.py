@@ -45,6 +45,8 @@ class Draft:
         Whether its camera is of a format in which cameras have no exposure.
     forgiven, left_out : int
         Faults that were forgiven, and parts that were left out for theirs.
+    fault : SceneError or None
+        The first fault for which a part was left out.
     """
 
     description: dict[str, Any] = field(default_factory=lambda: {"materials": {}, "shapes": [], "lights": []})
@@ -57,6 +59,7 @@ class Draft:
     wants_exposure: bool = False
     forgiven: int = 0
     left_out: int = 0
+    fault: SceneError | None = None
     _more: int = field(default=0, repr=False)
 
     def note(self, sentence: str) -> None:
@@ -96,6 +99,7 @@ class Draft:
         if strict:
             raise fault
         self.left_out += 1
+        self.fault = self.fault or fault
         self.note(f"{str(fault).removeprefix(f'{source}: ')}: left out")
 
     def said(self) -> list[str]:

@@ -17,6 +17,7 @@ from clrender.image.exposure import photographic_shutter
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
 from clrender.importers.instancing import share_meshes
+from clrender.importers.lost_pictures import leave_out_pictures
 from clrender.importers.metering import stops_needed
 from clrender.importers.shared.meshes import without_area
 from clrender.importers.studio import studio_light
@@ -56,9 +57,11 @@ def completed(draft: Draft, files: AssetFiles, up: str = "y", *, surrounded: boo
     Raises
     ------
     SceneError
-        It is not a valid scene, or has nothing to frame.
+        It is not a valid scene, or has nothing to frame, or all its shapes were left out.
     """
     _leave_out_flat(draft, files)
+    if draft.fault is not None and not draft.description["shapes"]:
+        raise draft.fault
     share_meshes(draft)
     framed = "camera" not in draft.description
     notes = draft.said()
@@ -89,7 +92,12 @@ def completed(draft: Draft, files: AssetFiles, up: str = "y", *, surrounded: boo
         notes = [*notes, _LIT]
         scene = scene.with_default_light(EnvironmentLight(type="environment", file=_STUDIO), _LIT)
         scene = scene.with_files(environments={_STUDIO: studio_light(scene.camera, _UP[up])})
-    scene.read_named()
+    try:
+        scene.read_named()
+    except SceneError:
+        if not leave_out_pictures(draft, scene, files):
+            raise
+        return completed(draft, files, up, surrounded=surrounded)
     said = (f"{files.source}: {note}" for note in notes)
     return scene.with_notes(said, files.opened, (draft.forgiven, draft.left_out))
 

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple, TypeAlias
 
+from clrender.importers.lost_pictures import LOST
 from clrender.importers.mtl_file import MtlMaterial
 from clrender.importers.mtl_pictures import MtlPictures
 from clrender.scene.values import POWER_LIMIT
@@ -127,6 +128,8 @@ class _Converter:
         if picture is not None and color == _BLACK:
             self._note("has a picture of Kd, but a black Kd, which would hide it: Kd is taken as 1")
             color = (1.0, 1.0, 1.0)
+        if self._pictures.lost(picture):
+            return [LOST * x for x in color]
         return self._pictures.color(picture, color) or list(color)
 
     def _roughness(self, default: float) -> float:
@@ -242,7 +245,7 @@ class _Converter:
         if (red, green, blue) == _BLACK and picture is None and max(ambient) > 1.0:
             self._note("has a Ka above 1, more than there can be of ambient light: taken as emission")
             red, green, blue = (max(each, 0.0) for each in ambient)
-        if (red, green, blue) == _BLACK:
+        if (red, green, blue) == _BLACK or self._pictures.lost(picture):
             return None
         if max(red, green, blue) > POWER_LIMIT:
             self._note(f"has an emission of {max(red, green, blue):g}: held at {POWER_LIMIT:g}")

@@ -36,13 +36,27 @@ class MtlPictures:
         The library's folder, relative to the scene's; images are searched there first.
     note : callable
         Called with a sentence for the user.
+    leave_out : callable
+        Called with the fault of a picture that cannot be read.
     diagonal : float
         Diagonal of the model, metres.
     """
 
-    def __init__(self, files: AssetFiles, folder: str, note: Callable[[str], None], diagonal: float) -> None:
-        self._files, self._folder, self._note, self._diagonal = files, folder, note, diagonal
+    def __init__(
+        self,
+        files: AssetFiles,
+        folder: str,
+        note: Callable[[str], None],
+        leave_out: Callable[[SceneError], None],
+        diagonal: float,
+    ) -> None:
+        self._files, self._folder, self._diagonal = files, folder, diagonal
+        self._note, self._leave_out = note, leave_out
         self._found: dict[str, str | None] = {}
+
+    def lost(self, picture: MtlPicture | None) -> bool:
+        """Whether a picture is named that cannot be read."""
+        return picture is not None and self._name(picture) is None
 
     def color(self, picture: MtlPicture | None, factor: tuple[float, float, float]) -> dict[str, Any] | None:
         """A colour texture times a factor; None if it is not available."""
@@ -120,12 +134,13 @@ class MtlPictures:
         plain = picture.name.replace("\\", "/")
         first = str(Path(self._folder) / plain)
         beside = str(Path(self._folder) / plain.rpartition("/")[2])
-        problem = ""
+        problem: SceneError | None = None
         for name in dict.fromkeys((first, plain, str(Path(self._folder) / picture.name), beside)):
             try:
                 self._files.open(name, picture.place)[0].close()
             except SceneError as error:
-                problem = problem or str(error).removeprefix(f"{self._files.source}: ")
+                # Its place already names the scene file
+                problem = problem or SceneError(str(error).removeprefix(f"{self._files.source}: "))
                 continue
             if Path(name).suffix.lower() not in PICTURE_ENDINGS:
                 kinds = " ".join(PICTURE_ENDINGS)
@@ -134,7 +149,8 @@ class MtlPictures:
             if name == beside and name not in (first, plain):
                 self._note(f"{picture.place}: {quoted(picture.name)} is not there: {quoted(name)} is taken")
             return name
-        self._note(f"{problem}: left out")
+        if problem is not None:
+            self._leave_out(problem)
         return None
 
     def _holds_normals(self, name: str) -> bool:

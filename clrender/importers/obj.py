@@ -92,7 +92,10 @@ def read(path: Path, files: AssetFiles) -> Draft:
     def note(sentence: str) -> None:
         draft.note(sentence.removeprefix(f"{files.source}: "))
 
-    pictures = MtlPictures(files, folder, note, diagonal)
+    def leave_out(fault: SceneError) -> None:
+        draft.leave_out(fault, files.source, files.strict)
+
+    pictures = MtlPictures(files, folder, note, leave_out, diagonal)
     _forget_missing(runs, library, note)
     _add_shapes(draft, faces, runs, _materials(runs, library, pictures, note))
     return draft

@@ -9,7 +9,7 @@ from typing import BinaryIO, Final, TypeVar
 
 import numpy as np
 
-from clrender.errors import SceneError
+from clrender.errors import OutOfMemory, SceneError
 from clrender.files.named import allowed_file, open_named_file
 from clrender.meshes.data import COORDINATE_LIMIT, MeshData
 from clrender.meshes.vertex_colors import VertexColors
@@ -102,7 +102,7 @@ def _read(
         try:
             return read(file, size)
         except MemoryError:
-            raise SceneError(f"{label} is too large for the memory of this machine") from None
+            raise OutOfMemory(f"{label} is too large for the memory of this machine") from None
         except OSError as error:
             raise SceneError(f"{label} cannot be read: {error.strerror or error}") from None
 

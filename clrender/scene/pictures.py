@@ -12,7 +12,7 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.errors import SceneError
+from clrender.errors import OutOfMemory, SceneError
 from clrender.files.named import open_named_file
 from clrender.image.pictures import PICTURE_ENDINGS, Picture, open_picture, picture_room
 from clrender.image.texel_tiles import (
@@ -89,7 +89,7 @@ class TexelStore:
         try:
             self.texels = aligned_tiles(max(room, 1))
         except MemoryError:
-            raise SceneError(f"{next(iter(places.values()))} and others are too large for this machine") from None
+            raise OutOfMemory(f"{next(iter(places.values()))} and others are too large for this machine") from None
         for name, label in places.items():
             if name in drawn:
                 self._add(name, drawn[name], label)
@@ -172,7 +172,7 @@ class _Telling:
     def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
         self._quiet.__exit__(kind, error, trace)
         if isinstance(error, MemoryError):
-            raise SceneError(f"{self._label} is too large for the memory of this machine") from None
+            raise OutOfMemory(f"{self._label} is too large for the memory of this machine") from None
         if isinstance(error, Exception) and not isinstance(error, SceneError | NameError):
             words = str(error).strip().splitlines()
             why = ascii(words[0][:200])[1:-1] if words else type(error).__name__

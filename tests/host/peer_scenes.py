@@ -90,6 +90,7 @@ Scale -1 1 1
 LookAt 0 1 5  0 0.5 0  0 1 0
 Camera "perspective" "float fov" [40] "float lensradius" 0.05 "float focaldistance" [4]
 Film "rgb" "integer xresolution" [64] "integer yresolution" 48 "float iso" 200 "string filename" "x.exr"
+  "string sensor" "nikon_d810" "float whitebalance" 5000
 Sampler "halton" "integer pixelsamples" [16]
 Integrator "volpath" "integer maxdepth" [6]
 PixelFilter "gaussian"
@@ -132,6 +133,15 @@ AttributeBegin
   AreaLightSource "diffuse" "blackbody L" 3000 "float power" 100 "bool twosided" true
   Translate 0 3 0 Rotate 90 1 0 0
   Shape "disk" "float radius" 0.3
+AttributeEnd
+AttributeBegin
+  Translate 1 0.3 1
+  Material "subsurface" "rgb reflectance" [0.2 0.5 0.8] "rgb mfp" [0.01 0.02 0.03]
+  Shape "sphere" "float radius" 0.3
+  Material "coatedconductor" "float interface.roughness" 0.01 "float conductor.roughness" 0.1
+  Translate -0.7 0 0
+  Shape "loopsubdiv" "integer levels" 2 "point3 P" [0.3 0 0 -0.3 0 0 0 0.3 0 0 -0.3 0 0 0 0.3 0 0 -0.3]
+    "integer indices" [0 2 4 2 1 4 1 3 4 3 0 4 2 0 5 1 2 5 3 1 5]
 AttributeEnd
 Attribute "shape" "float alpha" 1
 Material "coateddiffuse" "rgb reflectance" [0.2 0.4 0.6] "float roughness" 0.1

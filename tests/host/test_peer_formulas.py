@@ -624,3 +624,82 @@ def test_integrators_of_mitsuba(tmp_path: Path, kind: str, name: str, noted: boo
     scene = mitsuba(tmp_path, f'<integrator type="{kind}"/><shape type="sphere">{GREY}</shape>')
     assert (scene.render.integrator or "path") == name
     assert any('is read as "path"' in note for note in scene.notes) is noted
+
+
+@for_each("kind", ["pbrt", "xml"])
+@for_each("textured", [True, False])
+def test_meshes_without_texture_coordinates_show_the_picture_on_each_triangle(
+    tmp_path: Path, kind: str, textured: bool
+) -> None:
+    """Barycentric coordinates in Mitsuba, those of the corners (0, 0), (1, 0) and (1, 1) in pbrt; also if turned."""
+    Image.new("RGB", (2, 2), (9, 9, 9)).save(tmp_path / "t.png")
+    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    head += "property float nx\nproperty float ny\nproperty float nz\nelement face 1\n"
+    head += "property list uchar int vertex_indices\nend_header\n"
+    (tmp_path / "a.ply").write_text(head + "0 0 0 0 0 -1\n1 0 0 0 0 -1\n0 1 0 0 0 -1\n3 0 1 2\n")
+    if kind == "pbrt":
+        color = '"texture reflectance" "t"' if textured else ""
+        picture = 'Texture "t" "spectrum" "imagemap" "string filename" "t.png"\n'
+        scene = pbrt(tmp_path, f'{picture}Material "diffuse" {color}\nShape "plymesh" "string filename" "a.ply"')
+    else:
+        color = '<texture name="reflectance" type="bitmap"><string name="filename" value="t.png"/></texture>'
+        inside = f'<bsdf type="diffuse">{color if textured else ""}</bsdf>'
+        scene = mitsuba(tmp_path, f'<shape type="ply"><string name="filename" value="a.ply"/>{inside}</shape>')
+    ((at, shape),) = scene.all_shapes()
+    mesh = scene.mesh_of(at, shape)  # type: ignore[arg-type]
+    if not textured:
+        assert mesh.uvs is None
+        return
+    assert mesh.uvs is not None and mesh.triangles.tolist() == [[2, 1, 0]]
+    last = [1.0, 1.0] if kind == "pbrt" else [0.0, 1.0]
+    assert mesh.uvs.tolist() == [[last, [1.0, 0.0], [0.0, 0.0]]]
+    flatten(scene, 8, 8)
+
+
+def colored_ply(folder: Path, colors: bool = True) -> str:
+    """A mesh of one triangle in Mitsuba's form, with colours of 8 bits."""
+    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    head += "property uchar red\nproperty uchar green\nproperty uchar blue\n" if colors else ""
+    head += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    shades = (" 255 0 0", " 0 128 0", " 0 0 64") if colors else ("",) * 3
+    rows = [f"{place}{shade}\n" for place, shade in zip(("0 0 0", "1 0 0", "0 1 0"), shades, strict=True)]
+    (folder / "a.ply").write_text(f"{head}{''.join(rows)}3 0 1 2\n")
+    return '<string name="filename" value="a.ply"/>'
+
+
+ATTRIBUTE = '<texture type="mesh_attribute" name="reflectance"><string name="name" value="vertex_color"/></texture>'
+
+
+def test_colours_of_vertices_are_those_of_the_mesh(tmp_path: Path) -> None:
+    """Integers are sRGB, as in Mitsuba; a material of the same constant colour stays without them."""
+    shape = f'<shape type="ply">{colored_ply(tmp_path)}'
+    plain = '<bsdf type="diffuse"><rgb name="reflectance" value="1"/></bsdf>'
+    inside = f'{shape}<bsdf type="diffuse">{ATTRIBUTE}</bsdf></shape>{shape}{plain}</shape>'
+    scene = mitsuba(tmp_path, inside)
+    (at, first), (_, second) = scene.all_shapes()
+    mesh: Any = scene.mesh_of(at, first)  # type: ignore[arg-type]
+    wanted = srgb_decode(np.array([[[255, 0, 0], [0, 128, 0], [0, 0, 64]]]) / 255.0)
+    np.testing.assert_allclose(mesh.colors, wanted, atol=1e-4)
+    assert first.vertex_colors == "linear" and second.vertex_colors is None  # type: ignore[union-attr]
+    assert first.material != second.material
+    assert dump(scene.materials[first.material])["reflectance"] == (1.0, 1.0, 1.0)  # type: ignore[index]
+    assert not any("not known" in note or "not understood" in note for note in scene.notes)
+    flatten(scene, 8, 8)
+
+
+def test_meshes_without_colours_of_vertices_are_white(tmp_path: Path) -> None:
+    bsdf = f'<bsdf type="diffuse">{ATTRIBUTE}</bsdf>'
+    inside = f'<shape type="ply">{colored_ply(tmp_path, colors=False)}{bsdf}</shape><shape type="sphere">{bsdf}</shape>'
+    scene = mitsuba(tmp_path, inside)
+    assert [dump(scene.materials[shape.material])["reflectance"] for shape in scene.shapes] == [(1.0, 1.0, 1.0)] * 2
+    assert len([note for note in scene.notes if "has no colours of vertices: white" in note]) == 2
+
+
+def test_colours_of_vertices_in_a_mixture(tmp_path: Path) -> None:
+    """Also if its part was made before, for another shape."""
+    part = f'<bsdf type="diffuse" id="part">{ATTRIBUTE}</bsdf>'
+    both = '<bsdf type="blendbsdf"><float name="weight" value="0.5"/><ref id="part"/><bsdf type="diffuse"/></bsdf>'
+    shape = f'<shape type="ply">{colored_ply(tmp_path)}'
+    scene = mitsuba(tmp_path, f'{part}{shape}<ref id="part"/></shape>{shape}{both}</shape>')
+    assert [shape.vertex_colors for shape in scene.shapes] == ["linear", "linear"]  # type: ignore[union-attr]
+    assert any("both parts of a mixture" in note for note in scene.notes)

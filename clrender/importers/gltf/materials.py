@@ -10,6 +10,7 @@ from typing import Any, Final
 from clrender.errors import SceneError
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.textures import Textures
+from clrender.importers.lost_pictures import LOST
 from clrender.wording import quoted, suggestion
 
 __all__ = ["Materials", "Used"]
@@ -17,8 +18,6 @@ __all__ = ["Materials", "Used"]
 _LEAST_LEFT: Final = 1e-3
 """Replaces 0 in an attenuation colour, which no finite medium has."""
 _HIGH_INDEX: Final = 1000.0
-_GREY: Final = 0.5
-"""Stands for a picture that is missing."""
 _MOST_SPECULAR: Final = 0.98
 """Largest reflectance at normal incidence for which an index of refraction is found."""
 
@@ -165,7 +164,7 @@ class _Material:
         if texture is not None:
             texture |= {"color_space": "srgb", "scale": factor}
         elif self._textures.lost(info):
-            factor = [_GREY * x for x in factor] if key == "base_color" else [0.0 for _ in factor]
+            factor = [LOST * x for x in factor] if key == "base_color" else [0.0 for _ in factor]
         self.made_of[key] = factor if texture is None else texture
 
     def _base(self) -> dict[str, Any]:

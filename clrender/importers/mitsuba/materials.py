@@ -24,12 +24,18 @@ class MaterialReader:
     textures : TextureReader
     old : bool
         Whether the file is one of 0.6, whose defaults differ.
+
+    Attributes
+    ----------
+    colored : set of str
+        Names of materials whose colour is multiplied by that of the vertices.
     """
 
     def __init__(self, staging: Staging, textures: TextureReader, old: bool) -> None:
         self._staging, self._textures = staging, textures
         self._surfaces = SurfaceReader(staging, textures, old)
         self._made: dict[tuple[int, bool], str | None] = {}
+        self.colored: set[str] = set()
         self._kept: list[Plugin] = []
         self._depth = 0
 
@@ -44,9 +50,17 @@ class MaterialReader:
         key = (id(plugin), two_sided)
         if key not in self._made:
             self._kept.append(plugin)  # so that no other object gets its id
+            around, self._textures.colored = self._textures.colored, False
             described = self._guarded(plugin, two_sided)
-            name = None if described is None else self._staging.material(plugin.id or plugin.type, described)
+            # Not those of an equal material whose colour is not that of the vertices
+            wanted = f"{plugin.id or plugin.type}{', of vertices' if self._textures.colored else ''}"
+            name = None if described is None else self._staging.material(wanted, described)
             self._made[key] = name
+            if name is not None and self._textures.colored:
+                self.colored.add(name)
+            self._textures.colored = around
+        if self._made[key] in self.colored:
+            self._textures.colored = True  # of the mixture that it is a part of
         return self._made[key]
 
     def _guarded(self, plugin: Plugin, two_sided: bool) -> dict[str, Any] | None:
@@ -166,4 +180,6 @@ class MaterialReader:
             if "opacity" in self._staging.draft.description["materials"][name]:
                 raise plugin.fault("a mask inside of a mixture is not read; put the mask around it")
             names.append(name)
+        if self._textures.colored:
+            self._staging.note("colours of vertices are those of both parts of a mixture")
         return {"type": "mix", "materials": names, "weight": weight}

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from clrender.errors import SceneError
 from clrender.exact.matrices import length, product
 from clrender.importers.mitsuba.materials import MaterialReader
 from clrender.importers.mitsuba.media import MediumReader
@@ -27,6 +28,7 @@ from clrender.importers.shared.meshes import (
     faced_by_normals,
     flipped_v,
     smoothed,
+    with_uvs,
     without_normals,
 )
 from clrender.importers.shared.staging import Staging
@@ -39,6 +41,8 @@ __all__ = ["ShapeReader"]
 
 _POLES: Final = np.array([[0.0, 0.0, -1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 """From our sphere to Mitsuba's: u runs from 0 at +x, v from 0 at +z. It mirrors, as v runs the other way there."""
+_CORNERS: Final = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+"""Texture coordinates of triangles that have none."""
 _GROUP_DEPTH: Final = 4
 
 
@@ -129,6 +133,8 @@ class ShapeReader:
         flip = plugin.flag("flip_normals", False)
         described = self._surface(plugin)
         if described is not None:
+            if plugin.type != "ply" and described.get("material") in self._materials.colored:
+                self._staging.note(f"{plugin.label} has no colours of vertices: white in their place")
             if plugin.id:
                 described["name"] = plugin.id[:NAME_LIMIT]
             known[plugin.type](plugin, described, matrix, flip)
@@ -198,12 +204,12 @@ class ShapeReader:
         self._staging.shape({**quad, **described, **_flipped(flip)}, matrix, plugin.line)
 
     def _disk(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
-        if self._is_textured(described):
+        if self._staging.is_textured(described):
             self._staging.note("textures of disks lie flat on them, and not around them as in Mitsuba")
         self._staging.disk({**described, **_flipped(flip)}, 1.0, 0.0, matrix, plugin.line)
 
     def _cube(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
-        if self._is_textured(described):
+        if self._staging.is_textured(described):
             self._staging.mesh({**described, **_flipped(flip)}, "cube", cube_mesh, matrix, plugin.line)
             return
         self._staging.shape(
@@ -243,34 +249,43 @@ class ShapeReader:
             faceted = wanted and self._old  # Mitsuba 3 ignores it
             return without_normals(mesh) if faceted else mesh
 
-        def adapted(mesh: MeshData) -> MeshData:
+        def coloured(name: str, folder: Path, allow_paths: Sequence[Path], place: str) -> MeshData:
+            try:
+                return read_mesh(name, folder, allow_paths, place, "auto")
+            except SceneError:  # it may have no colours
+                return read_mesh(name, folder, allow_paths, place)
+
+        def adapted(mesh: MeshData, mapped: Callable[[MeshData], MeshData] = lambda mesh: mesh) -> MeshData:
             if turned != self._old:  # in 0.6 images are upright with the file's own numbers
                 mesh = flipped_v(mesh)
             if flat or faceted:
-                return without_normals(mesh)
-            return faced_by_normals(mesh) if mesh.normals is not None else smoothed(mesh)
+                return mapped(without_normals(mesh))
+            return faced_by_normals(mapped(mesh)) if mesh.normals is not None else mapped(smoothed(mesh))
 
         kind = f"{plugin.type}{f' {index}' if index else ''}{', flat' if flat else ''}{', turned' if turned else ''}"
         read = serialized if plugin.type == "serialized" else read_mesh
-        name, had_normals = self._staging.mesh_of_file(file, kind, plugin.line, adapted, read)
+        if plugin.type == "ply" and described.get("material") in self._materials.colored:
+            kind, read = f"{kind}, coloured", coloured
+        found = self._staging.mesh_of_file(file, kind, plugin.line, adapted, read)
+        if found is not None and self._staging.lacks_uvs(found[0], described):
+            found = self._staging.mesh_of_file(
+                file,
+                f"{kind}, mapped",
+                plugin.line,
+                lambda mesh: adapted(mesh, lambda own: with_uvs(own, _CORNERS)),
+                read,
+            )
+        if found is None:
+            return
+        name, had_normals = found
+        if read is coloured and self._staging.draft.meshes[name].colors is None:
+            self._staging.note(f"{plugin.label} has no colours of vertices: white in their place")
+        elif read is coloured:
+            described = {**described, "vertex_colors": "linear"}
         # Without normals in the file, the winding decides, and mirroring reverses it
         by_winding = flat or not had_normals
         inside_out = flip != (by_winding and handedness(matrix) < 0.0)
         self._staging.shape({"type": "mesh", "file": name, **described, **_flipped(inside_out)}, matrix, plugin.line)
-
-    def _is_textured(self, described: dict[str, Any]) -> bool:
-        """Whether anything on it varies over its surface."""
-        name = described.get("material")
-        parts = [name] if name else []
-        if isinstance(described.get("emission"), dict):
-            return True
-        materials = self._staging.draft.description["materials"]
-        while parts:
-            material = materials[parts.pop()]
-            if any(isinstance(value, dict) for value in material.values()):
-                return True
-            parts += material.get("materials", [])
-        return False
 
 
 def _flipped(flip: bool) -> dict[str, Any]:

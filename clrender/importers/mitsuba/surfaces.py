@@ -8,6 +8,7 @@ from typing import Any, Final
 from clrender.importers.mitsuba.plugins import Plugin
 from clrender.importers.mitsuba.textures import TextureReader
 from clrender.importers.shared.curved import below_boundary, rooted
+from clrender.importers.shared.fresnel import conductor_reflectance
 from clrender.importers.shared.metals import CONDUCTORS, DIELECTRICS
 from clrender.importers.shared.spectra import Color, light_color
 from clrender.importers.shared.staging import Staging, roughness_of
@@ -143,7 +144,7 @@ class SurfaceReader:
         self._staging.note(
             "the colour of a metal's specular_reflectance is put into its reflectance straight on (Schlick)"
         )
-        straight = [_straight_on(n, x) for n, x in zip(eta, k, strict=True)]
+        straight = [conductor_reflectance(n, x) for n, x in zip(eta, k, strict=True)]
         made["f0"] = [a * b for a, b in zip(straight, tint, strict=True)]
         return made
 
@@ -215,8 +216,3 @@ class SurfaceReader:
             made["sheen_color"] = [sheen * ((1.0 - tint) + tint * x / most) for x in color]
         plugin.ignore("clearcoat_gloss", "sheen_tint", "diffuse_reflectance_sampling_rate")
         return made
-
-
-def _straight_on(eta: float, k: float) -> float:
-    """Reflectance of a metal at normal incidence."""
-    return ((eta - 1.0) * (eta - 1.0) + k * k) / ((eta + 1.0) * (eta + 1.0) + k * k)

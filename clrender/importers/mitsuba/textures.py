@@ -30,10 +30,16 @@ class TextureReader:
     staging : Staging
     old : bool
         Whether the file is one of 0.6, whose images are upright.
+
+    Attributes
+    ----------
+    colored : bool
+        Whether a colour was read that is that of the vertices.
     """
 
     def __init__(self, staging: Staging, old: bool) -> None:
         self._staging, self._old = staging, old
+        self.colored = False
 
     def light(self, plugin: Plugin, name: str, default: float) -> Color:
         """The colour of a light."""
@@ -141,6 +147,9 @@ class TextureReader:
             if not light:
                 colors = [tuple(self._staging.reflectance(each, plugin.label)) for each in colors]  # type: ignore[misc]
             made = {"checker": [list(color) for color in colors], **self._transform(plugin, False)}
+        elif plugin.type == "mesh_attribute" and not (number or light) and plugin.text("name") == "vertex_color":
+            made = [self._staging.share(plugin.number("scale", 1.0), f'"scale" of {plugin.label}')] * 3
+            self.colored = True
         elif plugin.type == "scale" and plugin.children_of("texture"):
             made = self.texture(plugin.children_of("texture")[0], number, light)
             factor = plugin.number("scale", 1.0) if plugin.has("scale") else plugin.number("value", 1.0)

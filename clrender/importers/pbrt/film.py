@@ -6,17 +6,24 @@ import math
 from dataclasses import dataclass
 from typing import Any, Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from clrender.exact.angles import angle_of, tangent
+from clrender.exact.matrices import times
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.tokens import Directive
 from clrender.importers.shared.cameras import camera_keys, vertical_angle
 from clrender.importers.shared.matrices import Matrix
 from clrender.importers.shared.staging import Staging
+from clrender.importers.shared.white_balance import white_balance
 from clrender.wording import quoted
 
-__all__ = ["Camera", "Settings"]
+__all__ = ["Camera", "Exposure", "Settings"]
 
 _SPP_LIMIT: Final = 2**20
+_KELVIN: Final = (1000.0, 25000.0)
+"""Range of white balances."""
 _FILTERS: Final = {
     "box": "box",
     "gaussian": "gaussian",
@@ -26,6 +33,26 @@ _FILTERS: Final = {
 }
 _RADII: Final = {"box": 0.5, "tent": 1.0, "gaussian": 1.5, "mitchell": 2.0}
 _PATHS: Final = frozenset(["path", "volpath", "simplepath", "simplevolpath", "bdpt", "mlt", "lightpath"])
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """What the film makes of radiance, which all lights have here.
+
+    Attributes
+    ----------
+    ratio : float
+        pbrt's imaging ratio.
+    balance : (3, 3) float64, or None
+        Its white balance, on linear Rec. 709.
+    """
+
+    ratio: float = 1.0
+    balance: NDArray[np.float64] | None = None
+
+    def balanced(self, colors: Any) -> Any:
+        """Colours of lights, (..., 3), behind the white balance, without the ratio."""
+        return colors if self.balance is None else np.maximum(times(self.balance, colors), 0.0)
 
 
 @dataclass(frozen=True)
@@ -73,28 +100,44 @@ class Settings:
         if not (1 <= width <= 65536 and 1 <= height <= 65536):
             raise directive.fault(f"the film's size is {width} x {height}, but must be 1 to 65536")
         self._size, self._film = (width, height), directive
-        parameters.ignore("filename", "savefp16", "diagonal", "maxcomponentvalue", "iso", "sensor", "whitebalance")
+        parameters.ignore("filename", "savefp16", "diagonal", "coordinatesystem", "iso", "sensor", "whitebalance")
+        if parameters.get("maxcomponentvalue") is not None:
+            self._staging.note('"maxcomponentvalue" of the film is left out: bright samples stay as they are')
         if parameters.get("cropwindow") is not None or parameters.get("pixelbounds") is not None:
             self._staging.note("the crop of the film is left out: the whole image is rendered")
         self._tell_unused(parameters, "film")
 
-    def brightness(self) -> float:
-        """The imaging ratio: exposure time times ISO speed / 100 (PBR 4ed, 5.4.2)."""
-        ratio = 1.0
+    def exposure(self) -> Exposure:
+        """The imaging ratio, exposure time times ISO speed / 100, and the white balance (PBR 4ed, 5.4.2)."""
+        ratio, balance = 1.0, None
         if self._film is not None:
             parameters = self._film.parameters
             ratio *= parameters.number("iso", 100.0) / 100.0
             sensor = parameters.text("sensor", "cie1931")
-            if sensor != "cie1931" or parameters.number("whitebalance", 0.0) != 0.0:
-                self._staging.note("the sensor of the film is read as cie1931, without a white balance")
+            if sensor != "cie1931":
+                # Its matrix makes the colours of a chart those of CIE 1931 again, in light of its white balance
+                self._staging.note(f"the sensor {quoted(sensor)} is read as cie1931: without its own errors of colour")
+            kelvin = parameters.number("whitebalance", 0.0)
+            if kelvin != 0.0:
+                balance = self._balance(parameters, kelvin)
         if self.camera is not None:
             parameters = self.camera.directive.parameters
             seconds = parameters.number("shutterclose", 1.0) - parameters.number("shutteropen", 0.0)
             if seconds > 0.0:
                 ratio *= seconds
+            else:
+                self._staging.note("the shutter does not open, and is read as open for 1 second")
         if ratio != 1.0:
             self._staging.note(f"the exposure of the film, {ratio:g}, is a factor of all lights here")
-        return max(ratio, 0.0)
+        return Exposure(max(ratio, 0.0), balance)
+
+    def _balance(self, parameters: Parameters, kelvin: float) -> NDArray[np.float64]:
+        least, most = _KELVIN
+        if not least <= kelvin <= most:
+            text = f'"whitebalance" is {kelvin:g}, but must be {least:g} to {most:g} kelvin'
+            raise parameters.fault(text, "whitebalance")
+        self._staging.note(f"the white balance of the film, {kelvin:g} K, changes the colours of all lights here")
+        return white_balance(kelvin)
 
     def sampler(self, directive: Directive) -> None:
         """Samples per pixel."""

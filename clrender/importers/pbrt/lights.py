@@ -11,12 +11,14 @@ import numpy as np
 from clrender.exact.angles import sin_cos
 from clrender.exact.elementary import sines_cosines
 from clrender.exact.matrices import inner, times, total
+from clrender.importers.pbrt.film import Exposure
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.shared.matrices import Matrix
 from clrender.importers.shared.sky_maps import unfolded_picture
 from clrender.importers.shared.spectra import LUMINANCE
 from clrender.importers.shared.staging import Staging
+from clrender.scene.environment import EnvironmentPicture
 from clrender.wording import quoted
 
 __all__ = ["LightReader"]
@@ -33,8 +35,8 @@ class LightReader:
 
     def __init__(self, staging: Staging, textures: TextureReader) -> None:
         self._staging, self._textures = staging, textures
-        self.brightness = 1.0
-        """The film's factor of all light."""
+        self.exposure = Exposure()
+        """What the film makes of all light."""
 
     def read(self, kind: str, parameters: Parameters, matrix: Matrix) -> None:
         """Add a light.
@@ -66,8 +68,8 @@ class LightReader:
         lights.append(made)
 
     def _color(self, parameters: Parameters, name: str, factor: float) -> list[float]:
-        scale = parameters.number("scale", 1.0) * factor * self.brightness
-        return [max(x * scale, 0.0) for x in self._textures.light(parameters, name)]
+        scale = parameters.number("scale", 1.0) * factor * self.exposure.ratio
+        return [max(float(x) * scale, 0.0) for x in self.exposure.balanced(self._textures.light(parameters, name))]
 
     def _point(self, parameters: Parameters, matrix: Matrix) -> dict[str, Any]:
         power = parameters.number("power", -1.0)
@@ -117,9 +119,12 @@ class LightReader:
         factor = 1.0
         if lux > 0.0:
             factor = lux / max(_illuminance(picture.pixels), 1e-30)
-        scale = self._color(parameters, "L", factor)
+        if self.exposure.balance is not None:
+            pixels = self.exposure.balanced(picture.pixels).astype(np.float32)
+            picture = EnvironmentPicture.checked(pixels, f"{self._staging.files.source}: line {line}")
+        scale = parameters.number("scale", 1.0) * factor * self.exposure.ratio
         self._staging.draft.environments[f"{file} (unfolded)"] = picture
-        return {"type": "environment", "file": f"{file} (unfolded)", "scale": scale}
+        return {"type": "environment", "file": f"{file} (unfolded)", "scale": [max(scale, 0.0)] * 3}
 
 
 def _illuminance(pixels: Any) -> float:

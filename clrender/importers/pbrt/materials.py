@@ -4,18 +4,36 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.importers.pbrt.media import MediumReader
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
-from clrender.importers.shared.curved import below_boundary
+from clrender.importers.shared.curved import below_boundary, coated_metal
+from clrender.importers.shared.fresnel import below_coat, conductor_reflectance
+from clrender.importers.shared.half_space import albedo_without_boundary
+from clrender.importers.shared.measured_media import MEASURED_MEDIA
+from clrender.importers.shared.spectra import Color
 from clrender.importers.shared.staging import Staging
 from clrender.wording import quoted, suggestion
 
 __all__ = ["MaterialReader"]
+
+_COAT_REFLECTANCE: Final = 0.04
+"""Reflectance of our coat at normal incidence: of an index of 1.5."""
+_SKIN_INDEX: Final = 1.33
+"""Default index of refraction of subsurface materials."""
+_LEAST_INDEX: Final = 1.01
+"""Lowest index of our subsurface materials with a boundary."""
+_LEAST_PATH: Final = 1e-9
+"""Shortest mean free path, metres."""
+_MOST_G: Final = 0.95
+"""Largest mean cosine of our subsurface materials."""
+_MOST_REFLECTANCE: Final = 0.9999
+"""Largest reflectance of a metal, as in pbrt."""
 
 
 class MaterialReader:
@@ -25,11 +43,18 @@ class MaterialReader:
     ----------
     staging : Staging
     textures : TextureReader
+    media : MediumReader
+
+    Attributes
+    ----------
+    fillings : dict of str to str
+        Media that fill shapes of a material, by its name.
     """
 
-    def __init__(self, staging: Staging, textures: TextureReader) -> None:
-        self._staging, self._textures = staging, textures
+    def __init__(self, staging: Staging, textures: TextureReader, media: MediumReader) -> None:
+        self._staging, self._textures, self._media = staging, textures, media
         self._named: dict[str, str | None] = {}
+        self.fillings: dict[str, str] = {}
 
     def named(self, name: str, parameters: Parameters) -> str | None:
         """The material of that name."""
@@ -64,7 +89,10 @@ class MaterialReader:
         parameters.ignore("type")
         if kind in ("interface", "", "none"):
             return None
-        if kind in known:
+        filling = None
+        if kind == "subsurface":
+            described, filling = self._subsurface(parameters, wanted or kind)
+        elif kind in known:
             described = known[kind](parameters)
             if kind == "thindielectric":
                 described["thin"] = True
@@ -78,7 +106,11 @@ class MaterialReader:
             self._staging.note(
                 f"{quoted(unknown)} of a material of type {quoted(kind)} is not understood and does nothing"
             )
-        return self._staging.material(wanted or kind, described)
+        # By the name of the medium, since equal surfaces may have different insides
+        name = self._staging.material(filling or wanted or kind, described)
+        if filling is not None:
+            self.fillings[name] = filling
+        return name
 
     def _add_maps(self, described: dict[str, Any], parameters: Parameters) -> None:
         normals = parameters.text("normalmap")
@@ -136,31 +168,102 @@ class MaterialReader:
         parameters.ignore("thickness", "interface.thickness", "g", "maxdepth", "nsamples")
 
     def _metal(self, parameters: Parameters, prefix: str) -> dict[str, Any]:
-        if parameters.get(f"{prefix}reflectance") is not None or parameters.get("reflectance") is not None:
-            name = f"{prefix}reflectance" if f"{prefix}reflectance" in parameters.values else "reflectance"
-            color = self._textures.color(parameters, name, 0.5)
-            if isinstance(color, dict):
-                return {"f0": color}
-            color = [min(x, 0.9999) for x in color]
+        color = self._reflectance(parameters, prefix)
+        if isinstance(color, dict):
+            return {"f0": color}
+        if color is not None:
+            color = [min(x, _MOST_REFLECTANCE) for x in color]
             return {"eta": [1.0] * 3, "k": [2.0 * math.sqrt(x / (1.0 - x)) for x in color]}
-        eta = self._textures.metal(parameters, f"{prefix}eta", "metal-Cu-eta")
-        k = self._textures.metal(parameters, f"{prefix}k", "metal-Cu-k")
+        eta, k = self._index_of_metal(parameters, prefix)
         return {"eta": [min(max(x, 1e-3), 1000.0) for x in eta], "k": [min(max(x, 0.0), 1000.0) for x in k]}
+
+    def _reflectance(self, parameters: Parameters, prefix: str) -> Any:
+        """The reflectance of a metal, or a texture of it; None if its index of refraction is given instead."""
+        for name in (f"{prefix}reflectance", "reflectance"):
+            if parameters.get(name) is not None:
+                return self._textures.color(parameters, name, 0.5)
+        return None
+
+    def _index_of_metal(self, parameters: Parameters, prefix: str) -> tuple[Color, Color]:
+        return (
+            self._textures.metal(parameters, f"{prefix}eta", "metal-Cu-eta"),
+            self._textures.metal(parameters, f"{prefix}k", "metal-Cu-k"),
+        )
 
     def _conductor(self, parameters: Parameters) -> dict[str, Any]:
         return {"type": "conductor", **self._metal(parameters, ""), **self._microfacets(parameters)}
 
     def _coated_conductor(self, parameters: Parameters) -> dict[str, Any]:
-        self._staging.note('"coatedconductor" is read as a conductor: without its coat')
-        self._textures.index(parameters, "interface.eta")
-        self._textures.roughness(parameters, "interface.")
+        """A metal below a clear coat, which at normal incidence reflect together what pbrt's layers do."""
+        self._staging.note('"coatedconductor" is read as "principled": off the perpendicular by Schlick\'s formula')
+        ior = max(self._textures.index(parameters, "interface.eta"), 1.0)
+        share = conductor_reflectance(ior, 0.0)
+        if share > _COAT_REFLECTANCE:
+            self._staging.note(f"a coat of index {ior:g} reflects as one of 1.5, which is the most")
         self._layers(parameters)
-        microfacets = self._microfacets(parameters, "conductor.")
-        return {"type": "conductor", **self._metal(parameters, "conductor."), **microfacets}
+        base = self._reflectance(parameters, "conductor.")
+        if base is None:
+            metal = zip(*self._index_of_metal(parameters, "conductor."), strict=True)
+            inside = np.array([conductor_reflectance(eta / ior, k / ior) for eta, k in metal])
+            base = below_coat(inside, ior).tolist()
+        else:
+            base = coated_metal(self._staging, base, ior, parameters.line)
+        return {
+            "type": "principled",
+            "metallic": 1.0,
+            "base_color": base,
+            "roughness": self._textures.roughness(parameters, "conductor."),
+            "coat": min(share / _COAT_REFLECTANCE, 1.0),
+            "coat_roughness": self._textures.roughness(parameters, "interface."),
+        }
 
     def _dielectric(self, parameters: Parameters) -> dict[str, Any]:
         ior = min(max(self._textures.index(parameters), 1e-3), 1000.0)
         return {"type": "dielectric", "ior": ior, **self._microfacets(parameters)}
+
+    def _subsurface(self, parameters: Parameters, wanted: str) -> tuple[dict[str, Any], str | None]:
+        """A material, and the medium in it if that is given by coefficients."""
+        self._staging.note('"subsurface" is computed by random walks here, and by a profile of diffusion in pbrt')
+        ior = min(max(self._textures.index(parameters, default=_SKIN_INDEX), 1e-3), 1000.0)
+        microfacets = self._microfacets(parameters)
+        measured = self._media.measured(parameters, "name")
+        diffuse = measured is None and parameters.get("sigma_a") is None and parameters.get("sigma_s") is None
+        if diffuse and parameters.get("reflectance") is not None:
+            return self._diffusing(parameters, max(ior, 1.0), microfacets["roughness"]), None
+        if measured is None:
+            default = MEASURED_MEDIA["Wholemilk"]
+            scattering = self._textures.coefficients(parameters, "sigma_s", default[0])
+            absorption = self._textures.coefficients(parameters, "sigma_a", default[1])
+        else:
+            parameters.values.pop("g", None)  # the measured scattering is the reduced one, which is of g = 0
+            scattering, absorption = measured
+        filling = self._media.added(wanted, scattering, absorption, parameters)
+        return {"type": "dielectric", "ior": ior, **microfacets}, filling
+
+    def _diffusing(self, parameters: Parameters, ior: float, roughness: Any) -> dict[str, Any]:
+        """Subsurface scattering by the share of the light inside that leaves again, and the mean free path."""
+        albedo = self._textures.mean_color(parameters, "reflectance", 0.5)
+        path = self._textures.coefficients(parameters, "mfp", (1.0, 1.0, 1.0))
+        scale = parameters.number("scale", 1.0)
+        made: dict[str, Any] = {
+            "type": "subsurface",
+            "radius": [min(max(x * scale, _LEAST_PATH), 1e6) for x in path],
+            "g": min(max(parameters.number("g", 0.0), -_MOST_G), _MOST_G),
+        }
+        if ior < _LEAST_INDEX:
+            return {**made, "albedo": albedo}
+        # Our albedo is that without the boundary, which returns light to the inside
+        albedo = [albedo_without_boundary(x, ior) for x in albedo]
+        return {**made, "albedo": albedo, "ior": ior, "roughness": roughness}
+
+    def _part(self, name: str) -> str:
+        """What stands for a material in a mixture, where there is no subsurface scattering."""
+        described = self._staging.draft.description["materials"][name]
+        if described["type"] != "subsurface" and name not in self.fillings:
+            return name
+        self._staging.note("subsurface scattering in a mixture is read as a diffuse surface")
+        color = described.get("albedo", [0.5] * 3)
+        return self._staging.material(f"{name}, diffuse", {"type": "lambert", "reflectance": color})
 
     def _mix(self, parameters: Parameters) -> dict[str, Any]:
         names = parameters.texts("materials")
@@ -169,6 +272,7 @@ class MaterialReader:
         parts = [self.named(name, parameters) for name in names]
         if None in parts:
             raise parameters.fault('a mixture with "interface" is not read; use alpha instead', "materials")
+        parts = [self._part(name) for name in parts if name is not None]
         return {"type": "mix", "materials": parts, "weight": self._textures.share(parameters, "amount", 0.5)}
 
 

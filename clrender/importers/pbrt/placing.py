@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from clrender.exact.angles import root
 from clrender.exact.matrices import determinant, length, lengths, product, times, total
+from clrender.importers.pbrt.film import Exposure
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.shared.matrices import Matrix, handedness, is_affine, translation
@@ -54,8 +55,8 @@ class Placer:
 
     def __init__(self, staging: Staging, textures: TextureReader) -> None:
         self._staging, self._textures = staging, textures
-        self.brightness = 1.0
-        """The film's factor of all light."""
+        self.exposure = Exposure()
+        """What the film makes of all light."""
 
     def put(self, part: Part, matrix: Matrix) -> None:
         """Add a shape, with its emission.
@@ -76,11 +77,11 @@ class Placer:
             return
         parameters = part.emission
         two_sided, power = parameters.flag("twosided", False), parameters.number("power", -1.0)
-        factor = parameters.number("scale", 1.0) * self.brightness
+        factor = parameters.number("scale", 1.0) * self.exposure.ratio
         if power > 0.0:
             area = _area_of(self._staging, described, matrix)
             factor *= power / max((2.0 if two_sided else 1.0) * area * np.pi, 1e-30)
-        color = [max(float(x * factor), 0.0) for x in self._textures.light(parameters, "L")]
+        color = [max(float(x * factor), 0.0) for x in self.exposure.balanced(self._textures.light(parameters, "L"))]
         described["emission"] = self._shining(parameters, color)
         for unknown in parameters.unused():
             self._staging.note(f"{quoted(unknown)} of an area light is not understood and does nothing")
@@ -96,6 +97,8 @@ class Placer:
         file = parameters.text("filename")
         if not file:
             return color
+        if self.exposure.balance is not None:
+            self._staging.note("a picture that shines gets the white balance of white")
         name = self._staging.files.name(file, f"line {parameters.line}")
         return {"texture": name, "scale": color}
 

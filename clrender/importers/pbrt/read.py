@@ -15,6 +15,7 @@ from clrender.importers.draft import Draft
 from clrender.importers.pbrt.film import Camera, Settings
 from clrender.importers.pbrt.lights import LightReader
 from clrender.importers.pbrt.materials import MaterialReader
+from clrender.importers.pbrt.media import MediumReader
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.placing import Part, Placer
 from clrender.importers.pbrt.shapes import ShapeReader
@@ -29,7 +30,6 @@ __all__ = ["read"]
 
 _DEPTH: Final = 64
 _INCLUDE_DEPTH: Final = 8
-_MOST_G: Final = 0.99
 _BARE: Final = frozenset(
     [
         "WorldBegin",
@@ -66,17 +66,15 @@ class _World:
     def __init__(self, files: AssetFiles) -> None:
         self.staging = Staging(files)
         self._textures = TextureReader(self.staging)
-        self._materials = MaterialReader(self.staging, self._textures)
-        self._shapes, self._lights = (
-            ShapeReader(self.staging, self._textures),
-            LightReader(self.staging, self._textures),
-        )
+        self._media = MediumReader(self.staging, self._textures)
+        self._materials = MaterialReader(self.staging, self._textures, self._media)
+        self._shapes = ShapeReader(self.staging, self._textures, self._materials)
+        self._lights = LightReader(self.staging, self._textures)
         self._placer = Placer(self.staging, self._textures)
         self._settings = Settings(self.staging)
         self._state = Graphics()
         self._stack: list[Graphics] = []
         self._systems: dict[str, Matrix] = {}
-        self._media: dict[str, str] = {}
         self._objects: dict[str, list[Part]] = {}
         self._object: list[Part] | None = None
         self._in_world = False
@@ -147,7 +145,7 @@ class _World:
         self._in_world = True
         self._state = replace(self._state, matrix=np.eye(4))
         self._systems["world"] = np.eye(4)
-        self._placer.brightness = self._lights.brightness = self._settings.brightness()
+        self._placer.exposure = self._lights.exposure = self._settings.exposure()
 
     def _begin(self, directive: Directive) -> None:
         if len(self._stack) >= _DEPTH:
@@ -204,8 +202,9 @@ class _World:
         into_world = inverse(self._matrix(directive))
         self._systems["camera"] = into_world
         self._settings.camera = Camera(directive, into_world)
-        if self._state.outside and self._state.outside in self._media:
-            self.staging.draft.description["fog"] = self._media[self._state.outside]
+        fog = self._media.named(self._state.outside)
+        if fog is not None:
+            self.staging.draft.description["fog"] = fog
 
     def _texture(self, directive: Directive) -> None:
         name, kind, made_of = (directive.text(i, what) for i, what in enumerate(("name", "kind", "type")))
@@ -225,23 +224,7 @@ class _World:
         self._state = replace(self._state, material=name)
 
     def _medium(self, directive: Directive) -> None:
-        name, parameters = directive.text(0, "name"), self._parameters(directive, "medium")
-        kind = parameters.text("type", "homogeneous")
-        if kind != "homogeneous" or parameters.get("preset") is not None:
-            self.staging.note(f"a medium of type {quoted(kind)}, or a named one, is not known and left out")
-            return
-        scale = parameters.number("scale", 1.0)
-        absorption = self._textures.coefficients(parameters, "sigma_a", (0.0011, 0.0024, 0.014))
-        scattering = self._textures.coefficients(parameters, "sigma_s", (2.55, 3.21, 3.77))
-        made = {
-            "absorption": [max(x * scale, 0.0) for x in absorption],
-            "scattering": [max(x * scale, 0.0) for x in scattering],
-            "g": min(max(parameters.number("g", 0.0), -_MOST_G), _MOST_G),
-        }
-        for unknown in parameters.unused():
-            self.staging.note(f"{quoted(unknown)} of a medium is not understood and does nothing")
-        self.staging.draft.description.setdefault("media", {})[name[:200]] = made
-        self._media[name] = name[:200]
+        self._media.define(directive.text(0, "name"), self._parameters(directive, "medium"))
 
     def _medium_interface(self, directive: Directive) -> None:
         inside = directive.text(0, "name")
@@ -259,7 +242,7 @@ class _World:
     def _shape(self, directive: Directive) -> None:
         if not self._in_world:
             raise directive.fault("a shape stands before WorldBegin; put it behind")
-        interior = self._media.get(self._state.inside) if self._state.inside != self._state.outside else None
+        interior = self._media.named(self._state.inside) if self._state.inside != self._state.outside else None
         parameters = self._parameters(directive, "shape")
         state = self._state
         kind = directive.text(0, "type")

@@ -8,15 +8,20 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.importers.pbrt.materials import MaterialReader
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.state import Graphics
 from clrender.importers.pbrt.textures import TextureReader
-from clrender.importers.shared.meshes import cylinder_mesh, faced_by_normals, quads_mesh
+from clrender.importers.shared.loop_subdivision import subdivided
+from clrender.importers.shared.meshes import cylinder_mesh, faced_by_normals, quads_mesh, with_uvs
 from clrender.importers.shared.staging import Staging
 from clrender.meshes.data import MeshData
 from clrender.wording import quoted
 
 __all__ = ["ShapeReader"]
+
+_CORNERS: Final = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
+"""Texture coordinates of triangles that have none."""
 
 _POLES: Final = np.array([[0.0, 0.0, -1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 """From our sphere to pbrt's: u runs from 0 at +x, v from 0 at -z."""
@@ -29,10 +34,11 @@ class ShapeReader:
     ----------
     staging : Staging
     textures : TextureReader
+    materials : MaterialReader
     """
 
-    def __init__(self, staging: Staging, textures: TextureReader) -> None:
-        self._staging, self._textures = staging, textures
+    def __init__(self, staging: Staging, textures: TextureReader, materials: MaterialReader) -> None:
+        self._staging, self._textures, self._materials = staging, textures, materials
         self._count = 0
 
     def read(self, kind: str, parameters: Parameters, state: Graphics, interior: str | None) -> list[dict[str, Any]]:
@@ -46,23 +52,26 @@ class ShapeReader:
         interior : str or None
             Name of the medium inside it.
         """
-        known: dict[str, Callable[[Parameters], dict[str, Any]]] = {
+        known: dict[str, Callable[[Parameters], dict[str, Any] | None]] = {
             "sphere": self._sphere,
             "disk": self._disk,
             "cylinder": self._cylinder,
             "trianglemesh": self._triangles,
             "bilinearmesh": self._patches,
             "plymesh": self._ply,
-            "loopsubdiv": self._triangles,
+            "loopsubdiv": self._loop,
         }
         if kind not in known:
             self._staging.note(f"a shape of type {quoted(kind)} is not known and left out")
             return []
-        if kind == "loopsubdiv":
-            self._staging.note('"loopsubdiv" is read as the mesh that it would subdivide')
-            parameters.ignore("levels")
         described = known[kind](parameters)
+        if described is None:
+            return []
         described |= self._surface(parameters, state, interior)
+        shown = state.emission is not None and state.emission.text("filename") != ""
+        seen = {**described, "emission": {}} if shown else described
+        if kind == "plymesh" and self._staging.lacks_uvs(described["file"], seen):
+            described |= self._ply(parameters, mapped=True) or {}
         parameters.ignore("alpha")
         for unknown in parameters.unused():
             self._staging.note(
@@ -80,16 +89,17 @@ class ShapeReader:
         if material == "":
             material = self._staging.material("default", {"type": "lambert", "reflectance": [0.5] * 3})
         if material is not None:
-            made["material"] = self._with_alpha(material, parameters)
+            made["material"] = self._with_alpha(material, parameters, state.emission is not None)
             described = self._staging.draft.description["materials"][material]
             filled = described["type"] == "dielectric" and not described.get("thin")
+            interior = self._materials.fillings.get(material, interior)
         if interior is not None and (material is None or filled):
             made["interior"] = interior
         elif interior is not None:
             self._staging.note("a medium inside of what lets no light in is left out")
         return made
 
-    def _with_alpha(self, material: str, parameters: Parameters) -> str:
+    def _with_alpha(self, material: str, parameters: Parameters, shines: bool) -> str:
         """The material, with the shape's alpha."""
         if parameters.get("alpha") is None:
             return material
@@ -97,8 +107,11 @@ class ShapeReader:
         described = self._staging.draft.description["materials"][material]
         if alpha == 1.0:
             return material
-        if described["type"] == "dielectric" and not described.get("thin"):
-            self._staging.note("the alpha of glass with an inside is left out")
+        if alpha == 0.0 and shines:
+            self._staging.note("a lamp of alpha 0, which pbrt lets shine without being there, is seen here")
+            return material
+        if described["type"] in ("dielectric", "subsurface") and not described.get("thin"):
+            self._staging.note("the alpha of what has an inside is left out")
             return material
         return self._staging.material(f"{material}, with holes", {**described, "opacity": alpha})
 
@@ -143,13 +156,26 @@ class ShapeReader:
                 raise parameters.fault('the mesh has no "indices", and not three points; give them')
             corners = np.array([[0, 1, 2]])
         triangles = corners.astype(np.uint32)
-        of_corners = np.array([[0, 0], [1, 0], [1, 1]], np.float32)
-        if uvs is not None:
-            given = uvs.astype(np.float32)[triangles]
-        else:
-            given = np.broadcast_to(of_corners, (len(triangles), 3, 2)).copy()
+        given = None if uvs is None else uvs.astype(np.float32)[triangles]
         parameters.ignore("S", "faceIndices")
-        return self._mesh("mesh", faced_by_normals(MeshData(places, triangles, normals=normals, uvs=given)))
+        mesh = MeshData(places, triangles, normals=normals, uvs=given)
+        return self._mesh("mesh", faced_by_normals(with_uvs(mesh, _CORNERS)))
+
+    def _loop(self, parameters: Parameters) -> dict[str, Any]:
+        """A subdivided mesh, whose normals are clockwise in pbrt."""
+        places, _, _ = self._vertices(parameters)
+        corners = parameters.indices("indices", 3, len(places))
+        if corners is None:
+            raise parameters.fault('the mesh to subdivide has no "indices"; give them')
+        levels = parameters.whole("levels", 3)
+        try:
+            points, triangles, normals, regular = subdivided(places, corners, max(levels, 0))
+        except ValueError as error:
+            raise parameters.fault(f'{error}, which is the most; use fewer "levels"', "levels") from None
+        if not regular:
+            self._staging.note("edges of other than two triangles that pass them oppositely are boundaries")
+        mesh = MeshData(points, triangles.astype(np.uint32), normals=-normals)
+        return self._mesh("subdivided mesh", faced_by_normals(with_uvs(mesh, _CORNERS)))
 
     def _patches(self, parameters: Parameters) -> dict[str, Any]:
         places, normals, uvs = self._vertices(parameters)
@@ -185,7 +211,7 @@ class ShapeReader:
                 raise parameters.fault(f"a number of {quoted(name)} is larger than {most:g}, which is the most", name)
         return places, normals, uvs
 
-    def _ply(self, parameters: Parameters) -> dict[str, Any]:
+    def _ply(self, parameters: Parameters, mapped: bool = False) -> dict[str, Any] | None:
         file = parameters.text("filename")
         if not file:
             raise parameters.fault('the plymesh has no "filename"; give it')
@@ -193,8 +219,12 @@ class ShapeReader:
             self._staging.note("the displacement of a mesh is left out")
         parameters.ignore("displacement.edgelength", "edgelength")
         line = parameters.values["filename"].line
-        name, _ = self._staging.mesh_of_file(file, "ply", line, faced_by_normals)
-        return {"type": "mesh", "file": name}
+
+        def adapted(mesh: MeshData) -> MeshData:
+            return faced_by_normals(with_uvs(mesh, _CORNERS) if mapped else mesh)
+
+        found = self._staging.mesh_of_file(file, "ply, mapped" if mapped else "ply", line, adapted)
+        return None if found is None else {"type": "mesh", "file": found[0]}
 
     def _mesh(self, kind: str, mesh: MeshData) -> dict[str, Any]:
         self._count += 1

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from clrender.image.pictures import CODED_ENDINGS
 from clrender.importers.pbrt.parameters import Parameter, Parameters
-from clrender.importers.shared.curved import rooted
+from clrender.importers.shared.curved import decoded, inverted, mean_color, number_channel, rooted
 from clrender.importers.shared.metals import CONDUCTORS, GLASSES
 from clrender.importers.shared.spectra import (
     Color,
@@ -40,6 +40,7 @@ class TextureReader:
     def __init__(self, staging: Staging) -> None:
         self._staging = staging
         self._textures: dict[tuple[str, str], Any] = {}
+        self._channels: dict[str, str] = {}
 
     # --- spectra
 
@@ -111,17 +112,17 @@ class TextureReader:
             return CONDUCTORS[symbol][part]
         return reflectance_color(*self._spectrum(parameters, name, found))
 
-    def index(self, parameters: Parameters, name: str = "eta") -> float:
+    def index(self, parameters: Parameters, name: str = "eta", default: float = 1.5) -> float:
         """Index of refraction of a dielectric, at one wavelength."""
         found = parameters.get(name)
         if found is None:
-            return 1.5
+            return default
         if found.kind == "spectrum":
             self._staging.note("dispersion is left out: an index of refraction is that at 588 nm")
             if isinstance(found.values, list) and found.values and found.values[0] in GLASSES:
                 return GLASSES[found.values[0]]
             return value_at(*self._spectrum(parameters, name, found), _SODIUM)
-        return self._one(parameters, name, 1.5)
+        return self._one(parameters, name, default)
 
     def _one(self, parameters: Parameters, name: str, default: float) -> float:
         found = parameters.get(name)
@@ -152,6 +153,14 @@ class TextureReader:
             raise parameters.fault(f"{quoted(name)} is of type {found.kind}, but must be a colour", name)
         return self._staging.reflectance(color, f"{quoted(name)} of a material")
 
+    def mean_color(self, parameters: Parameters, name: str, default: float) -> list[float]:
+        """A reflectance where there can be no texture: that of a texture is its mean, with a note."""
+        color = self.color(parameters, name, default)
+        if isinstance(color, list):
+            return color
+        self._staging.note(f"a texture as {quoted(name)} is read as its mean colour")
+        return mean_color(self._staging, color, default, parameters.line)
+
     def coefficients(self, parameters: Parameters, name: str, default: Color) -> Color:
         """Coefficients of a medium."""
         found = parameters.get(name)
@@ -161,6 +170,9 @@ class TextureReader:
             return self._rgb(parameters, name, found)
         if found.kind == "spectrum":
             return reflectance_color(*self._spectrum(parameters, name, found))
+        if found.kind == "texture":
+            self._staging.note(f"a texture as {quoted(name)} is left out: {default[0]:g} in its place")
+            return default
         return (parameters.number(name, 0.0),) * 3
 
     def share(self, parameters: Parameters, name: str, default: float) -> Any:
@@ -170,8 +182,22 @@ class TextureReader:
             value = self._named(parameters, name, "float")
             if isinstance(value, list):
                 return sum(value) / 3.0
-            return {**value, "channel": "r"} if "texture" in value else value
+            return self._number(value, found.line)
         return self._staging.share(parameters.number(name, default), quoted(name))
+
+    def _number(self, texture: dict[str, Any], line: int) -> dict[str, Any]:
+        """A float texture, with the channel of its picture that is the number."""
+        if "texture" not in texture or "channel" in texture:
+            return texture
+        name = texture["texture"]
+        if name not in self._channels:
+            self._channels[name] = number_channel(self._staging, name, line)
+        made: dict[str, Any] = {**texture, "channel": self._channels[name]}
+        if made["channel"] == "luminance":
+            self._staging.note("a coloured picture as a number is its luminance, and not the mean of its colours")
+        if made["channel"] == "a" and made.get("color_space") == "srgb":
+            made = decoded(self._staging, made, line)  # in pbrt the coding is that of all channels
+        return made
 
     def roughness(self, parameters: Parameters, prefix: str = "") -> Any:
         """Our roughness, or a texture of it: the root of alpha, which is the root of pbrt's unless remapping is off."""
@@ -282,15 +308,16 @@ class TextureReader:
             made["color_space"] = "linear" if encoding == "linear" else "srgb"
             if encoding.startswith("gamma"):
                 self._staging.note("pictures encoded by a gamma are read as sRGB")
-        if parameters.flag("invert", False):
-            self._staging.note('"invert" of a picture is left out')
         parameters.ignore("encoding", "maxanisotropy")
         factor = parameters.number("scale", 1.0)
         if factor != 1.0:
             made["scale"] = [max(factor, 0.0)] * 3
+        made |= self._mapping(parameters)
+        if not parameters.flag("invert", False):
+            return made
         if kind == "float":
-            made["channel"] = "luminance"
-        return {**made, **self._mapping(parameters)}
+            made = self._number(made, line)
+        return inverted(self._staging, made, line, number=kind == "float")
 
     def _mapping(self, parameters: Parameters) -> dict[str, Any]:
         if parameters.text("mapping", "uv") != "uv":

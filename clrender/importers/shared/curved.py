@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.errors import SceneError
-from clrender.exact.matrices import inner
+from clrender.errors import OutOfMemory
+from clrender.exact.matrices import inner, total
 from clrender.image.exr_write import ExrFormat, write_exr
 from clrender.image.pictures import Picture, open_picture
 from clrender.image.texel_tiles import coded_values
-from clrender.image.tone_map import LUMINANCE
-from clrender.importers.shared.fresnel import internal_reflectance
+from clrender.image.tone_map import LUMINANCE, srgb_decode
+from clrender.importers.shared.fresnel import below_coat, immersed, internal_reflectance
 from clrender.importers.shared.staging import Staging
 
-__all__ = ["below_boundary", "rooted"]
+__all__ = ["below_boundary", "coated_metal", "decoded", "inverted", "mean_color", "number_channel", "rooted"]
 
 _Curve: TypeAlias = Callable[[NDArray[np.floating]], NDArray[np.floating]]
+_OPAQUE: Final = {"unorm8": 255, "unorm16": 65535, "half": 0x3C00, "float": 1}
+"""Values of alpha where a picture hides everything."""
 _CHANNELS: Final = {"r": 0, "g": 1, "b": 2, "a": 3}
 
 
@@ -50,6 +53,27 @@ def below_boundary(staging: Staging, base: Any, ior: float, line: int) -> Any:
     return _curved(staging, base, curve, f"below an index of {ior!r}", line, number=False)
 
 
+def coated_metal(staging: Staging, reflectance: Any, ior: float, line: int) -> Any:
+    """The colour of all that a metal below a smooth coat returns, at normal incidence, over the coat's own reflection.
+
+    Parameters
+    ----------
+    staging : Staging
+        Receives the picture.
+    reflectance : list of float, or dict
+        That of the metal in vacuum, or a texture of it as in a scene file.
+    ior : float
+        Index of refraction of the coat; at least 1.
+    line : int
+        Of the texture, for messages.
+    """
+
+    def curve(x: NDArray[np.floating]) -> NDArray[np.floating]:
+        return below_coat(immersed(x, ior), ior)
+
+    return _curved(staging, reflectance, curve, f"metal below a coat of index {ior!r}", line, number=False)
+
+
 def rooted(staging: Staging, value: Any, times: int, line: int) -> Any:
     """The square root of a number between 0 and 1, taken so many times: our roughness for that of other renderers.
 
@@ -72,6 +96,87 @@ def rooted(staging: Staging, value: Any, times: int, line: int) -> Any:
     return _curved(staging, value, curve, f"square root, {times} times", line, number=True)
 
 
+def decoded(staging: Staging, value: dict[str, Any], line: int) -> Any:
+    """A number from a channel that is taken as it is, such as alpha, as if it were coded as sRGB.
+
+    For the parameters see `rooted`.
+    """
+    return _curved(staging, value, srgb_decode, "as sRGB", line, number=True)
+
+
+def inverted(staging: Staging, value: Any, line: int, number: bool) -> Any:
+    """One minus a colour, or a number, of 0 to 1.
+
+    Parameters
+    ----------
+    staging : Staging
+        Receives the picture.
+    value : list of float, or dict
+    line : int
+        Of the texture, for messages.
+    number : bool
+        Whether it is a number, of one channel.
+    """
+    return _curved(staging, value, lambda x: 1.0 - x, "inverted", line, number)
+
+
+def number_channel(staging: Staging, name: str, line: int) -> str:
+    """The channel of a picture that pbrt takes as a number: alpha, unless it is 1 everywhere; else the mean of colours.
+
+    Parameters
+    ----------
+    staging : Staging
+    name : str
+        File name of the picture.
+    line : int
+        Of the texture, for messages.
+
+    Returns
+    -------
+    str
+        ``r`` for a grey picture, ``luminance`` for others without alpha.
+    """
+    grey = True
+    try:
+        with _opened(staging, name, line) as picture:
+            for band in picture.bands() if picture.channels > 1 else ():
+                if (band[..., 3] != _OPAQUE[picture.coding]).any():
+                    return "a"
+                grey = grey and bool((band[..., :1] == band[..., 1:3]).all())
+    except Exception:  # whatever a library stumbles over: the reader of the picture itself reports it
+        return "r"
+    return "r" if grey else "luminance"
+
+
+def mean_color(staging: Staging, texture: dict[str, Any], default: float, line: int) -> list[float]:
+    """The mean colour of a texture, 0 to 1.
+
+    Parameters
+    ----------
+    staging : Staging
+    texture : dict
+        As in a scene file.
+    default : float
+        Grey that stands for a picture that cannot be read.
+    line : int
+        Of the texture, for messages.
+    """
+    for key in ("checker", "ramp"):
+        if key in texture:
+            found: list[float] = np.clip(total(texture[key]) / len(texture[key]), 0.0, 1.0).tolist()
+            return found
+    scale = np.asarray(texture.get("scale", 1.0), np.float64)
+    try:
+        with _opened(staging, texture["texture"], line) as picture:
+            srgb = texture.get("color_space", "srgb") == "srgb"
+            rows = [total(_colors(picture, band, srgb)) for band in picture.bands()]
+    except Exception:  # whatever a library stumbles over
+        return [default] * 3
+    mean = total(total(np.array(rows))) / (picture.width * picture.height)
+    made: list[float] = np.clip(mean * scale * np.ones(3), 0.0, 1.0).tolist()
+    return made
+
+
 def _curved(staging: Staging, value: Any, curve: _Curve, told: str, line: int, number: bool) -> Any:
     if not isinstance(value, dict):
         made = curve(np.clip(np.array(value, np.float64), 0.0, 1.0))
@@ -85,20 +190,30 @@ def _curved(staging: Staging, value: Any, curve: _Curve, told: str, line: int, n
         try:
             staging.draft.pictures[name] = _picture(staging, value, curve, line, number), ".exr"
         except MemoryError:
-            raise SceneError(f"{staging.files.source}: {value['texture']!a} is too large for this machine") from None
+            raise OutOfMemory(f"{staging.files.source}: {value['texture']!a} is too large for this machine") from None
         except Exception:  # whatever a library stumbles over: the reader of the picture itself reports it
             return value
     kept = {key: each for key, each in value.items() if key not in used}
     return {**kept, "texture": name, **({"channel": "r"} if number else {})}
 
 
+@contextmanager
+def _opened(staging: Staging, name: str, line: int) -> Iterator[Picture]:
+    """A picture of the draft, or of a file."""
+    if name in staging.draft.pictures:
+        data, ending = staging.draft.pictures[name]
+        yield open_picture(io.BytesIO(data), ending)
+        return
+    file, _ = staging.files.open(name, f"line {line}")
+    with file:
+        yield open_picture(file, Path(name).suffix.lower())
+
+
 def _picture(staging: Staging, texture: dict[str, Any], curve: _Curve, line: int, number: bool) -> bytes:
     """An OpenEXR file of a texture's values behind the curve, in half precision."""
-    file, _ = staging.files.open(texture["texture"], f"line {line}")
     scale = np.asarray(texture.get("scale", [1.0] * 3), np.float32)
     srgb = texture.get("color_space", "linear" if number else "srgb") == "srgb"
-    with file:
-        picture = open_picture(file, Path(texture["texture"]).suffix.lower())
+    with _opened(staging, texture["texture"], line) as picture:
         made = np.empty((picture.height, picture.width, 3), np.float16)
         row = 0
         for band in picture.bands():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -22,6 +23,7 @@ __all__ = [
     "quads_mesh",
     "smoothed",
     "sphere_mesh",
+    "with_uvs",
     "without_area",
     "without_normals",
 ]
@@ -117,6 +119,14 @@ def flipped_v(mesh: MeshData) -> MeshData:
         return mesh
     uvs = mesh.uvs.copy()
     uvs[..., 1] = np.float32(1.0) - uvs[..., 1]
+    return dataclasses.replace(mesh, uvs=uvs)
+
+
+def with_uvs(mesh: MeshData, corners: Sequence[tuple[float, float]]) -> MeshData:
+    """The mesh, with the same texture coordinates of the three corners on each triangle if it has none."""
+    if mesh.uvs is not None:
+        return mesh
+    uvs = np.broadcast_to(np.array(corners, np.float32), (len(mesh.triangles), 3, 2)).copy()
     return dataclasses.replace(mesh, uvs=uvs)
 
 

@@ -14,11 +14,21 @@ from numpy.typing import NDArray
 from clrender.exact.angles import exponential_minus_one
 from clrender.exact.matrices import interpolated, times, total
 
-__all__ = ["LUMINANCE", "Color", "blackbody_color", "light_color", "luminance", "reflectance_color", "value_at"]
+__all__ = [
+    "LUMINANCE",
+    "TO_REC709",
+    "Color",
+    "blackbody_color",
+    "blackbody_xyz",
+    "light_color",
+    "luminance",
+    "reflectance_color",
+    "value_at",
+]
 
 Color: TypeAlias = tuple[float, float, float]
 _Floats: TypeAlias = NDArray[np.float64]
-_TO_REC709: Final = np.array(
+TO_REC709: Final = np.array(
     [[3.240479, -1.537150, -0.498535], [-0.969256, 1.875991, 0.041556], [0.055648, -0.204043, 1.057311]]
 )
 """Matrix from XYZ, for the white point D65 (ITU-R BT.709)."""
@@ -58,9 +68,12 @@ def light_color(wavelengths: Sequence[float], values: Sequence[float]) -> Color:
     three floats
         Not negative: colours outside the Rec. 709 gamut are clipped.
     """
+    return _color(_xyz(wavelengths, values))
+
+
+def _xyz(wavelengths: Sequence[float], values: Sequence[float]) -> _Floats:
     _, observer, _ = _table()
-    sampled = _sampled(wavelengths, values)
-    return _color(_weighted(sampled, observer))
+    return _weighted(_sampled(wavelengths, values), observer)
 
 
 def reflectance_color(wavelengths: Sequence[float], values: Sequence[float]) -> Color:
@@ -82,11 +95,16 @@ def blackbody_color(kelvin: float) -> Color:
     kelvin : float
         Above 0.
     """
+    return _color(blackbody_xyz(kelvin))
+
+
+def blackbody_xyz(kelvin: float) -> _Floats:
+    """Like `blackbody_color`, as XYZ, (3,) float64."""
     nanometres, _, _ = _table()
     metres = nanometres * 1e-9
     growth = np.array([exponential_minus_one(x) for x in (_HC_OVER_K / (metres * kelvin)).tolist()])
     values = _TWO_HC2 * 1e-9 / (metres * metres * metres * metres * metres * growth)
-    return light_color(nanometres.tolist(), values.tolist())
+    return _xyz(nanometres.tolist(), values.tolist())
 
 
 def value_at(wavelengths: Sequence[float], values: Sequence[float], nanometres: float) -> float:
@@ -111,5 +129,5 @@ def _sampled(wavelengths: Sequence[float], values: Sequence[float]) -> _Floats:
 
 
 def _color(xyz: _Floats) -> Color:
-    red, green, blue = (max(0.0, float(x)) if math.isfinite(x) else math.inf for x in times(_TO_REC709, xyz))
+    red, green, blue = (max(0.0, float(x)) if math.isfinite(x) else math.inf for x in times(TO_REC709, xyz))
     return red, green, blue

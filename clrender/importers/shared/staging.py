@@ -9,8 +9,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from clrender.errors import SceneError
+from clrender.errors import OutOfMemory, SceneError
 from clrender.exact.matrices import inner, length, product, times
+from clrender.files.named import allowed_file
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
 from clrender.importers.shared.matrices import (
@@ -27,6 +28,7 @@ from clrender.importers.shared.spectra import Color
 from clrender.meshes.data import MeshData
 from clrender.meshes.read import read_mesh
 from clrender.scene.values import SHAPE_LIMIT
+from clrender.wording import quoted
 
 __all__ = ["Staging", "roughness_of"]
 
@@ -136,6 +138,24 @@ class Staging:
             self.draft.meshes[name] = make()
         self.shape({"type": "mesh", "file": name, **described}, matrix, line)
 
+    def is_textured(self, described: dict[str, Any]) -> bool:
+        """Whether anything on a shape varies over its surface."""
+        if isinstance(described.get("emission"), dict):
+            return True
+        name = described.get("material")
+        parts = [name] if name else []
+        materials = self.draft.description["materials"]
+        while parts:
+            material = materials[parts.pop()]
+            if any(isinstance(value, dict) for value in material.values()):
+                return True
+            parts += material.get("materials", [])
+        return False
+
+    def lacks_uvs(self, name: str, described: dict[str, Any]) -> bool:
+        """Whether a mesh of the draft has no texture coordinates although something on its shape is textured."""
+        return self.draft.meshes[name].uvs is None and self.is_textured(described)
+
     def mesh_of_file(
         self,
         uri: str,
@@ -143,8 +163,10 @@ class Staging:
         line: int,
         adapt: Callable[[MeshData], MeshData],
         read: Callable[[str, Path, Sequence[Path], str], MeshData] = read_mesh,
-    ) -> tuple[str, bool]:
+    ) -> tuple[str, bool] | None:
         """Read a mesh file, once for each way of adapting it.
+
+        A file that is missing or damaged is left out, with a note.
 
         Parameters
         ----------
@@ -163,12 +185,26 @@ class Staging:
             Name in the draft's meshes.
         had_normals : bool
             Whether the file has vertex normals.
+
+        Raises
+        ------
+        SceneError
+            The file is in a folder that is not allowed, or too large for this machine; or it is missing or damaged, and
+            the files are strict.
         """
         key = (uri, kind)
         if key not in self._read:
             place = f"line {line}"
             name = self.files.name(uri, place)
-            mesh = read(name, self.files.folder, self.files.allow_paths, f"{self.files.source}: {place}")
+            label = f"{self.files.source}: {place}"
+            allowed_file(name, self.files.folder, self.files.allow_paths, f"{label}: {quoted(name)}")
+            try:
+                mesh = read(name, self.files.folder, self.files.allow_paths, label)
+            except OutOfMemory:
+                raise
+            except SceneError as fault:
+                self.draft.leave_out(fault, self.files.source, self.files.strict)
+                return None
             self._read[key] = (f"{uri} ({kind})", mesh.normals is not None)
             self.draft.meshes[f"{uri} ({kind})"] = adapt(mesh)
         return self._read[key]

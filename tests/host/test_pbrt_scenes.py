@@ -1,0 +1,372 @@
+"""What pbrt-v4 defines otherwise than we do: coats, sensors, subsurface scattering, holes and subdivision."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cases import for_each
+from PIL import Image
+
+import clrender.importers.pbrt
+from clrender.errors import SceneError
+from clrender.exact.matrices import times
+from clrender.flatten.subsurface import single_scattering
+from clrender.image.pictures import open_picture
+from clrender.importers import load
+from clrender.importers.asset_files import AssetFiles
+from clrender.importers.draft import Draft
+from clrender.importers.shared.half_space import h_function, returned
+from clrender.importers.shared.spectra import TO_REC709
+from clrender.importers.shared.white_balance import daylight_xyz, white_balance
+from clrender.scene import Scene
+
+BALL = 'Shape "sphere"\n'
+
+
+def text(world: str, before: str = 'Camera "perspective"') -> str:
+    return f"{before}\nWorldBegin\n{world}\n"
+
+
+def pbrt(folder: Path, world: str, before: str = 'Camera "perspective"') -> Scene:
+    """The scene of a pbrt file."""
+    path = folder / "scene.pbrt"
+    path.write_text(text(world, before), encoding="utf-8")
+    return load(path)
+
+
+def draft_of(folder: Path, world: str) -> Draft:
+    """What its reader makes of a pbrt file."""
+    path = folder / "scene.pbrt"
+    path.write_text(text(world), encoding="utf-8")
+    return clrender.importers.pbrt.read(path, AssetFiles("scene.pbrt", folder))
+
+
+def dump(part: Any) -> dict[str, Any]:
+    """What is not left at its default."""
+    found: dict[str, Any] = part.model_dump(exclude_unset=True)
+    return found
+
+
+# --- coats
+
+
+def layered(reflectance: float, ior: float) -> float:
+    """Reflectance of a metal below a smooth boundary, straight on, by following the light up and down in it.
+
+    Parameters
+    ----------
+    reflectance : float
+        Of the metal in the coat.
+    ior : float
+        Index of refraction of the coat.
+    """
+    boundary = ((ior - 1.0) / (ior + 1.0)) ** 2
+    found, inside = boundary, 1.0 - boundary
+    for _ in range(200):
+        inside *= reflectance
+        found += inside * (1.0 - boundary)
+        inside *= boundary
+    return found
+
+
+def seen(made: dict[str, Any], base: Any) -> Any:
+    """Reflectance of our metal below its coat, straight on."""
+    coat = 0.04 * made["coat"]
+    return coat + (1.0 - coat) * np.asarray(base, np.float64)
+
+
+@for_each(("given", "ior"), [("", 1.5), ('"float interface.eta" 1.3', 1.3)])
+def test_a_coated_metal_reflects_what_its_layers_do(tmp_path: Path, given: str, ior: float) -> None:
+    index = '"rgb conductor.eta" [0.2 0.9 1.1] "rgb conductor.k" [3.9 2.5 2.1]'
+    rough = '"float interface.roughness" 0.0016 "float conductor.roughness" 0.0256'
+    scene = pbrt(tmp_path, f'Material "coatedconductor" {index} {given} {rough}\n{BALL}')
+    made = dump(next(iter(scene.materials.values())))
+    wanted = []
+    for eta, k in zip((0.2, 0.9, 1.1), (3.9, 2.5, 2.1), strict=True):
+        inside = complex(eta, k) / ior
+        wanted.append(layered(abs((inside - 1.0) / (inside + 1.0)) ** 2, ior))
+    np.testing.assert_allclose(seen(made, made["base_color"]), wanted, rtol=1e-12)
+    assert made["type"] == "principled" and made["metallic"] == 1.0
+    # Alpha is the root of pbrt's roughness and the square of ours
+    assert made["coat_roughness"] ** 4 == pytest.approx(0.0016) and made["roughness"] ** 4 == pytest.approx(0.0256)
+    assert any("coatedconductor" in note for note in scene.notes)
+
+
+def test_a_coated_metal_of_a_picture_is_that_of_its_colours(tmp_path: Path) -> None:
+    """pbrt makes a metal of index 1 + i k of a reflectance r, with r = k² / (4 + k²)."""
+    shares = np.array([0.0, 0.3, 0.9], np.float32)
+    (tmp_path / "t.pfm").write_bytes(b"PF\n3 1\n-1\n" + np.repeat(shares, 3).astype("<f4").tobytes())
+    picture = 'Texture "t" "spectrum" "imagemap" "string filename" "t.pfm"\n'
+    draft = draft_of(tmp_path, f'{picture}Material "coatedconductor" "texture reflectance" "t"\n{BALL}')
+    (made,) = draft.description["materials"].values()
+    data, ending = draft.pictures[made["base_color"]["texture"]]
+    (band,) = open_picture(io.BytesIO(data), ending).bands()
+    wanted = []
+    for share in shares.astype(float):
+        inside = complex(1.0, 2.0 * np.sqrt(share / (1.0 - share))) / 1.5
+        wanted.append(layered(abs((inside - 1.0) / (inside + 1.0)) ** 2, 1.5))
+    np.testing.assert_allclose(seen(made, band.view(np.float16)[0, :, 0]), wanted, rtol=2e-3)
+    plain = pbrt(tmp_path, f'Material "coatedconductor" "rgb reflectance" [0 0.3 0.9]\n{BALL}')
+    color = dump(next(iter(plain.materials.values())))["base_color"]
+    np.testing.assert_allclose(seen(made, color), wanted, rtol=1e-7)
+
+
+def test_a_coat_of_a_larger_index_is_told(tmp_path: Path) -> None:
+    scene = pbrt(tmp_path, f'Material "coatedconductor" "float interface.eta" 2\n{BALL}')
+    assert dump(next(iter(scene.materials.values())))["coat"] == 1.0
+    assert any("a coat of index 2 reflects as one of 1.5" in note for note in scene.notes)
+
+
+# --- film
+
+
+def test_daylight_has_the_chromaticities_of_the_standard() -> None:
+    """Illuminants D50, D55, D65 and D75 of CIE 15:2004, whose temperatures are those of 1964 times 1.4388 / 1.4380."""
+    for kelvin, x, y in (
+        (5000, 0.3457, 0.3585),
+        (5500, 0.3324, 0.3474),
+        (6500, 0.3127, 0.3290),
+        (7500, 0.2990, 0.3149),
+    ):
+        xyz = daylight_xyz(float(kelvin))
+        assert (xyz / xyz.sum())[:2] == pytest.approx((x, y), abs=2e-4) and xyz[1] == 1.0
+    # Planck's locus at 3000 K (Wyszecki & Stiles, table 1(3.11))
+    xyz = daylight_xyz(3000.0 * 1.4380 / 1.4388)
+    assert (xyz / xyz.sum())[:2] == pytest.approx((0.4369, 0.4041), abs=1e-4)
+
+
+def test_a_white_balance_makes_its_light_white() -> None:
+    for kelvin in (2800.0, 5000.0, 9000.0):
+        light = times(TO_REC709, daylight_xyz(kelvin))
+        np.testing.assert_allclose(times(white_balance(kelvin), light), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(white_balance(6500.0), np.eye(3), atol=1e-3)
+    # Bradford's matrix from D50 to D65 on XYZ, as published by Lindbloom
+    wanted = [
+        [0.9555766, -0.0230393, 0.0631636],
+        [-0.0282895, 1.0099416, 0.0210077],
+        [0.0122982, -0.0204830, 1.3299098],
+    ]
+    to_xyz = np.linalg.inv(TO_REC709)
+    np.testing.assert_allclose(to_xyz @ white_balance(5000.0) @ TO_REC709, wanted, atol=2e-3)
+
+
+@for_each("light", ["point", "area", "map", "constant"])
+def test_the_white_balance_of_the_film_is_that_of_all_lights(tmp_path: Path, light: str) -> None:
+    """Light of a black body of 3000 K is as white as the film says, whichever lamp it comes from."""
+    (red, green, blue) = (float(x) for x in times(TO_REC709, daylight_xyz(3000.0)))
+    pixels = np.broadcast_to(np.array([red, green, blue], "<f4"), (16, 16, 3)).tobytes()
+    (tmp_path / "sky.pfm").write_bytes(b"PF\n16 16\n-1\n" + pixels)
+    world = {
+        "point": f'LightSource "point" "rgb I" [{red} {green} {blue}]\n' + BALL,
+        "area": f'AreaLightSource "diffuse" "rgb L" [{red} {green} {blue}]\n' + BALL,
+        "map": 'LightSource "infinite" "string filename" "sky.pfm"\n' + BALL,
+        "constant": f'LightSource "infinite" "rgb L" [{red} {green} {blue}]\n' + BALL,
+    }[light]
+    film = 'Film "gbuffer" "float iso" 150 "float whitebalance" 3000 "string sensor" "nikon_d810"'
+    scene = pbrt(tmp_path, world, f'Camera "perspective"\n{film}')
+    if light == "map":
+        (lamp,) = (dump(each) for each in scene.lights)
+        found = scene.environment_picture().pixels[8, 8] * np.array(lamp["scale"])  # type: ignore[union-attr]
+    elif light == "area":
+        found = dump(scene.shapes[0])["emission"]
+    else:
+        (lamp,) = (dump(each) for each in scene.lights)
+        found = lamp["intensity" if light == "point" else "radiance"]
+    np.testing.assert_allclose(found, 1.5, atol=2e-3)
+    said = " ".join(scene.notes)
+    assert "white balance of the film, 3000 K" in said and '"nikon_d810" is read as cie1931' in said
+    assert "not understood" not in said
+
+
+def test_sensors_without_a_white_balance_change_no_colour(tmp_path: Path) -> None:
+    """Named sensors are balanced for 6500 K, which is the white of the image."""
+    film = 'Film "rgb" "string sensor" "canon_eos_100d"'
+    scene = pbrt(tmp_path, 'LightSource "point" "rgb I" [1 2 3]\n' + BALL, f'Camera "perspective"\n{film}')
+    assert dump(scene.lights[0])["intensity"] == (1.0, 2.0, 3.0)
+
+
+def test_a_white_balance_is_a_temperature(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r'line 2: "whitebalance" is 10, but must be 1000 to 25000 kelvin'):
+        pbrt(tmp_path, BALL, 'Camera "perspective"\nFilm "rgb" "float whitebalance" 10')
+
+
+# --- subsurface scattering
+
+
+def test_half_spaces_without_a_boundary_return_their_albedo() -> None:
+    """Against the renderer's own table, which comes from another method."""
+    for albedo in (0.05, 0.3, 0.7, 0.97):
+        plain, entered = returned(np.sqrt(1.0 - single_scattering(albedo, 0.0)), 1.0)
+        assert plain == pytest.approx(albedo, rel=2e-4) and entered == pytest.approx(plain, rel=1e-9)
+    assert returned(0.0, 1.5) == pytest.approx((1.0, 1.0), abs=1e-7)
+    # Chandrasekhar's H at 1, without absorption, is 2.9078
+    cosines, weights = np.polynomial.legendre.leggauss(64)
+    found = h_function(0.0, (cosines + 1.0) / 2.0, weights / 2.0)
+    assert np.interp(1.0, (cosines + 1.0) / 2.0, found) == pytest.approx(2.9078, abs=2e-3)
+
+
+def walked(alpha: float, ior: float, walks: int) -> float:
+    """Share of the diffuse light that enters a half-space which leaves again, by random walks."""
+    random = np.random.default_rng(1)
+    outside = np.sqrt(random.random(walks))
+    entering = np.sqrt(1.0 - (1.0 - outside**2) / ior**2)
+
+    def mirrored(inside: Any) -> Any:
+        beyond = np.sqrt(np.maximum(1.0 - ior**2 * (1.0 - inside**2), 0.0))
+        s, p = (ior * inside - beyond) / (ior * inside + beyond), (inside - ior * beyond) / (inside + ior * beyond)
+        return (s**2 + p**2) / 2.0
+
+    enters = random.random(walks) >= mirrored(entering)
+    down, depth = entering[enters], np.zeros(int(enters.sum()))
+    count, left = len(down), 0
+    while len(down):
+        depth += down * -np.log(1.0 - random.random(len(down)))
+        above = depth <= 0.0
+        leaves = above & (random.random(len(down)) >= mirrored(np.abs(down)))
+        left += int(leaves.sum())
+        # What is mirrored goes on from the surface; the rest scatters where it is, or is absorbed
+        depth = np.where(above, 0.0, depth)
+        down = np.where(above, -down, 2.0 * random.random(len(down)) - 1.0)
+        kept = ~leaves & (above | (random.random(len(down)) < alpha))
+        down, depth = down[kept], depth[kept]
+    return left / count
+
+
+def test_half_spaces_below_a_boundary_return_what_walks_do() -> None:
+    for alpha, ior in ((0.6, 1.33), (0.95, 1.5), (0.99, 1.33)):
+        assert returned(np.sqrt(1.0 - alpha), ior)[1] == pytest.approx(walked(alpha, ior, 100_000), abs=0.006)
+
+
+def test_subsurface_by_reflectance_returns_it_below_its_boundary(tmp_path: Path) -> None:
+    given = '"rgb reflectance" [0.2 0.5 1] "rgb mfp" [0.1 0.2 0.3] "float scale" 0.5 "float g" 0.4'
+    scene = pbrt(tmp_path, f'Material "subsurface" {given} "float roughness" 0.0016\n{BALL}')
+    made = dump(next(iter(scene.materials.values())))
+    assert made["type"] == "subsurface" and made["ior"] == 1.33 and made["g"] == 0.4
+    assert made["radius"] == pytest.approx((0.05, 0.1, 0.15)) and made["roughness"] ** 4 == pytest.approx(0.0016)
+    assert made["albedo"][2] == 1.0
+    for wanted, albedo in zip((0.2, 0.5), made["albedo"], strict=False):
+        root = np.sqrt(1.0 - single_scattering(albedo, 0.0))
+        assert returned(root, 1.33)[1] == pytest.approx(wanted, rel=3e-4)
+
+
+@for_each(
+    ("given", "scattering", "absorption"),
+    [
+        ("", (2.55, 3.21, 3.77), (0.0011, 0.0024, 0.014)),
+        ('"string name" "Skin1" "float g" 0.8', (0.74, 0.88, 1.01), (0.032, 0.17, 0.48)),
+        ('"rgb sigma_s" [1 2 3] "rgb sigma_a" [4 5 6]', (1.0, 2.0, 3.0), (4.0, 5.0, 6.0)),
+    ],
+)
+def test_subsurface_by_coefficients_is_glass_with_a_medium(
+    tmp_path: Path, given: str, scattering: tuple[float, ...], absorption: tuple[float, ...]
+) -> None:
+    scene = pbrt(tmp_path, f'Material "subsurface" {given} "float scale" 10 "float eta" 1.4\n{BALL}')
+    (shape,) = scene.shapes
+    glass, medium = dump(scene.materials[shape.material]), dump(scene.media[shape.interior])
+    assert glass["type"] == "dielectric" and glass["ior"] == 1.4
+    assert medium["scattering"] == pytest.approx(np.multiply(scattering, 10.0))
+    assert medium["absorption"] == pytest.approx(np.multiply(absorption, 10.0))
+    assert medium["g"] == 0.0 and not any("not understood" in note for note in scene.notes)
+
+
+def test_equal_surfaces_of_other_media_stay_apart(tmp_path: Path) -> None:
+    world = f'Material "subsurface" "string name" "Skin1"\n{BALL}Material "subsurface" "string name" "Skin2"\n{BALL}'
+    first, second = pbrt(tmp_path, world + 'Material "dielectric" "float eta" 1.33\n').shapes
+    assert first.interior != second.interior and first.material != second.material
+
+
+def test_textured_subsurface_has_the_mean_colour_of_its_picture(tmp_path: Path) -> None:
+    pixels = np.array([[[0.2, 0.4, 0.6], [0.4, 0.6, 0.8]]], "<f4")
+    (tmp_path / "t.pfm").write_bytes(b"PF\n2 1\n-1\n" + pixels.tobytes())
+    picture = 'Texture "t" "spectrum" "imagemap" "string filename" "t.pfm"\n'
+    skin = 'Material "subsurface" "texture reflectance" "t" "float eta" 1\n'
+    scene = pbrt(tmp_path, picture + skin + BALL)
+    assert dump(scene.materials["subsurface"])["albedo"] == pytest.approx((0.3, 0.5, 0.7), abs=1e-6)
+    assert any("mean colour" in note for note in scene.notes)
+
+
+def test_named_media_and_what_is_not_one(tmp_path: Path) -> None:
+    medium = 'MakeNamedMedium "m" "string type" "homogeneous" "string preset" "Coke" "float scale" 2\n'
+    scene = pbrt(tmp_path, medium + f'MediumInterface "m" ""\nMaterial "interface"\n{BALL}')
+    assert dump(scene.media["m"])["absorption"] == pytest.approx((0.20028, 0.33006, 0.4936))
+    plain = pbrt(tmp_path, f'MakeNamedMedium "m"\nMediumInterface "m" ""\nMaterial "interface"\n{BALL}')
+    assert dump(plain.media["m"])["scattering"] == (1.0, 1.0, 1.0) == dump(plain.media["m"])["absorption"]
+    with pytest.raises(SceneError, match=r'the medium "Skin" is not known; did you mean "Skin.".'):
+        pbrt(tmp_path, f'Material "subsurface" "string name" "Skin"\n{BALL}')
+
+
+def test_subsurface_scattering_in_a_mixture_is_diffuse(tmp_path: Path) -> None:
+    made = 'MakeNamedMaterial "a" "string type" "subsurface" "rgb reflectance" [0 0 1]\n'
+    made += 'MakeNamedMaterial "b" "string type" "diffuse"\n'
+    scene = pbrt(tmp_path, made + 'Material "mix" "string materials" ["a" "b"]\n' + BALL)
+    assert dump(scene.materials["a, diffuse"]) == {"type": "lambert", "reflectance": (0.0, 0.0, 1.0)}
+    assert any("in a mixture" in note for note in scene.notes)
+
+
+# --- pictures as numbers, and holes
+
+
+def opacity_of(folder: Path, texture: str, pixels: Any) -> Any:
+    """The values of a shape's alpha, with a picture of 8 bits."""
+    Image.fromarray(np.array([pixels], np.uint8)).save(folder / "t.png")
+    world = f'Texture "t" "float" "imagemap" "string filename" "t.png" {texture}\n'
+    draft = draft_of(folder, f'{world}Material "diffuse"\nShape "sphere" "texture alpha" "t"')
+    (name,) = {shape["material"] for shape in draft.description["shapes"]}
+    opacity = draft.description["materials"][name]["opacity"]
+    if opacity["texture"] in draft.pictures:
+        data, ending = draft.pictures[opacity["texture"]]
+        (band,) = open_picture(io.BytesIO(data), ending).bands()
+        assert opacity["channel"] == "r" and not {"scale", "color_space"} & set(opacity)
+        return band.view(np.float16)[0, :, 0].astype(float)
+    return opacity
+
+
+def test_holes_are_of_the_alpha_of_their_picture(tmp_path: Path) -> None:
+    """pbrt takes the alpha of a picture that has one, decoded like its colours, unless it is opaque everywhere."""
+    leaf = [[10, 20, 30, 0], [10, 20, 30, 128], [10, 20, 30, 255]]
+    wanted = [0.0, ((128 / 255 + 0.055) / 1.055) ** 2.4, 1.0]
+    assert opacity_of(tmp_path, "", leaf) == pytest.approx(wanted, rel=1e-3)
+    assert opacity_of(tmp_path, '"bool invert" true', leaf) == pytest.approx(np.subtract(1.0, wanted), rel=1e-3)
+    linear = opacity_of(tmp_path, '"string encoding" "linear" "float scale" 0.5', leaf)
+    assert linear["channel"] == "a" and linear["color_space"] == "linear" and linear["scale"] == [0.5] * 3
+    for pixels, channel in (
+        ([[10, 10, 10, 255], [200, 200, 200, 255]], "r"),
+        ([[10, 20, 30], [4, 5, 6]], "luminance"),
+        ([10, 200], "r"),
+    ):
+        found = opacity_of(tmp_path, "", pixels)
+        assert found["channel"] == channel and found["color_space"] == "srgb"
+
+
+def test_holes_of_numbers_and_other_textures(tmp_path: Path) -> None:
+    board = 'Texture "t" "float" "checkerboard" "float tex1" 0.25 "float tex2" 0\n'
+    world = board + 'Shape "sphere" "float alpha" 0.5\nShape "disk" "texture alpha" "t"'
+    scene = pbrt(tmp_path, world)
+    first, second = (scene.materials[shape.material] for shape in scene.shapes)
+    assert first.opacity == 0.5 and dump(second)["opacity"]["checker"] == ((0.25,) * 3, (0.0,) * 3)
+
+
+def test_lamps_of_alpha_0_shine(tmp_path: Path) -> None:
+    scene = pbrt(tmp_path, 'AreaLightSource "diffuse"\nMaterial "diffuse"\nShape "sphere" "float alpha" 0')
+    (shape,) = scene.shapes
+    assert shape.emission == (1.0, 1.0, 1.0) and scene.materials[shape.material].opacity == 1.0
+    assert any("a lamp of alpha 0" in note for note in scene.notes)
+
+
+def test_inverted_pictures(tmp_path: Path) -> None:
+    """One minus the scaled colour, and of that the mean of a picture, as of any other."""
+    pixels = np.array([[[0.2, 0.4, 0.6], [0.4, 0.6, 0.8]]], "<f4")
+    (tmp_path / "t.pfm").write_bytes(b"PF\n2 1\n-1\n" + pixels.tobytes())
+    inverted = '"imagemap" "string filename" "t.pfm" "bool invert" true "float scale" 0.5'
+    world = f'Texture "t" "spectrum" {inverted}\nMaterial "diffuse" "texture reflectance" "t"\n{BALL}'
+    world += f'Material "subsurface" "texture reflectance" "t" "float eta" 1\n{BALL}'
+    draft = draft_of(tmp_path, world)
+    made = draft.description["materials"]
+    data, ending = draft.pictures[made["diffuse"]["reflectance"]["texture"]]
+    (band,) = open_picture(io.BytesIO(data), ending).bands()
+    np.testing.assert_allclose(band.view(np.float16)[0, :, :3], 1.0 - pixels[0] / 2.0, rtol=1e-3)
+    assert made["subsurface"]["albedo"] == pytest.approx([0.85, 0.75, 0.65], rel=1e-3)
