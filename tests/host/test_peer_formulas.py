@@ -620,8 +620,11 @@ def test_pixel_filters_of_pbrt(tmp_path: Path, given: str, name: str, noted: boo
 
 
 @for_each(("kind", "name", "noted"), [("path", "path", False), ("sppm", "photon", False), ("other", "path", True)])
-def test_integrators_of_mitsuba(tmp_path: Path, kind: str, name: str, noted: bool) -> None:
+def test_integrators(tmp_path: Path, kind: str, name: str, noted: bool) -> None:
     scene = mitsuba(tmp_path, f'<integrator type="{kind}"/><shape type="sphere">{GREY}</shape>')
+    assert (scene.render.integrator or "path") == name
+    assert any('is read as "path"' in note for note in scene.notes) is noted
+    scene = pbrt(tmp_path, BALL, f'Integrator "{kind}"')
     assert (scene.render.integrator or "path") == name
     assert any('is read as "path"' in note for note in scene.notes) is noted
 

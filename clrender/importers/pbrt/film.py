@@ -152,7 +152,10 @@ class Settings:
     def integrator(self, directive: Directive) -> None:
         """The maximum depth, which counts scattering events like ours."""
         kind, parameters = directive.text(0, "type"), directive.parameters
-        if kind not in _PATHS:
+        if kind == "sppm":
+            self._render["integrator"] = "photon"
+            parameters.ignore("photonsperiteration", "radius")
+        elif kind not in _PATHS:
             self._staging.note(f'the integrator {quoted(kind)} is read as "path"')
         self._render["max_depth"] = min(max(parameters.whole("maxdepth", 5), 0), 2**31 - 1)
         parameters.ignore("lightsampler", "samplelights", "samplebsdf", "usemis")
