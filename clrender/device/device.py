@@ -24,6 +24,7 @@ from clrender.device.source import Source, load_source
 from clrender.errors import DeviceError, DeviceFailure, MemoryRefused, RenderError
 from clrender.process.driver_threads import wait_for_driver_threads
 from clrender.process.exclusive import Turn
+from clrender.process.heap import return_free_pages
 from clrender.process.huge_pages import LARGE_BYTES, prefer_large_pages, withdraw_preference
 
 if TYPE_CHECKING:
@@ -45,6 +46,8 @@ BUSY: Final = (
 )
 PROGRAM_LIMIT: Final = 64
 """Programs that a device keeps. With PoCL one takes 2 to 9 MB, and 0.2 s to load again from the cache of binaries."""
+_COMPILED_SECONDS: Final = 0.5
+"""A first launch that took longer compiled the program, and did not load it."""
 _EXIT_SECONDS: Final = 0.2
 """To wait, at the exit of a command, for threads that return from a driver."""
 _KEPT: Final[list[Any]] = []
@@ -405,8 +408,11 @@ class Device:
         event = enqueue()
         event.wait()
         running = (event.profile.end - event.profile.start) * 1e-9
-        self.compile_seconds += max(time.perf_counter() - begin - running, 0.0)
+        compiling = max(time.perf_counter() - begin - running, 0.0)
+        self.compile_seconds += compiling
         self._sentinel.take()
+        if compiling > _COMPILED_SECONDS:
+            return_free_pages()  # of this compilation, and of programs that were dropped since the last one
 
     @property
     def group(self) -> int:
@@ -514,6 +520,8 @@ class Device:
             self._programs = {}
         self._programs.clear()
         del self._queue, self._context
+        if not self.lost:
+            return_free_pages()
 
     def _call(self, kind: str, what: str, function: Callable[[], _T]) -> _T:
         """Make a driver call that may fail; all such calls go through here.

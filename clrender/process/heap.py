@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import Final
 
-__all__ = ["LARGE_BYTES", "return_large_blocks"]
+__all__ = ["LARGE_BYTES", "return_free_pages", "return_large_blocks"]
 
 LARGE_BYTES: Final = 1 << 20
 """Smallest large block. Below it a block from the heap costs less than new pages from the system."""
@@ -30,3 +30,16 @@ def return_large_blocks() -> None:
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if os.name == "posix" else None
     if mallopt is not None:
         mallopt(_MMAP_THRESHOLD, LARGE_BYTES)
+
+
+def return_free_pages() -> None:
+    """Return pages of the heaps of all threads that hold no block; only glibc has a function for it.
+
+    Compilers and compiled programs of drivers are many small blocks, whose pages `free` keeps: a process that had
+    compiled some hundred programs occupied 9.9 GB, of which it needed 2.5.
+    """
+    import ctypes  # as above
+
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if os.name == "posix" else None
+    if trim is not None:
+        trim(0)
