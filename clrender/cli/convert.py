@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -14,9 +12,6 @@ from clrender.cli.options import load_options
 from clrender.cli.outputs import check_distinct, scene_files
 from clrender.errors import UsageError
 from clrender.files.access import atomic_write, check_writable
-
-if TYPE_CHECKING:
-    from clrender.exporters import Export
 
 __all__ = ["convert"]
 
@@ -62,38 +57,9 @@ def convert(
         raise UsageError(f"{ascii(str(output))[1:-1]}: the name {reason}")
     name = ascii(Path(scene).name)[1:-1]
     text = scene_text(export.description, output.suffix.lower(), f"{name}, as clrender {__version__} converts it")
-    with _files_beside(export, output), atomic_write(output) as file:
+    with export.written(output), atomic_write(output) as file:
         file.write(text)
     for note in loaded.notes:
         click.echo(f"note: {note}", err=True)
     beside = f", {len(export.files)} files in {folder}" if export.files else ""
     click.echo(f"{output}: {len(loaded.shapes)} shapes{beside}, scene sha256 {loaded.sha256()}")
-
-
-@contextmanager
-def _files_beside(export: Export, output: Path) -> Iterator[None]:
-    """Write all files; if this or the block fails, files and folders that are new are removed again."""
-    made: list[Path] = []
-    try:
-        for name, write in export.files.items():
-            path = output.parent / name
-            if not path.parent.exists():
-                path.parent.mkdir()
-                made.append(path.parent)
-            if not path.exists():
-                made.append(path)
-            with atomic_write(path) as file:
-                write(file)
-        yield
-    except OSError as error:
-        _remove(made)
-        raise UsageError(f"{output.stem}-files: cannot be made ({error.strerror}); write elsewhere.") from None
-    except BaseException:
-        _remove(made)
-        raise
-
-
-def _remove(made: list[Path]) -> None:
-    for path in reversed(made):
-        with suppress(OSError):
-            path.rmdir() if path.is_dir() else path.unlink()
