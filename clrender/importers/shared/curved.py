@@ -5,24 +5,21 @@ from __future__ import annotations
 import io
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
-from clrender.exact.matrices import inner
 from clrender.image.exr_write import ExrFormat, write_exr
-from clrender.image.pictures import Picture, open_picture
-from clrender.image.texel_tiles import coded_values
-from clrender.image.tone_map import LUMINANCE
+from clrender.image.pictures import open_picture
+from clrender.image.texel_values import texel_colors, texel_numbers
 from clrender.importers.shared.fresnel import internal_reflectance
 from clrender.importers.shared.staging import Staging
 
 __all__ = ["below_boundary", "rooted"]
 
 _Curve: TypeAlias = Callable[[NDArray[np.floating]], NDArray[np.floating]]
-_CHANNELS: Final = {"r": 0, "g": 1, "b": 2, "a": 3}
 
 
 def below_boundary(staging: Staging, base: Any, ior: float, line: int) -> Any:
@@ -103,29 +100,12 @@ def _picture(staging: Staging, texture: dict[str, Any], curve: _Curve, line: int
         row = 0
         for band in picture.bands():
             values = (
-                _values(picture, band, srgb, texture.get("channel", "r")) if number else _colors(picture, band, srgb)
+                texel_numbers(picture, band, srgb, texture.get("channel", "r"))
+                if number
+                else texel_colors(picture, band, srgb)
             )
             made[row : row + len(band)] = curve(np.clip(values * (scale[:1] if number else scale), 0.0, 1.0))
             row += len(band)
     data = io.BytesIO()
     write_exr(data, made, {}, {}, ExrFormat(type="half", compression="none"))  # type: ignore[arg-type]
     return data.getvalue()
-
-
-def _colors(picture: Picture, band: NDArray[Any], srgb: bool) -> NDArray[np.float32]:
-    """Linear colours of texels, (h, w, 1 or 3)."""
-    colors = band[..., :3]
-    return np.asarray(colors if picture.coding == "float" else coded_values(picture.coding, srgb)[colors], np.float32)
-
-
-def _values(picture: Picture, band: NDArray[Any], srgb: bool, channel: str) -> NDArray[np.float32]:
-    """One channel of texels, or their luminance, (h, w, 1)."""
-    if picture.channels == 1:
-        return _colors(picture, band, srgb)
-    if channel == "a":
-        return _colors(picture, band[..., 3:], False)
-    colors = _colors(picture, band, srgb)
-    if channel == "luminance":
-        return np.asarray(inner(colors.astype(np.float64), LUMINANCE)[..., None], np.float32)
-    at = _CHANNELS[channel]
-    return colors[..., at : at + 1]
