@@ -578,3 +578,14 @@ def test_sheets_of_pbrt_reflect_and_transmit_their_colours(
     color = made.diffuse_transmission_color or (0.0, 0.0, 0.0)
     np.testing.assert_allclose(np.multiply(color, share), np.multiply(transmitted, scale), atol=1e-9)
     assert not any("diffusetransmission" in note for note in scene.notes)
+
+
+@pytest.mark.parametrize(("outside", "fog"), [("", None), ('<ref name="exterior" id="smoke"/>', "smoke")])
+def test_medium_of_mitsubas_camera(tmp_path: Path, outside: str, fog: str | None) -> None:
+    """It is fog, unless it ends at a shape, in which the camera then is. Equal media of references are one."""
+    smoke = '<medium type="homogeneous" id="smoke"><float name="sigma_t" value="2"/></medium>'
+    sensor = '<sensor type="perspective"><ref name="medium" id="smoke"/></sensor>'
+    ball = f'<shape type="sphere"><bsdf type="null"/><ref name="interior" id="smoke"/>{outside}</shape>'
+    (tmp_path / "a.xml").write_text(f'<scene version="3.0.0">{smoke}{sensor}{ball}</scene>')
+    scene = load(tmp_path / "a.xml")
+    assert scene.fog == fog and list(scene.media) == ["smoke"] and scene.shapes[0].interior == "smoke"

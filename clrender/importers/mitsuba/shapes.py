@@ -160,11 +160,13 @@ class ShapeReader:
                 emitters[0].ignore("sampling_weight")
                 self._tell_unused(emitters[0])
         interior = plugin.child("interior")
-        plugin.child("exterior")  # here the exterior follows from the shapes
+        exterior = plugin.child("exterior")  # here it follows from the shapes, and from the fog
         if interior is not None and self._may_be_filled(described.get("material")):
             medium = self._media.name(interior)
             if medium is not None:
                 described["interior"] = medium
+                if exterior is None or self._media.name(exterior) != medium:
+                    self._media.bounded.add(medium)
         if not seen and "interior" not in described and "emission" not in described:
             return None
         return described
