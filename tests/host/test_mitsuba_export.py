@@ -257,6 +257,7 @@ def test_materials_that_stay(tmp_path: Path, material: dict[str, Any]) -> None:
         ({"type": "dielectric", "ior": 1.5, "roughness": 0.3, "thin": True}, "the roughness of thin glass"),
         ({"type": "subsurface", "albedo": 0.8, "radius": 0.1}, "the inside of subsurface"),
         ({"type": "principled", "diffuse_roughness": 0.5}, "the roughness of the diffuse part"),
+        ({"type": "principled", "roughness": 0.4}, "the balance of principled"),
         ({"type": "principled", "coat": 1.0}, "the strength of clear coats"),
         ({"type": "principled", "sheen_color": [0.5, 0.5, 0.5]}, "the roughness of sheen"),
         ({"type": "principled", "metallic": 0.5, "specular_color": [1.0, 0.5, 0.5]}, "colour of the dielectric"),
@@ -275,15 +276,16 @@ def test_anisotropy(tmp_path: Path) -> None:
     """Both alphas, by the plugins' definitions: Disney's are r^2 / s and r^2 s, where s^2 = 1 - 0.9 anisotropic."""
     brushed = {"roughness": 0.5, "anisotropy": 0.3, "multiple_scattering": False}
     least, most = 0.25, 0.25 + 0.75 * 0.09
-    for material in ({"metal": "Au"}, {"f0": [0.9, 0.6, 0.3]}):
+    for material in ({"metal": "Au"}, {"metal": "Au", "anisotropy_rotation": 90.0}, {"f0": [0.9, 0.6, 0.3]}):
         made = {"type": "conductor", **brushed, **material}
         written(described(materials={"x": made}, shapes=[{**BALL, "material": "x"}]), tmp_path)
         found = {each.get("name"): float(each.get("value", "")) for each in xml(tmp_path).findall(".//bsdf/float")}
-        if "metal" in material:
-            assert near((found["alpha_u"], found["alpha_v"]), (most, least))
-        else:
+        if "f0" in material:
             stretch, alpha = math.sqrt(1.0 - 0.9 * found["anisotropic"]), found["roughness"] ** 2
             assert near((alpha / stretch, alpha * stretch), (most, least))
+        else:
+            turned = "anisotropy_rotation" in material
+            assert near((found["alpha_u"], found["alpha_v"]), (least, most) if turned else (most, least))
 
 
 def test_mixtures_and_cutoffs(tmp_path: Path) -> None:
@@ -388,6 +390,7 @@ def fronts(arrays: Any) -> NDArray[np.float64]:
 def test_sides_under_reflections(tmp_path: Path) -> None:
     """Fronts, and with them the sides that shine, are where they were."""
     mirror = {"scale": [-1.0, 1.0, 1.0], "rotate_degrees": [10.0, 20.0, 30.0]}
+    further = {**mirror, "translate": [3.0, 2.0, 1.0]}
     corner = {"type": "mesh", "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0.1]], "faces": [[0, 1, 2]]}
     shapes = [
         {"type": "triangle", "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]]},
@@ -398,9 +401,9 @@ def test_sides_under_reflections(tmp_path: Path) -> None:
         QUAD,
         corner,
     ]
-    every = [{**shape, **more, "emission": [1.0, 2.0, 3.0]} for shape in shapes for more in (
-        {}, {"flip_normals": True}, {"transform": mirror}, {"transform": mirror, "flip_normals": True}
-    )]  # fmt: skip
+    # Somewhere else each, so that none can be taken for another
+    places = ({}, {"flip_normals": True}, {"transform": mirror}, {"transform": further, "flip_normals": True})
+    every = [{**shape, **more, "emission": [1.0, 2.0, 3.0]} for shape in shapes for more in places]
     scene = described(shapes=every)
     for merge in (False, True):
         again, _ = written(scene, tmp_path, merge=merge)
