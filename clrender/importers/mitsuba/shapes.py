@@ -190,8 +190,8 @@ class ShapeReader:
     def _sphere(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
         x, y, z = plugin.vector("center", (0.0, 0.0, 0.0))
         matrix = product(matrix, translation(x, y, z))
-        # Mirroring turns Mitsuba's sphere inside out
-        inside_out = flip != (handedness(matrix) < 0.0)
+        # Mirroring turns Mitsuba's sphere inside out, but that by an instance does not
+        inside_out = flip != (handedness(plugin.matrix()) < 0.0)
         described = {**described, "flip_normals": True} if inside_out else described
         self._staging.sphere(described, plugin.number("radius", 1.0), product(matrix, _POLES), plugin.line)
 
@@ -221,7 +221,7 @@ class ShapeReader:
             raise plugin.fault("the cylinder has no radius or no length; give it both")
         self._staging.note("cylinders are approximated by 256 triangles")
         matrix = product(product(matrix, frame_along(start, end - start)), scaling(radius, radius, size))
-        inside_out = flip != (handedness(matrix) < 0.0)
+        inside_out = flip != (handedness(plugin.matrix()) < 0.0)
         self._staging.mesh(
             {**described, **_flipped(inside_out)}, "cylinder", lambda: cylinder_mesh(1.0, 0.0, 1.0), matrix, plugin.line
         )
@@ -257,7 +257,7 @@ class ShapeReader:
         name, had_normals = self._staging.mesh_of_file(file, kind, plugin.line, adapted, read)
         # Without normals in the file, the winding decides, and mirroring reverses it
         by_winding = flat or not had_normals
-        inside_out = flip != (by_winding and handedness(matrix) < 0.0)
+        inside_out = flip != (by_winding and handedness(plugin.matrix()) < 0.0)
         self._staging.shape({"type": "mesh", "file": name, **described, **_flipped(inside_out)}, matrix, plugin.line)
 
     def _is_textured(self, described: dict[str, Any]) -> bool:
