@@ -27,7 +27,7 @@ from clrender.scene import Scene
 from clrender.scene.groups import TransformArray
 
 RNG = np.random.default_rng(3)
-SAME = (
+SAME: tuple[str, ...] = (
     "bumpy",
     "caustic",
     "cornell",
@@ -40,23 +40,23 @@ SAME = (
 SAME += ("haze", "inside-sphere", "mirror-light", "point-plane", "quad-plane", "room-diffuse", "room-glass")
 SAME += ("room-mirror", "room-report", "room", "sky", "slab", "sphere-plane")
 """Scenes without anything that Mitsuba lacks."""
-CAMERA = {"position": [0.1, 0.2, 5.0], "target": [0.0, 0.0, 0.0]}
-GREY = {"type": "lambert", "reflectance": [0.5, 0.5, 0.5]}
-QUAD = {"type": "quad", "origin": [0.0, 0.0, 0.0], "edge_u": [1.0, 0.0, 0.0], "edge_v": [0.3, 1.0, 0.2]}
-BALL = {"type": "sphere", "center": [0.5, 0.0, 0.0], "radius": 1.0}
+CAMERA: dict[str, Any] = {"position": [0.1, 0.2, 5.0], "target": [0.0, 0.0, 0.0]}
+GREY: dict[str, Any] = {"type": "lambert", "reflectance": [0.5, 0.5, 0.5]}
+QUAD: dict[str, Any] = {"type": "quad", "origin": [0.0, 0.0, 0.0], "edge_u": [1.0, 0.0, 0.0], "edge_v": [0.3, 1.0, 0.2]}
+BALL: dict[str, Any] = {"type": "sphere", "center": [0.5, 0.0, 0.0], "radius": 1.0}
 
 
-def described(**parts: Any) -> Scene:
+def described(**parts: Any) -> Any:
     return Scene.model_validate({"camera": CAMERA, "materials": {"m": GREY}, **parts})
 
 
-def written(scene: Scene, folder: Path, **options: Any) -> tuple[Scene, tuple[str, ...]]:
+def written(scene: Scene, folder: Path, **options: Any) -> tuple[Any, tuple[str, ...]]:
     """The scene, exported and read again, and what is left out."""
     notes = write_mitsuba(scene.placed("test", folder), folder / "out.xml", **options)
     return clrender.load(folder / "out.xml"), notes
 
 
-def xml(folder: Path) -> ElementTree.Element:
+def xml(folder: Path) -> Any:
     return ElementTree.parse(folder / "out.xml").getroot()
 
 
@@ -81,7 +81,7 @@ def test_built_in_scenes(tmp_path: Path, name: str) -> None:
     for key in ("vertices", "normals", "media_rows", "environment_map"):
         assert near(other[key], one[key], 1e-4), key
     for key in ("lights", "analytic_shapes"):
-        for field in one[key].dtype.names:
+        for field in one[key].dtype.names or ():
             assert near(other[key][field], one[key][field], 1e-4), (key, field)
     for field in ("kind", "color", "ior"):
         assert near(of_shapes(other, field), of_shapes(one, field)), field
@@ -90,7 +90,7 @@ def test_built_in_scenes(tmp_path: Path, name: str) -> None:
 # --- textures
 
 
-def texture_scene(texture: Any, key: str = "reflectance", **more: Any) -> Scene:
+def texture_scene(texture: Any, key: str = "reflectance", **more: Any) -> Any:
     return described(materials={"m": {**GREY, key: texture, **more}}, shapes=[{**QUAD, "material": "m"}])
 
 
@@ -152,7 +152,7 @@ def test_textures_that_are_computed_anew(pictures: Path, texture: dict[str, Any]
     other = again.materials["m"].reflectance
     found = values(pictures, other)
     if texture["texture"].endswith(".hdr"):
-        expected = read_image(pictures / "a.hdr")
+        expected: Any = read_image(pictures / "a.hdr")
     else:
         expected = np.asarray(Image.open(pictures / texture["texture"]).convert("RGBA"))[..., :3] / 255.0
     assert near(found, expected * np.array(texture.get("scale", 1.0)))
@@ -392,7 +392,7 @@ def test_sides_under_reflections(tmp_path: Path) -> None:
     mirror = {"scale": [-1.0, 1.0, 1.0], "rotate_degrees": [10.0, 20.0, 30.0]}
     further = {**mirror, "translate": [3.0, 2.0, 1.0]}
     corner = {"type": "mesh", "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0.1]], "faces": [[0, 1, 2]]}
-    shapes = [
+    shapes: list[dict[str, Any]] = [
         {"type": "triangle", "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]]},
         {"type": "tetrahedron", "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]},
         {"type": "box", "size": [1, 2, 3]},
@@ -402,12 +402,17 @@ def test_sides_under_reflections(tmp_path: Path) -> None:
         corner,
     ]
     # Somewhere else each, so that none can be taken for another
-    places = ({}, {"flip_normals": True}, {"transform": mirror}, {"transform": further, "flip_normals": True})
+    places: tuple[dict[str, Any], ...] = (
+        {},
+        {"flip_normals": True},
+        {"transform": mirror},
+        {"transform": further, "flip_normals": True},
+    )
     every = [{**shape, **more, "emission": [1.0, 2.0, 3.0]} for shape in shapes for more in places]
     scene = described(shapes=every)
     for merge in (False, True):
         again, _ = written(scene, tmp_path, merge=merge)
-        assert near(*(fronts(flatten(each, 8, 8).arrays) for each in (scene, again)), 1e-4), merge
+        assert near(fronts(flatten(again, 8, 8).arrays), fronts(flatten(scene, 8, 8).arrays), 1e-4), merge
     assert len(again.shapes) == 1 + 3 * 4
 
 
@@ -538,7 +543,7 @@ def test_spots_fall_as_here(tmp_path: Path) -> None:
 def test_environments(tmp_path: Path) -> None:
     pixels = RNG.random((4, 8, 3)).astype(np.float32)
     write_image(tmp_path / "sky.exr", pixels)
-    for scale, expected in ((2.0, pixels), ([1.0, 2.0, 3.0], pixels * np.float32([1.0, 2.0, 3.0]))):
+    for scale, expected in ((2.0, pixels), ([1.0, 2.0, 3.0], pixels * np.array([1.0, 2.0, 3.0], np.float32))):
         light = {"type": "environment", "file": "sky.exr", "rotate_degrees": 40.0, "scale": scale}
         again, notes = written(described(lights=[light]), tmp_path)
         other = again.environment

@@ -604,4 +604,4 @@ def test_fronts_under_mitsubas_instances(tmp_path: Path, own: int, place: int) -
     instance = f'<shape type="instance"><ref id="g"/>{mirror.format(place)}</shape>'
     group = f'<shape type="shapegroup" id="g">{shapes}</shape>'
     (tmp_path / "a.xml").write_text(f'<scene version="3.0.0">{group}{instance}</scene>')
-    assert [shape.flip_normals for shape in load(tmp_path / "a.xml").shapes] == [own < 0] * 2
+    assert [shape.flip_normals for _, shape in load(tmp_path / "a.xml").all_shapes()] == [own < 0] * 2
