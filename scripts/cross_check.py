@@ -32,7 +32,6 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-_ROOT: Final = Path(__file__).resolve().parents[1]
 _BATCHES: Final = 6
 _SIDE: Final = 48
 _SPP: Final = 512
@@ -413,20 +412,25 @@ def _spheres(folder: Path) -> list[Path]:
 
 
 def _in_mitsuba(folders: list[Path]) -> None:
-    """The Mitsuba side: `folder`/scene.json -> `folder`/mitsuba.npy, (batches, height, width, 3)."""
-    sys.path.insert(0, str(_ROOT / "clrender" / "bench"))
+    """The Mitsuba side: `folder`/scene.xml -> `folder`/mitsuba.npy, (batches, height, width, 3)."""
     import mitsuba
 
     mitsuba.set_variant("llvm_ad_rgb")
-    import peer_mitsuba  # type: ignore[import-not-found]
-    from peer_scene import Job
-
     for number, folder in enumerate(folders):
-        job = Job("llvm_ad_rgb", folder / "scene.json", _SIDE, _SIDE, _SPP, -1, 0, folder / "mitsuba.npy")
-        scene = peer_mitsuba.load(job)
+        # Mitsuba 3.9.1 omits merged meshes from the scene's bounding box, and shadow rays to a sky then end too early
+        scene = mitsuba.load_file(str(folder / "scene.xml"), optimize=False)
         images = [np.array(mitsuba.render(scene, spp=_SPP, seed=seed)) for seed in _seeds(number)]
-        np.save(job.image, np.array(images, np.float32))
+        np.save(folder / "mitsuba.npy", np.array(images, np.float32))
         print(folder.name, flush=True)
+
+
+def _for_mitsuba(folder: Path) -> None:
+    """Write `folder`/scene.json as scene.xml."""
+    import clrender
+    from clrender.exporters import write_mitsuba
+
+    settings = {"image.width": _SIDE, "image.height": _SIDE, "render.spp": _SPP}
+    write_mitsuba(clrender.load(folder / "scene.json").changed(settings), folder / "scene.xml")
 
 
 @dataclass
@@ -550,6 +554,8 @@ def main() -> None:
     else:
         parser.error("give the first seed and the one after the last, such as 0 100, or `spheres`")
     if asked.mitsuba:
+        for place in folders:
+            _for_mitsuba(place)
         names = [place.name for place in folders]
         command = [asked.mitsuba, __file__, *names, "--folder", str(folder), "--in-mitsuba"]
         subprocess.run(command, check=True, env={**os.environ, "PYTHONPATH": ""})

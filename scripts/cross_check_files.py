@@ -3,9 +3,9 @@
     .venv/bin/python scripts/cross_check_files.py FIRST LAST --mitsuba PYTHON [--with media,cameras] [--folder DIR]
 
 Writes the scenes of `cross_check.py` with the seeds FIRST to LAST - 1, and what `--with` adds to them there, as
-``scene.json``, ``scene.xml`` and ``scene.pbrt``. Each is rendered by clrender, and the XML by Mitsuba, six times; means
-and tiles are compared as there: clrender's XML with Mitsuba's, and clrender's pbrt with clrender's JSON, without what
-pbrt has not: skies, and pictures of opacity. Edges of spots are hard in the XML: they fall off in another way there.
+``scene.json``, ``scene.xml`` (by `clrender.exporters.write_mitsuba`) and ``scene.pbrt``. Each is rendered by clrender,
+and the XML by Mitsuba, six times; means and tiles are compared as there: clrender's XML with Mitsuba's, and clrender's
+pbrt with clrender's JSON, without what pbrt has not: skies, and pictures of opacity.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cross_check import _MORE, _SIDE, _SPP, _comparison, _Maker, _seeds, _verdict
-from peer_files import as_pbrt_has_it, mitsuba_xml, pbrt_text
+from cross_check import _MORE, _SIDE, _SPP, _comparison, _for_mitsuba, _Maker, _seeds, _verdict
+from peer_files import as_pbrt_has_it, pbrt_text
 
 
 def _write(folder: Path, seed: int, more: frozenset[str]) -> None:
@@ -29,7 +29,7 @@ def _write(folder: Path, seed: int, more: frozenset[str]) -> None:
     (folder / "scene.json").write_text(json.dumps(scene), encoding="utf-8")
     metals = as_pbrt_has_it(scene)
     (folder / "metals.json").write_text(json.dumps(metals), encoding="utf-8")
-    (folder / "scene.xml").write_text(mitsuba_xml(scene, folder, _SIDE, _SPP), encoding="utf-8")
+    _for_mitsuba(folder)
     (folder / "scene.pbrt").write_text(pbrt_text(metals, _SIDE, _SPP), encoding="utf-8")
 
 

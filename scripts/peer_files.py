@@ -1,34 +1,15 @@
-"""Writes scenes of `cross_check.py` as Mitsuba XML and pbrt files, for tests of the importers."""
+"""Writes scenes of `cross_check.py` as pbrt files, for tests of the importer."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from peer_parts import (
-    element,
-    mitsuba_around,
-    mitsuba_mask,
-    mitsuba_medium,
-    mitsuba_sensor,
-    mitsuba_sky,
-    mitsuba_spot,
-    pbrt_camera,
-    pbrt_interface,
-    pbrt_medium,
-    pbrt_spot,
-    value,
-    words,
-)
+from peer_parts import pbrt_camera, pbrt_interface, pbrt_medium, pbrt_spot, words
 
-__all__ = ["as_pbrt_has_it", "mitsuba_xml", "pbrt_text"]
+__all__ = ["as_pbrt_has_it", "pbrt_text"]
 
 _BOX_QUADS: Final = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-
-
-def _to_world(matrix: Any) -> str:
-    return element("transform", element("matrix", value=words(matrix)), name="to_world")
 
 
 def _frame(x: Any, y: Any, z: Any, origin: Any) -> Any:
@@ -37,142 +18,12 @@ def _frame(x: Any, y: Any, z: Any, origin: Any) -> Any:
     return made
 
 
-def _quad_frame(shape: dict[str, Any]) -> Any:
-    """Map from the square from -1 to 1 to a parallelogram."""
-    origin, u, v = (np.array(shape[key]) for key in ("origin", "edge_u", "edge_v"))
-    normal = np.cross(u, v)
-    return _frame(u / 2.0, v / 2.0, normal / np.linalg.norm(normal), origin + (u + v) / 2.0)
-
-
 def _disk_frame(shape: dict[str, Any]) -> Any:
     normal = np.array(shape["normal"]) / np.linalg.norm(shape["normal"])
     across = np.cross(np.eye(3)[int(np.abs(normal).argmin())], normal)
     across /= np.linalg.norm(across)
     radius = shape["radius"]
     return _frame(radius * across, radius * np.cross(normal, across), normal, shape["center"])
-
-
-# --- Mitsuba
-
-
-def _bitmap(texture: dict[str, Any], name: str) -> str:
-    upright = element("transform", element("scale", x="1", y="-1", z="1"), name="to_uv")
-    between = "nearest" if texture.get("filter") == "nearest" else "bilinear"
-    inside = value("string", "filename", texture["texture"]) + upright + value("string", "filter_type", between)
-    inside += value("boolean", "raw", texture.get("color_space") != "srgb")
-    return element("texture", inside, type="bitmap", name=name)
-
-
-def _mitsuba_material(described: dict[str, Any], name: str, folder: Path) -> str:
-    if "opacity" in described:
-        whole = {key: each for key, each in described.items() if key != "opacity"}
-        return mitsuba_mask(described["opacity"], _mitsuba_material(whole, "", folder), name, folder, _bitmap)
-    named = {"id": name} if name else {}
-    kind, alpha = described["type"], described.get("roughness", 0.0) ** 2
-    facets = value("string", "distribution", described.get("microfacets", "ggx")) + value("float", "alpha", alpha)
-    rough = facets if alpha else ""
-    if kind == "dielectric":
-        inside = value("float", "int_ior", described["ior"]) + value("float", "ext_ior", 1.0) + rough
-        return element("bsdf", inside, type="roughdielectric" if alpha else "dielectric", **named)
-    if kind == "mirror":
-        inside, plugin = value("rgb", "specular_reflectance", described["reflectance"]), "conductor"
-    elif kind == "conductor":
-        inside = value("rgb", "eta", described["eta"]) + value("rgb", "k", described["k"]) + rough
-        plugin = "roughconductor" if alpha else "conductor"
-    else:
-        reflectance, plugin = described["reflectance"], "diffuse"
-        texture = isinstance(reflectance, dict)
-        inside = _bitmap(reflectance, "reflectance") if texture else value("rgb", "reflectance", reflectance)
-    one = element("bsdf", inside, type=plugin)
-    if "normal_map" in described:
-        # Unlike clrender: a microsurface for the normal map
-        plain = value("boolean", "use_shadowing_function", False)
-        one = element("bsdf", _bitmap(described["normal_map"], "normalmap") + one + plain, type="normalmap")
-    return element("bsdf", one, type="twosided", **named)
-
-
-def _ply(path: Path, shape: dict[str, Any]) -> None:
-    rows = [f"{words(p)} {words(uv)}" for p, uv in zip(shape["vertices"], ((0, 0), (1, 0), (0, 1)), strict=True)]
-    head = ["ply", "format ascii 1.0", "element vertex 3", *(f"property float {axis}" for axis in "xyzuv")]
-    head += ["element face 1", "property list uchar int vertex_indices", "end_header"]
-    path.write_text("\n".join([*head, *rows, "3 0 1 2", ""]), encoding="ascii")
-
-
-def _mitsuba_shape(shape: dict[str, Any], number: int, folder: Path, around: str) -> str:
-    inside = (element("ref", id=shape["material"]) if "material" in shape else "") + around
-    if "emission" in shape:
-        inside += element("emitter", value("rgb", "radiance", shape["emission"]), type="area")
-    kind = shape["type"]
-    if kind == "sphere":
-        x, y, z = map(repr, shape["center"])
-        center = element("point", name="center", x=x, y=y, z=z)
-        return element("shape", inside + center + value("float", "radius", shape["radius"]), type="sphere")
-    if kind == "triangle":
-        _ply(folder / f"triangle{number}.ply", shape)
-        flat = value("boolean", "face_normals", True)
-        inside += value("string", "filename", f"triangle{number}.ply") + flat
-        return element("shape", inside, type="ply")
-    if kind == "box":
-        half = np.array(shape["size"]) / 2.0
-        x, y, z = np.diag(half)
-        frame = _frame(x, y, z, shape["center"])
-        return element("shape", inside + _to_world(frame), type="cube")
-    if kind == "disk":
-        return element("shape", inside + _to_world(_disk_frame(shape)), type="disk")
-    return element("shape", inside + _to_world(_quad_frame(shape)), type="rectangle")
-
-
-def _mitsuba_light(light: dict[str, Any]) -> str:
-    kind = light["type"]
-    if kind == "point":
-        x, y, z = map(repr, light["position"])
-        inside = element("point", name="position", x=x, y=y, z=z) + value("rgb", "intensity", light["intensity"])
-        return element("emitter", inside, type="point")
-    if kind == "directional":
-        x, y, z = map(repr, light["direction"])
-        inside = element("vector", name="direction", x=x, y=y, z=z) + value("rgb", "irradiance", light["irradiance"])
-        return element("emitter", inside, type="directional")
-    if kind == "spot":
-        return mitsuba_spot(light)
-    if kind == "sun_sky":
-        return mitsuba_sky(light)
-    if "file" in light:
-        return element("emitter", value("string", "filename", light["file"]), type="envmap")
-    return element("emitter", value("rgb", "radiance", light["radiance"]), type="constant")
-
-
-def mitsuba_xml(scene: dict[str, Any], folder: Path, side: int, spp: int) -> str:
-    """A scene as Mitsuba 3 XML; its triangles are written to separate files.
-
-    Parameters
-    ----------
-    scene : dict
-        In the form of our scene files.
-    folder : pathlib.Path
-        Folder of the file.
-    side : int
-        Side of the image, pixels.
-    spp : int
-    """
-    media, fog, materials = scene.get("media", {}), scene.get("fog"), scene["materials"]
-    # Shadow rays of its `path` treat masks and invisible surfaces as opaque
-    seen_through = media or any("opacity" in each for each in materials.values())
-    kind = "volpath" if seen_through else "path"
-    parts = [element("integrator", element("integer", name="max_depth", value="-1"), type=kind)]
-    parts += [mitsuba_medium(described, name) for name, described in media.items()]
-    film = "".join(element("integer", name=name, value=str(side)) for name in ("width", "height"))
-    film += value("string", "pixel_format", "rgb") + element("rfilter", type="box")
-    inside = element("sampler", element("integer", name="sample_count", value=str(spp)), type="independent")
-    inside += element("ref", name="medium", id=fog) if fog is not None else ""
-    parts.append(mitsuba_sensor(scene["camera"], inside + element("film", film, type="hdrfilm")))
-    parts += [_mitsuba_material(described, name, folder) for name, described in materials.items()]
-    for number, shape in enumerate(scene["shapes"]):
-        parts.append(_mitsuba_shape(shape, number, folder, mitsuba_around(shape, materials, fog)))
-    parts += [_mitsuba_light(light) for light in scene["lights"]]
-    return f'<scene version="3.0.0">\n{"".join(parts)}</scene>\n'
-
-
-# --- pbrt
 
 
 def _pbrt_material(described: dict[str, Any], name: str) -> list[str]:

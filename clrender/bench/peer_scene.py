@@ -18,10 +18,7 @@ __all__ = [
     "Part",
     "answer",
     "camera_of",
-    "instances_of",
     "job",
-    "lights_of",
-    "media_of",
     "parts_of",
     "refuse_rich",
     "timed",
@@ -53,17 +50,11 @@ class Part:
     ----------
     name : str
     material : dict
-        As in the scene file; the names of a mixture's parts are replaced by the parts.
+        As in the scene file.
     emission : list of float or None
     vertices, faces : (V, 3) float32, (F, 3) int32
     normals : (V, 3) float32 or None
         Vertex normals of smooth meshes.
-    file : Path or None
-        A PLY file with the same mesh.
-    coordinates : (V, 2) float32 or None
-        Texture coordinates of parallelograms: (0, 0) at the origin, (1, 1) opposite.
-    interior : str or None
-        Name of the medium behind it.
     """
 
     name: str
@@ -72,9 +63,6 @@ class Part:
     vertices: Any
     faces: Any
     normals: Any = None
-    file: Path | None = None
-    coordinates: Any = None
-    interior: str | None = None
 
 
 def job() -> Job:
@@ -90,81 +78,35 @@ def camera_of(one: Job) -> dict[str, Any]:
     return camera
 
 
-def lights_of(one: Job) -> list[dict[str, Any]]:
-    """Lights that are not shapes, as in the scene file."""
-    lights: list[dict[str, Any]] = json.loads(one.scene.read_text(encoding="utf-8")).get("lights", [])
-    return lights
-
-
-def media_of(one: Job) -> tuple[dict[str, Any], str | None]:
-    """Media by name, and the name of the fog, which fills the rest of space."""
-    described = json.loads(one.scene.read_text(encoding="utf-8"))
-    return described.get("media", {}), described.get("fog")
-
-
-def instances_of(one: Job) -> tuple[dict[str, list[Part]], list[tuple[str, Any]]]:
-    """Meshes of each group, and the group and (n, 3, 4) maps of each instance shape."""
-    described = json.loads(one.scene.read_text(encoding="utf-8"))
-    groups = {
-        name: [
-            Part(f"{name}{number}", described["materials"][shape["material"]], None, *_read_ply(file), file)
-            for number, shape in enumerate(group["shapes"])
-            for file in [one.scene.parent / shape["file"]]
-        ]
-        for name, group in described.get("groups", {}).items()
-    }
-    placed = [shape for shape in described["shapes"] if shape["type"] == "instance"]
-    return groups, [(shape["group"], np.load(one.scene.parent / shape["transforms"])) for shape in placed]
-
-
 def refuse_rich(one: Job, name: str) -> None:
     """Exit with a message if the scene contains more than Lambert, mirrors and smooth glass."""
-    if lights_of(one) or any(media_of(one)) or instances_of(one)[1]:
+    described = json.loads(one.scene.read_text(encoding="utf-8"))
+    if any(described.get(key) for key in ("lights", "media", "groups")):
         sys.exit(f"{name} has no translation of this scene's materials here; compare it with mitsuba")
 
 
 def parts_of(one: Job) -> tuple[list[Part], list[dict[str, Any]]]:
-    """The scene's meshes, and its spheres and disks as in the scene file, with their materials resolved.
-
-    Shapes without a material get one of type ``null``.
-    """
+    """The scene's meshes, and its spheres as in the scene file, with their materials."""
     described = json.loads(one.scene.read_text(encoding="utf-8"))
-    materials: dict[str | None, Any] = {None: {"type": "null"}}
-    materials |= {name: _resolved(name, described["materials"]) for name in described["materials"]}
+    materials = described["materials"]
     parts, spheres = [], []
     groups: dict[str, list[dict[str, Any]]] = {}
     for number, shape in enumerate(described["shapes"]):
-        if shape["type"] in ("sphere", "disk"):
-            spheres.append({**shape, "material": materials[shape.get("material")]})
-        elif shape["type"] == "instance":
-            continue  # see `instances_of`
+        if shape["type"] == "sphere":
+            spheres.append({**shape, "material": materials[shape["material"]]})
         elif shape["type"] == "mesh":
-            file = one.scene.parent / shape["file"]
-            parts.append(Part(f"mesh{number}", materials[shape["material"]], None, *_read_ply(file), file))
-        else:
-            alike = [shape.get("material"), shape.get("emission"), shape.get("interior")]
-            groups.setdefault(json.dumps(alike), []).append(shape)
+            mesh = _read_ply(one.scene.parent / shape["file"])
+            parts.append(Part(f"mesh{number}", materials[shape["material"]], None, *mesh))
+        elif shape["type"] != "instance":
+            groups.setdefault(json.dumps([shape["material"], shape.get("emission")]), []).append(shape)
     for number, (key, shapes) in enumerate(groups.items()):
-        name, emission, interior = json.loads(key)
+        name, emission = json.loads(key)
         pieces = [_triangles(shape) for shape in shapes]
-        all_quads = all(shape["type"] == "quad" for shape in shapes)
-        corners = (
-            np.tile(np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32), (len(shapes), 1)) if all_quads else None
-        )
         offsets = np.cumsum([0, *(len(vertices) for vertices, _ in pieces[:-1])])
         vertices = np.concatenate([vertices for vertices, _ in pieces]).astype(np.float32)
         faces = np.concatenate([faces + offset for (_, faces), offset in zip(pieces, offsets, strict=True)])
-        both = {"coordinates": corners, "interior": interior}
-        parts.append(Part(f"group{number}_{name}", materials[name], emission, vertices, faces.astype(np.int32), **both))
+        parts.append(Part(f"group{number}_{name}", materials[name], emission, vertices, faces.astype(np.int32)))
     return parts, spheres
-
-
-def _resolved(name: str, materials: dict[str, Any]) -> dict[str, Any]:
-    """A material; the names of a mixture's parts are replaced by the parts."""
-    made: dict[str, Any] = materials[name]
-    if made["type"] != "mix":
-        return made
-    return {**made, "materials": [_resolved(part, materials) for part in made["materials"]]}
 
 
 def timed(work: Callable[[], Any]) -> tuple[Any, float, float]:

@@ -30,13 +30,15 @@ class _Kind:
     """Whether it has analytic spheres."""
     no_opencl: bool = False
     """Whether it fails in the presence of OpenCL drivers."""
+    exported: bool = False
+    """Whether it takes the scene as `clrender.exporters.write_mitsuba` writes it."""
 
 
 PEERS: Final[Mapping[str, _Kind]] = {
-    "mitsuba": _Kind("peer_mitsuba.py", "llvm_ad_rgb"),
-    "mitsuba-path": _Kind("peer_mitsuba.py", "llvm_ad_rgb:path"),
-    "mitsuba-scalar": _Kind("peer_mitsuba.py", "scalar_rgb"),
-    "mitsuba-cuda": _Kind("peer_mitsuba.py", "cuda_ad_rgb"),
+    "mitsuba": _Kind("peer_mitsuba.py", "llvm_ad_rgb", exported=True),
+    "mitsuba-path": _Kind("peer_mitsuba.py", "llvm_ad_rgb:path", exported=True),
+    "mitsuba-scalar": _Kind("peer_mitsuba.py", "scalar_rgb", exported=True),
+    "mitsuba-cuda": _Kind("peer_mitsuba.py", "cuda_ad_rgb", exported=True),
     "luxcore": _Kind("peer_luxcore.py", "PATHCPU", spheres=False, no_opencl=True),
     "cycles": _Kind("peer_cycles.py", "plain", spheres=False),
     "cycles-tree": _Kind("peer_cycles.py", "tree", spheres=False),
@@ -101,6 +103,7 @@ class Peer:
             If the peer cannot be started or fails.
         """
         kind = PEERS[self.name]
+        scene = _for_mitsuba(scene, task) if kind.exported else scene
         numbers = [str(number) for number in (task.width, task.height, task.spp, SEGMENTS, task.seed)]
         command = [self.python, str(_FOLDER / kind.script), kind.variant, str(scene), *numbers, str(image)]
         environment = {**os.environ, "OCL_ICD_VENDORS": str(image.parent)} if kind.no_opencl else None
@@ -120,6 +123,19 @@ class Peer:
             )
         answer: dict[str, Any] = json.loads(lines[-1])
         return answer
+
+
+def _for_mitsuba(path: Path, task: Task) -> Path:
+    """Write a scene for Mitsuba, with the settings of the task and its flat shapes as meshes."""
+    from clrender.exporters import write_mitsuba
+    from clrender.importers import load
+
+    settings = {"max_depth": SEGMENTS - 1, "roulette": "none", "filter": "box", "spp": task.spp}
+    changes = {"image.width": task.width, "image.height": task.height}
+    scene = load(path).changed({**changes, **{f"render.{name}": setting for name, setting in settings.items()}})
+    output = path.with_suffix(".xml")
+    write_mitsuba(scene, output, merge=True)
+    return output
 
 
 def peer_from(text: str) -> Peer:

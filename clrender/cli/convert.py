@@ -1,11 +1,9 @@
-"""`clrender convert`: converts a scene of any format to clrender's, with its meshes and images beside it."""
+"""`clrender convert`: converts any scene to clrender's format or Mitsuba's, with its meshes and images beside it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -15,12 +13,9 @@ from clrender.cli.outputs import check_distinct, scene_files
 from clrender.errors import UsageError
 from clrender.files.access import atomic_write, check_writable
 
-if TYPE_CHECKING:
-    from clrender.exporters import Export
-
 __all__ = ["convert"]
 
-_ENDINGS = (".toml", ".json")
+_ENDINGS = (".toml", ".json", ".xml")
 
 
 @click.command()
@@ -34,25 +29,28 @@ def convert(
     force: bool,
     reading: dict[str, Any],
 ) -> None:
-    """Convert SCENE, in any supported format, to OUTPUT (.toml or .json) in clrender's format.
+    """Convert SCENE, in any supported format, to OUTPUT in clrender's format (.toml or .json) or Mitsuba 3's (.xml).
 
-    Meshes, image files and IES files are written to a folder beside it, for example room-files for room.toml. The
-    converted scene renders to the same image, bit for bit.
+    Meshes, image files and IES files are written to a folder beside it, for example room-files for room.toml. A scene
+    in clrender's format renders to the same image, bit for bit. What Mitsuba cannot express is noted, and with --strict
+    refused.
     """
     if output.suffix.lower() not in _ENDINGS:
-        raise UsageError(f"{output}: the ending {output.suffix!r} is not that of a scene file; name a .toml or .json.")
+        text = f"the ending {output.suffix!r} is not that of a scene file; name a .toml, .json or .xml."
+        raise UsageError(f"{output}: {text}")
     if output.exists() and not force and not output.is_dir():
         raise UsageError(f"{output}: exists already; choose another name, or overwrite it with --force")
     check_writable(output)
     check_distinct([output], [Path(scene)])
-    from clrender.exporters import exported, scene_text
+    from clrender.exporters import MitsubaExport, exported, exported_to_mitsuba, scene_text
     from clrender.importers import load
     from clrender.version import __version__
 
     loaded = load(scene, **reading)
     check_distinct([output], scene_files(scene, loaded))
     folder = output.with_name(f"{output.stem}-files")
-    export = exported(loaded, folder.name)
+    for_mitsuba = output.suffix.lower() == ".xml"
+    export = exported_to_mitsuba(loaded, folder.name) if for_mitsuba else exported(loaded, folder.name)
     if export.files and folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder}: is a file, where the folder for meshes and pictures would be; name another output")
     if export.files and ascii(folder.name) != ascii(folder.name.encode("utf-8", "replace").decode()):
@@ -60,40 +58,18 @@ def convert(
             "is no UTF-8, but the scene file, which is, names the folder of its files after it; choose another name"
         )
         raise UsageError(f"{ascii(str(output))[1:-1]}: the name {reason}")
-    name = ascii(Path(scene).name)[1:-1]
-    text = scene_text(export.description, output.suffix.lower(), f"{name}, as clrender {__version__} converts it")
-    with _files_beside(export, output), atomic_write(output) as file:
-        file.write(text)
-    for note in loaded.notes:
+    notes, sha256 = list(loaded.notes), ""
+    if isinstance(export, MitsubaExport):
+        export.check(loaded, reading["strict"])
+        data = export.text
+        notes += export.notes
+    else:
+        title = f"{ascii(Path(scene).name)[1:-1]}, as clrender {__version__} converts it"
+        data = scene_text(export.description, output.suffix.lower(), title)
+        sha256 = f", scene sha256 {loaded.sha256()}"
+    with export.written(output), atomic_write(output) as file:
+        file.write(data)
+    for note in notes:
         click.echo(f"note: {note}", err=True)
     beside = f", {len(export.files)} files in {folder}" if export.files else ""
-    click.echo(f"{output}: {len(loaded.shapes)} shapes{beside}, scene sha256 {loaded.sha256()}")
-
-
-@contextmanager
-def _files_beside(export: Export, output: Path) -> Iterator[None]:
-    """Write all files; if this or the block fails, files and folders that are new are removed again."""
-    made: list[Path] = []
-    try:
-        for name, write in export.files.items():
-            path = output.parent / name
-            if not path.parent.exists():
-                path.parent.mkdir()
-                made.append(path.parent)
-            if not path.exists():
-                made.append(path)
-            with atomic_write(path) as file:
-                write(file)
-        yield
-    except OSError as error:
-        _remove(made)
-        raise UsageError(f"{output.stem}-files: cannot be made ({error.strerror}); write elsewhere.") from None
-    except BaseException:
-        _remove(made)
-        raise
-
-
-def _remove(made: list[Path]) -> None:
-    for path in reversed(made):
-        with suppress(OSError):
-            path.rmdir() if path.is_dir() else path.unlink()
+    click.echo(f"{output}: {len(loaded.shapes)} shapes{beside}{sha256}")

@@ -6,16 +6,16 @@ import hashlib
 import json
 import re
 import shutil
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import IO, Any, Final, TypeAlias
+from typing import IO, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
+from clrender.exporters.files import NamedFiles
 from clrender.exporters.mesh_ply import write_ply
 from clrender.scene import Mesh, Scene
 from clrender.scene.content_hash import put_at
@@ -25,49 +25,22 @@ from clrender.wording import place, quoted
 
 __all__ = ["Export", "exported", "scene_text"]
 
-_Write: TypeAlias = Callable[[IO[bytes]], None]
 _TILT: Final = re.compile(r"\s*TILT\s*=(.*)", re.IGNORECASE)
-_HASHED: Final = re.compile(r"-[0-9a-f]{8}\Z")
 _ROW: Final = re.compile(r"\[\n((?:[ \t]*[-+.\w]+,\n)+)[ \t]*\]")
 """A TOML list of numbers with one number per line; strings contain no line breaks there."""
 
 
 @dataclass
-class Export:
+class Export(NamedFiles):
     """A self-contained scene and its files.
 
     Attributes
     ----------
     description : dict
         In the form of a scene file.
-    files : dict of str to callable
-        By path relative to the scene file, with ``/``; each writes its content to a binary file.
     """
 
-    description: dict[str, Any]
-    files: dict[str, _Write] = field(default_factory=dict)
-    _digests: dict[str, str] = field(default_factory=dict)
-
-    def add(self, folder: str, stem: str, ending: str, digest: str, write: _Write) -> str:
-        """Add a file; returns its name.
-
-        Parameters
-        ----------
-        folder : str
-        stem : str
-            Its letters, digits, ``-`` and ``_`` become part of the name.
-        ending : str
-        digest : str
-            Hash of the content, in hexadecimal: part of the name, so that different contents have different names, and
-            the files of scenes exported earlier are kept.
-        write : callable
-        """
-        plain = _HASHED.sub("", re.sub(r"[^A-Za-z0-9_-]+", "-", stem).strip("-").lower()[:60]) or "file"
-        name = f"{folder}/{plain}-{digest[:8]}{ending}"
-        if self._digests.setdefault(name, digest) != digest:
-            name = f"{folder}/{plain}-{digest}{ending}"
-        self.files.setdefault(name, write)
-        return name
+    description: dict[str, Any] = field(default_factory=dict)
 
 
 def exported(scene: Scene, folder: str) -> Export:
@@ -89,7 +62,7 @@ def exported(scene: Scene, folder: str) -> Export:
     SceneError
         A file cannot be read.
     """
-    export = Export(scene.model_dump(mode="json", exclude_none=True, exclude_unset=True))
+    export = Export(description=scene.model_dump(mode="json", exclude_none=True, exclude_unset=True))
     for at, shape in scene.all_shapes():
         if isinstance(shape, Mesh) and shape.file is not None:
             mesh = scene.mesh_of(at, shape)

@@ -25,6 +25,7 @@ __all__ = [
     "medium_of_primitives",
     "open_media",
     "packed",
+    "winding_number",
 ]
 
 _Arrays: TypeAlias = Mapping[str, NDArray[Any]]
@@ -68,7 +69,7 @@ def media_around(
             low, high = _box(arrays, triangle_count, primitives)
             if medium == 0 or not ((low <= at) & (at <= high)).all():
                 continue
-            turns = _turns(arrays, primitives[primitives < triangle_count], at)
+            turns = winding_number(arrays, primitives[primitives < triangle_count], at)
             turns += _round_turns(arrays, primitives[primitives >= triangle_count] - triangle_count, at)
             # Without priorities the smallest volume counts as the innermost
             place = (medium, 0.0) if medium > unranked else (0, -float((high - low).prod()) * scale)
@@ -285,7 +286,7 @@ def _box(
     return points.min(axis=0), points.max(axis=0)
 
 
-def _turns(arrays: _Arrays, triangles: NDArray[np.intp], point: NDArray[np.float64]) -> float:
+def winding_number(arrays: _Arrays, triangles: NDArray[np.intp], point: NDArray[np.float64]) -> float:
     """Winding number of triangles about a point, with their backs to it: the sum of their solid angles over 4π.
 
     The solid angle is that of van Oosterom and Strackee (IEEE Trans. Biomed. Eng. 30(2), 1983).
@@ -302,7 +303,7 @@ def _turns(arrays: _Arrays, triangles: NDArray[np.intp], point: NDArray[np.float
 
 
 def _round_turns(arrays: _Arrays, places: NDArray[np.intp], point: NDArray[np.float64]) -> float:
-    """Like `_turns`, for spheres; a disk has no inside."""
+    """Like `winding_number`, for spheres; a disk has no inside."""
     rows = arrays["analytic_shapes"][places]
     sphere = rows[rows["normal"][:, 3] != 0.0]
     away = sphere["center_radius"][:, :3].astype(np.float64) - point

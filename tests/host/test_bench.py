@@ -14,7 +14,7 @@ import clrender
 from clrender.bench import SCENES, Peer, Run, measure, peer_from, summary, write_scene
 from clrender.bench.foliage import LEAVES
 from clrender.bench.measure import relative_error
-from clrender.bench.peers import PEERS, Task
+from clrender.bench.peers import PEERS, SEGMENTS, Task
 from clrender.errors import RenderError, UsageError
 from clrender.flatten.flat_scene import flatten
 from clrender.image.files import read_image
@@ -129,11 +129,26 @@ def test_peers_by_name() -> None:
 
 
 def test_peers_that_are_not_there_or_fail(tmp_path: Path) -> None:
+    scene = write_scene("S1", tmp_path)
     with pytest.raises(RenderError, match="cannot be started"):
-        Peer("mitsuba", str(tmp_path / "python")).run(tmp_path, Task(8, 8, 1), tmp_path / "image.npy")
+        Peer("mitsuba", str(tmp_path / "python")).run(scene, Task(8, 8, 1), tmp_path / "image.npy")
     # This Python has no Mitsuba.
     with pytest.raises(RenderError, match="mitsuba failed with exit status 1: ModuleNotFoundError"):
-        Peer("mitsuba", sys.executable).run(tmp_path, Task(8, 8, 1), tmp_path / "image.npy")
+        Peer("mitsuba", sys.executable).run(scene, Task(8, 8, 1), tmp_path / "image.npy")
+
+
+def test_mitsuba_does_equal_work(tmp_path: Path) -> None:
+    """It gets paths of as many segments, without roulette, and the walls and lights as few meshes."""
+    peer = Peer("mitsuba", sys.executable)
+    with pytest.raises(RenderError):
+        peer.run(write_scene("S4", tmp_path), Task(24, 16, 3), tmp_path / "image.npy")
+    scene = clrender.load(tmp_path / "scene.xml")
+    assert (scene.render.max_depth, scene.render.filter, scene.render.spp) == (SEGMENTS - 1, "box", 3)
+    assert (scene.image.width, scene.image.height) == (24, 16)
+    assert '<integer name="rr_depth" value="100000" />' in (tmp_path / "scene.xml").read_text(encoding="utf-8")
+    assert sorted(shape.type for shape in scene.shapes) == ["mesh"] * 5 + ["sphere"] * 2
+    flat, own = flatten(scene, 8, 8), flatten(clrender.load(tmp_path / "scene.json"), 8, 8)
+    assert flat.triangle_count == own.triangle_count and flat.light_count == own.light_count
 
 
 def test_a_run_is_a_line_of_json() -> None:

@@ -706,3 +706,30 @@ def test_colours_of_vertices_in_a_mixture(tmp_path: Path) -> None:
     scene = mitsuba(tmp_path, f'{part}{shape}<ref id="part"/></shape>{shape}{both}</shape>')
     assert [shape.vertex_colors for shape in scene.shapes] == ["linear", "linear"]  # type: ignore[union-attr]
     assert any("both parts of a mixture" in note for note in scene.notes)
+
+
+@pytest.mark.parametrize(("outside", "fog"), [("", None), ('<ref name="exterior" id="smoke"/>', "smoke")])
+def test_medium_of_mitsubas_camera(tmp_path: Path, outside: str, fog: str | None) -> None:
+    """It is fog, unless it ends at a shape, in which the camera then is. Equal media of references are one."""
+    smoke = '<medium type="homogeneous" id="smoke"><float name="sigma_t" value="2"/></medium>'
+    sensor = '<sensor type="perspective"><ref name="medium" id="smoke"/></sensor>'
+    ball = f'<shape type="sphere"><bsdf type="null"/><ref name="interior" id="smoke"/>{outside}</shape>'
+    (tmp_path / "a.xml").write_text(f'<scene version="3.0.0">{smoke}{sensor}{ball}</scene>')
+    scene = load(tmp_path / "a.xml")
+    assert scene.fog == fog and list(scene.media) == ["smoke"] and scene.shapes[0].interior == "smoke"
+
+
+@pytest.mark.parametrize("own", [1, -1])
+@pytest.mark.parametrize("place", [1, -1])
+def test_fronts_under_mitsubas_instances(tmp_path: Path, own: int, place: int) -> None:
+    """A shape's own reflection turns it inside out, that of an instance does not (compared with images of Mitsuba)."""
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    mirror = '<transform name="to_world"><scale x="{}"/></transform>'
+    flat = '<string name="filename" value="a.obj"/><boolean name="face_normals" value="true"/>'
+    shapes = "".join(
+        f'<shape type="{kind}">{inside}{mirror.format(own)}</shape>' for kind, inside in (("sphere", ""), ("obj", flat))
+    )
+    instance = f'<shape type="instance"><ref id="g"/>{mirror.format(place)}</shape>'
+    group = f'<shape type="shapegroup" id="g">{shapes}</shape>'
+    (tmp_path / "a.xml").write_text(f'<scene version="3.0.0">{group}{instance}</scene>')
+    assert [shape.flip_normals for _, shape in load(tmp_path / "a.xml").all_shapes()] == [own < 0] * 2

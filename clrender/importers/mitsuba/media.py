@@ -22,12 +22,18 @@ class MediumReader:
     ----------
     staging : Staging
     textures : TextureReader
+
+    Attributes
+    ----------
+    bounded : set of str
+        Names of the media that end at a shape.
     """
 
     def __init__(self, staging: Staging, textures: TextureReader) -> None:
         self._staging, self._textures = staging, textures
         self._made: dict[int, str] = {}
         self._kept: list[Plugin] = []
+        self.bounded: set[str] = set()
 
     def name(self, plugin: Plugin) -> str | None:
         """The name of a medium; None for an unsupported one."""
@@ -36,12 +42,12 @@ class MediumReader:
             return None
         if id(plugin) not in self._made:
             media = self._staging.draft.description.setdefault("media", {})
-            name = (plugin.id or f"medium {len(media) + 1}")[:160]
-            while name in media:
+            name, described = (plugin.id or f"medium {len(media) + 1}")[:160], self._described(plugin)
+            while media.get(name, described) != described:
                 name += "'"
             self._made[id(plugin)] = name
             self._kept.append(plugin)
-            media[name] = self._described(plugin)
+            media[name] = described
         return self._made[id(plugin)]
 
     def _described(self, plugin: Plugin) -> dict[str, Any]:

@@ -121,7 +121,8 @@ class _Settings:
             camera["aperture_radius"] = plugin.number("aperture_radius", 0.1)
             camera["focus_distance"] = distance if distance is not None else 1.0
         medium = plugin.child("medium") or next(iter(plugin.children_of("medium")), None)
-        if medium is not None and (name := self._media.name(medium)) is not None:
+        name = None if medium is None else self._media.name(medium)
+        if name is not None and name not in self._media.bounded:
             self._staging.draft.description["fog"] = name
         self._staging.draft.description["camera"] = camera
         self._tell_unused(plugin)

@@ -166,11 +166,13 @@ class ShapeReader:
                 emitters[0].ignore("sampling_weight")
                 self._tell_unused(emitters[0])
         interior = plugin.child("interior")
-        plugin.child("exterior")  # here the exterior follows from the shapes
+        exterior = plugin.child("exterior")  # here it follows from the shapes, and from the fog
         if interior is not None and self._may_be_filled(described.get("material")):
             medium = self._media.name(interior)
             if medium is not None:
                 described["interior"] = medium
+                if exterior is None or self._media.name(exterior) != medium:
+                    self._media.bounded.add(medium)
         if not seen and "interior" not in described and "emission" not in described:
             return None
         return described
@@ -194,8 +196,8 @@ class ShapeReader:
     def _sphere(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
         x, y, z = plugin.vector("center", (0.0, 0.0, 0.0))
         matrix = product(matrix, translation(x, y, z))
-        # Mirroring turns Mitsuba's sphere inside out
-        inside_out = flip != (handedness(matrix) < 0.0)
+        # Mirroring turns Mitsuba's sphere inside out, but that by an instance does not
+        inside_out = flip != (handedness(plugin.matrix()) < 0.0)
         described = {**described, "flip_normals": True} if inside_out else described
         self._staging.sphere(described, plugin.number("radius", 1.0), product(matrix, _POLES), plugin.line)
 
@@ -225,7 +227,7 @@ class ShapeReader:
             raise plugin.fault("the cylinder has no radius or no length; give it both")
         self._staging.note("cylinders are approximated by 256 triangles")
         matrix = product(product(matrix, frame_along(start, end - start)), scaling(radius, radius, size))
-        inside_out = flip != (handedness(matrix) < 0.0)
+        inside_out = flip != (handedness(plugin.matrix()) < 0.0)
         self._staging.mesh(
             {**described, **_flipped(inside_out)}, "cylinder", lambda: cylinder_mesh(1.0, 0.0, 1.0), matrix, plugin.line
         )
@@ -284,7 +286,7 @@ class ShapeReader:
             described = {**described, "vertex_colors": "linear"}
         # Without normals in the file, the winding decides, and mirroring reverses it
         by_winding = flat or not had_normals
-        inside_out = flip != (by_winding and handedness(matrix) < 0.0)
+        inside_out = flip != (by_winding and handedness(plugin.matrix()) < 0.0)
         self._staging.shape({"type": "mesh", "file": name, **described, **_flipped(inside_out)}, matrix, plugin.line)
 
 

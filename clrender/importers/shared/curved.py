@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import OutOfMemory
-from clrender.exact.matrices import inner, total
+from clrender.exact.matrices import total
 from clrender.image.exr_write import ExrFormat, write_exr
 from clrender.image.pictures import Picture, open_picture
-from clrender.image.texel_tiles import coded_values
-from clrender.image.tone_map import LUMINANCE, srgb_decode
+from clrender.image.texel_values import texel_colors, texel_numbers
+from clrender.image.tone_map import srgb_decode
 from clrender.importers.shared.fresnel import below_coat, immersed, internal_reflectance
 from clrender.importers.shared.staging import Staging
 
@@ -25,7 +25,6 @@ __all__ = ["below_boundary", "coated_metal", "decoded", "inverted", "mean_color"
 _Curve: TypeAlias = Callable[[NDArray[np.floating]], NDArray[np.floating]]
 _OPAQUE: Final = {"unorm8": 255, "unorm16": 65535, "half": 0x3C00, "float": 1}
 """Values of alpha where a picture hides everything."""
-_CHANNELS: Final = {"r": 0, "g": 1, "b": 2, "a": 3}
 
 
 def below_boundary(staging: Staging, base: Any, ior: float, line: int) -> Any:
@@ -169,7 +168,7 @@ def mean_color(staging: Staging, texture: dict[str, Any], default: float, line: 
     try:
         with _opened(staging, texture["texture"], line) as picture:
             srgb = texture.get("color_space", "srgb") == "srgb"
-            rows = [total(_colors(picture, band, srgb)) for band in picture.bands()]
+            rows = [total(texel_colors(picture, band, srgb)) for band in picture.bands()]
     except Exception:  # whatever a library stumbles over
         return [default] * 3
     mean = total(total(np.array(rows))) / (picture.width * picture.height)
@@ -218,29 +217,12 @@ def _picture(staging: Staging, texture: dict[str, Any], curve: _Curve, line: int
         row = 0
         for band in picture.bands():
             values = (
-                _values(picture, band, srgb, texture.get("channel", "r")) if number else _colors(picture, band, srgb)
+                texel_numbers(picture, band, srgb, texture.get("channel", "r"))
+                if number
+                else texel_colors(picture, band, srgb)
             )
             made[row : row + len(band)] = curve(np.clip(values * (scale[:1] if number else scale), 0.0, 1.0))
             row += len(band)
     data = io.BytesIO()
     write_exr(data, made, {}, {}, ExrFormat(type="half", compression="none"))  # type: ignore[arg-type]
     return data.getvalue()
-
-
-def _colors(picture: Picture, band: NDArray[Any], srgb: bool) -> NDArray[np.float32]:
-    """Linear colours of texels, (h, w, 1 or 3)."""
-    colors = band[..., :3]
-    return np.asarray(colors if picture.coding == "float" else coded_values(picture.coding, srgb)[colors], np.float32)
-
-
-def _values(picture: Picture, band: NDArray[Any], srgb: bool, channel: str) -> NDArray[np.float32]:
-    """One channel of texels, or their luminance, (h, w, 1)."""
-    if picture.channels == 1:
-        return _colors(picture, band, srgb)
-    if channel == "a":
-        return _colors(picture, band[..., 3:], False)
-    colors = _colors(picture, band, srgb)
-    if channel == "luminance":
-        return np.asarray(inner(colors.astype(np.float64), LUMINANCE)[..., None], np.float32)
-    at = _CHANNELS[channel]
-    return colors[..., at : at + 1]

@@ -1,0 +1,152 @@
+"""Media as Mitsuba's, and which medium is on each side of a surface."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.exact.matrices import length
+from clrender.exporters.mitsuba_xml import Element, Target, element, value
+from clrender.flatten.interiors import winding_number
+from clrender.flatten.media import absorption_coefficients
+from clrender.flatten.subsurface import single_scattering
+from clrender.scene import Sphere
+from clrender.scene.materials import Dielectric, Principled, Subsurface
+from clrender.scene.shapes import AnyShape
+
+__all__ = ["MediumWriter", "Volume"]
+
+_TINY: Final = 1e-30
+_POINTS: Final = 16
+"""Points of a boundary that decide about the volume around it."""
+
+
+@dataclass(frozen=True)
+class Volume:
+    """What a boundary encloses.
+
+    Attributes
+    ----------
+    shape : AnyShape
+    vertices : (V, 3) float64
+        World space.
+    triangles : (T, 3) uint32
+        Counter-clockwise seen from outside; of a sphere none, and its points on the axes as vertices.
+    medium : str or None
+        Id of the medium in it.
+    index : float
+        Index of refraction in it.
+    """
+
+    shape: AnyShape
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.uint32]
+    medium: str | None
+    index: float
+
+    @property
+    def size(self) -> float:
+        """Volume of its box."""
+        return float(np.prod(self.vertices.max(axis=0) - self.vertices.min(axis=0)))
+
+    def contains(self, point: NDArray[np.float64]) -> bool:
+        """Whether a point is inside."""
+        low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
+        if not ((low < point) & (point < high)).all():
+            return False
+        if isinstance(self.shape, Sphere):
+            return length(point - (low + high) / 2.0) < float((high - low)[0]) / 2.0
+        arrays: dict[str, NDArray[Any]] = {"vertices": self.vertices, "triangles": self.triangles}
+        return abs(winding_number(arrays, np.arange(len(self.triangles)), point)) > 0.5
+
+
+class MediumWriter:
+    """Writes media, and finds those around surfaces.
+
+    Parameters
+    ----------
+    target : Target
+
+    Attributes
+    ----------
+    written : list of Element
+    fog : str or None
+        Id of the medium outside of all others.
+    """
+
+    def __init__(self, target: Target) -> None:
+        self._target = target
+        self._ids: dict[str, str] = {}
+        self.written: list[Element] = []
+        self.volumes: list[Volume] = []
+        self.fog = None if target.scene.fog is None else self._named(target.scene.fog)
+
+    def _named(self, name: str) -> str:
+        """The id of one of the scene's media."""
+        medium = self._target.scene.media[name]
+        return self._id(f"media.{name}", name, medium.absorption, medium.scattering, medium.g)
+
+    def _id(self, key: str, wanted: str, absorption: object, scattering: object, g: float) -> str:
+        """The id of a homogeneous medium of these coefficients, per metre."""
+        if key not in self._ids:
+            lost, turned = np.array(absorption), np.array(scattering)
+            extinction = lost + turned
+            scale = max(float(extinction.max()), _TINY)
+            albedo = np.divide(turned, extinction, out=np.zeros(3), where=extinction > 0.0)
+            # Its extinction is a colour, which is at most 1
+            inside = [value("rgb", "albedo", albedo), value("rgb", "sigma_t", extinction / scale)]
+            phase = element("phase", value("float", "g", g), type="hg")
+            inside += [value("float", "scale", scale), phase]
+            self._ids[key] = self._target.id("medium", wanted)
+            self.written.append(element("medium", *inside, type="homogeneous", id=self._ids[key]))
+        return self._ids[key]
+
+    def inside(self, shape: AnyShape) -> str | None:
+        """The id of the medium behind a shape's front, if any."""
+        if shape.interior is not None:
+            return self._named(shape.interior)
+        name = shape.material
+        material = None if name is None else self._target.scene.materials[name]
+        if isinstance(material, Dielectric | Principled) and material.attenuation_color is not None:
+            absorption = absorption_coefficients(material)
+            return self._id(f"materials.{name}", f"inside of {name}", absorption, np.zeros(3), 0.0)
+        if isinstance(material, Subsurface) and material.ior is not None:
+            shares = np.array([single_scattering(albedo, material.g) for albedo in material.albedo])
+            whole = 1.0 / np.array(material.radius)
+            lost, turned = whole * (1.0 - shares), whole * shares
+            return self._id(f"materials.{name}", f"inside of {name}", lost, turned, material.g)
+        return None
+
+    def add(self, shape: AnyShape, vertices: NDArray[np.float64], triangles: NDArray[np.uint32]) -> None:
+        """Add a closed shape that light passes into, in world space; for the arrays see `Volume`."""
+        material = None if shape.material is None else self._target.scene.materials[shape.material]
+        index = getattr(material, "ior", None) or 1.0
+        self.volumes.append(Volume(shape, vertices, triangles, self.inside(shape), index))
+
+    def around(
+        self, points: NDArray[np.float64], of: AnyShape | None, told: Callable[[], None]
+    ) -> tuple[str | None, float]:
+        """The medium around a surface, and its index of refraction.
+
+        Parameters
+        ----------
+        points : (n, 3) float64
+            Of the surface, world space.
+        of : AnyShape or None
+            The shape that has it, whose own volume does not count.
+        told : callable
+            Called if parts of the surface are in different volumes.
+        """
+        others = [each for each in self.volumes if each.shape is not of]
+        found = [_innermost(others, each) for each in points[:: max(1, len(points) // _POINTS)]]
+        if any(each is not found[0] for each in found):
+            told()
+        return (self.fog, 1.0) if found[0] is None else (found[0].medium, found[0].index)
+
+
+def _innermost(volumes: list[Volume], point: NDArray[np.float64]) -> Volume | None:
+    return min((each for each in volumes if each.contains(point)), key=lambda each: each.size, default=None)
