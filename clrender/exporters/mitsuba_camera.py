@@ -14,7 +14,7 @@ from clrender.importers.shared.matrices import look_at, scaling
 
 __all__ = ["integrator", "sensor"]
 
-_FILTERS: Final = {"box": "box", "gaussian": "gaussian", "mitchell": "mitchell", "blackman-harris": "gaussian"}
+_NEAR_FILTER: Final = {"blackman-harris": "gaussian"}
 _NEAR, _FAR = 1e-2, 1e4
 """Metres at which Mitsuba's cameras clip unless told otherwise."""
 
@@ -81,7 +81,10 @@ def _film(target: Target) -> list[Element]:
     if render.filter == "blackman-harris":
         target.leave_out("the pixel filter blackman-harris, for which there is a gaussian", "render", "filter")
     size = [value("integer", "width", image.width), value("integer", "height", image.height)]
-    form = [value("string", "pixel_format", "rgb"), element("rfilter", type=_FILTERS[render.filter])]
+    form = [
+        value("string", "pixel_format", "rgb"),
+        element("rfilter", type=_NEAR_FILTER.get(render.filter, render.filter)),
+    ]
     sampler = element("sampler", value("integer", "sample_count", render.spp), type="independent")
     return [element("film", *size, *form, type="hdrfilm"), sampler]
 

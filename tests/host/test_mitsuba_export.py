@@ -22,6 +22,7 @@ from clrender.flatten.assembly import written_out
 from clrender.flatten.flat_scene import flatten
 from clrender.flatten.sky import scene_sun
 from clrender.image.files import read_image, write_image
+from clrender.image.pixel_filter import PIXEL_FILTERS
 from clrender.meshes.data import MeshData
 from clrender.scene import Scene
 from clrender.scene.groups import TransformArray
@@ -616,3 +617,10 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     with pytest.raises(SceneError, match="camera is of type fisheye"):
         convert("fisheye", tmp_path / "strict.xml")
     assert not list(tmp_path.glob("strict*"))
+
+
+@for_each("name", [*PIXEL_FILTERS, "box"])
+def test_pixel_filters(tmp_path: Path, name: str) -> None:
+    again, notes = written(described(render={"filter": name}), tmp_path)
+    assert again.render.filter == ("gaussian" if name == "blackman-harris" else name)
+    assert any("pixel filter" in note for note in notes) is (name == "blackman-harris")
