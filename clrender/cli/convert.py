@@ -71,5 +71,9 @@ def convert(
         file.write(data)
     for note in notes:
         click.echo(f"note: {note}", err=True)
-    beside = f", {len(export.files)} files in {folder}" if export.files else ""
-    click.echo(f"{output}: {len(loaded.shapes)} shapes{beside}{sha256}")
+    beside = f", {_counted(len(export.files), 'file')} in {folder}" if export.files else ""
+    click.echo(f"{output}: {_counted(len(loaded.shapes), 'shape')}{beside}{sha256}")
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
