@@ -58,3 +58,32 @@ def test_a_large_block_is_mapped_on_its_own(begin: str) -> None:
 def test_the_environment_goes_first() -> None:
     setting = "from clrender.process.heap import return_large_blocks\nreturn_large_blocks()"
     assert mapped_blocks(setting, MALLOC_MMAP_THRESHOLD_=str(1 << 24)) == 0
+
+
+_FREED: Final = """
+import ctypes
+from clrender.process.heap import return_free_pages
+
+def resident():
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * 4096 >> 20
+
+libc = ctypes.CDLL(None)
+libc.malloc.restype, libc.malloc.argtypes, libc.free.argtypes = ctypes.c_void_p, [ctypes.c_size_t], [ctypes.c_void_p]
+blocks = [libc.malloc(60000) for _ in range(4000)]  # 229 MiB
+for block in blocks:
+    ctypes.memset(block, 1, 60000)
+full = resident()
+for block in blocks[:-1]:  # the last one keeps the pages before it
+    libc.free(block)
+freed = resident()
+return_free_pages()
+print(full - freed, freed - resident())
+"""
+
+
+def test_pages_that_hold_no_block_are_returned() -> None:
+    done = subprocess.run([sys.executable, "-c", _FREED], capture_output=True, text=True, check=True)
+    by_itself, returned = map(int, done.stdout.split())
+    assert by_itself < 20, "glibc does so itself, and the function has no use"
+    assert returned > 200
