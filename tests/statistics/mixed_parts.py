@@ -214,6 +214,10 @@ def _principled(draw: Draw) -> Json:
         sheen_color=lambda: texture(draw, 0.1, 1.0, number=False) if draw.chance(0.3) else draw.color(0.1, 1.0),
         sheen_roughness=lambda: _share(draw, 0.1),
     )
+    if draw.white and "sheen_color" in made:
+        # What is below a coloured sheen loses by its largest channel (KHR_materials_sheen), so others are not white
+        sheen = made["sheen_color"]
+        made["sheen_color"] = [max(sheen) if isinstance(sheen, list) else 0.6] * 3
     made |= _anisotropy(draw)
     if draw.chance(0.4):
         made["transmission"] = draw.one((1.0, _share(draw)))
