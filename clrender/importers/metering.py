@@ -63,7 +63,9 @@ def stops_needed(points: SurfacePoints, seen: NDArray[np.bool_], lights: Iterabl
     bright = float(np.sort(arriving)[int(_SHARE * (len(places) - 1))]) * _ALBEDO / math.pi
     if not 0.0 < bright < math.inf:
         return 0
-    stops = round(math.log2(_BRIGHT / bright))
+    # Rounded by comparison, as logarithms are not the same on every processor
+    mantissa, exponent = math.frexp(_BRIGHT / bright)
+    stops = exponent if mantissa >= math.sqrt(0.5) else exponent - 1
     return stops if abs(stops) >= _LEAST_STOPS else 0
 
 

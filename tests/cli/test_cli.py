@@ -133,7 +133,7 @@ BAD_COMMAND_LINES: dict[str, tuple[str, tuple[str, ...]]] = {
     "half an exposure": ("render room -o a.png --f-stop 8", ("f_stop", "without shutter", "give f_stop and shutter")),
     "photograph of linear images": ("render room -o a.exr --iso 100", ("--iso", ".png and .jpg")),
     "unknown filter": (
-        "render room -o a.png --filter tent",
+        "render room -o a.png --filter lanczos",
         ("--filter", "box, tent, gaussian, blackman-harris or mitchell"),
     ),
     "no tile": ("render room -o a.png --tile 0", ("--tile", "at least 1")),

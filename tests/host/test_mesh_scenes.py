@@ -192,8 +192,9 @@ def test_the_upward_axis_of_models(tmp_path: Path) -> None:
     above, level = clrender.load(path), clrender.load(path, up="y")
     assert above.camera.up == (0.0, 0.0, 1.0) and level.camera.up == (0.0, 1.0, 0.0)
     assert clrender.load(path, up="z").sha256() == above.sha256() != level.sha256()
-    x, y, z = np.subtract(above.camera.position, above.camera.target)
-    np.testing.assert_allclose((x, z, -y), np.subtract(level.camera.position, level.camera.target), rtol=1e-12)
+    ways = [np.subtract(each.camera.position, each.camera.target) for each in (above, level)]
+    (x, y, z), other = (way / np.linalg.norm(way) for way in ways)  # as far away as each view of it needs
+    np.testing.assert_allclose((x, z, -y), other, rtol=1e-12)
     first, second = (each.environment_picture() for each in (above, level))
     assert first is not None and second is not None
     # At +y is the first row, +z is the middle column
