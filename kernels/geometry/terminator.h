@@ -68,4 +68,12 @@ static vmask terminator_moved(const Surface* s) {
 #endif
 }
 
+#ifdef INVARIANTS
+// Of the mesh: the normal of a point that has been moved is the interpolated one, which may face away from the ray.
+static vmask terminator_violates(const Surface* s, const Ray* ray, vmask where) {
+    const Surface mesh = terminator_mesh(s);
+    return surface_violates(&mesh, ray, where);
+}
+#endif
+
 #endif

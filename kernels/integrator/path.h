@@ -70,7 +70,7 @@ static void path_vertex(const Scene* scene, Path* path, Hit hit, PoolStats* stat
     v->diffuse = v->scatters & !(v->bsdf.specular | straight | v->dark);
     stats->rays += lane_count(v->traced);
     stats->deepest = pool_deepest(stats->deepest, path->depth, v->traced);
-    INVARIANT(path, INVARIANT_SURFACE, surface_violates(&v->surface, &path->ray, on_surface));
+    INVARIANT(path, INVARIANT_SURFACE, terminator_violates(&v->surface, &path->ray, on_surface));
     INVARIANT(path, INVARIANT_BSDF, bsdf_violates(&v->bsdf, found));
 #ifdef MATERIALS
     INVARIANT(path, INVARIANT_CLOSURE, closure_violates(&v->bsdf.closure, found));
