@@ -51,7 +51,8 @@ def binary_ply(points: Any, corners: Any) -> bytes:
     head += f"property float z\nelement face {len(corners)}\nproperty list uchar int vertex_indices\nend_header\n"
     faces = np.zeros(len(corners), [("n", "u1"), ("at", "<i4", 3)])
     faces["n"], faces["at"] = 3, corners
-    return head.encode() + points.tobytes() + faces.tobytes()
+    made: bytes = head.encode() + points.tobytes() + faces.tobytes()
+    return made
 
 
 def base_of(scene: Scene) -> Any:

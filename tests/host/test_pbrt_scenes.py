@@ -266,6 +266,7 @@ def test_subsurface_by_coefficients_is_glass_with_a_medium(
 ) -> None:
     scene = pbrt(tmp_path, f'Material "subsurface" {given} "float scale" 10 "float eta" 1.4\n{BALL}')
     (shape,) = scene.shapes
+    assert shape.material is not None and shape.interior is not None
     glass, medium = dump(scene.materials[shape.material]), dump(scene.media[shape.interior])
     assert glass["type"] == "dielectric" and glass["ior"] == 1.4
     assert medium["scattering"] == pytest.approx(np.multiply(scattering, 10.0))
@@ -346,14 +347,14 @@ def test_holes_of_numbers_and_other_textures(tmp_path: Path) -> None:
     board = 'Texture "t" "float" "checkerboard" "float tex1" 0.25 "float tex2" 0\n'
     world = board + 'Shape "sphere" "float alpha" 0.5\nShape "disk" "texture alpha" "t"'
     scene = pbrt(tmp_path, world)
-    first, second = (scene.materials[shape.material] for shape in scene.shapes)
+    first, second = (scene.materials[str(shape.material)] for shape in scene.shapes)
     assert first.opacity == 0.5 and dump(second)["opacity"]["checker"] == ((0.25,) * 3, (0.0,) * 3)
 
 
 def test_lamps_of_alpha_0_shine(tmp_path: Path) -> None:
     scene = pbrt(tmp_path, 'AreaLightSource "diffuse"\nMaterial "diffuse"\nShape "sphere" "float alpha" 0')
     (shape,) = scene.shapes
-    assert shape.emission == (1.0, 1.0, 1.0) and scene.materials[shape.material].opacity == 1.0
+    assert shape.emission == (1.0, 1.0, 1.0) and scene.materials[str(shape.material)].opacity == 1.0
     assert any("a lamp of alpha 0" in note for note in scene.notes)
 
 

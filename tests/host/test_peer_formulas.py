@@ -694,7 +694,9 @@ def test_meshes_without_colours_of_vertices_are_white(tmp_path: Path) -> None:
     bsdf = f'<bsdf type="diffuse">{ATTRIBUTE}</bsdf>'
     inside = f'<shape type="ply">{colored_ply(tmp_path, colors=False)}{bsdf}</shape><shape type="sphere">{bsdf}</shape>'
     scene = mitsuba(tmp_path, inside)
-    assert [dump(scene.materials[shape.material])["reflectance"] for shape in scene.shapes] == [(1.0, 1.0, 1.0)] * 2
+    assert [dump(scene.materials[str(shape.material)])["reflectance"] for shape in scene.shapes] == [
+        (1.0, 1.0, 1.0)
+    ] * 2
     assert len([note for note in scene.notes if "has no colours of vertices: white" in note]) == 2
 
 
