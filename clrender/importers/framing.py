@@ -137,7 +137,7 @@ def _around(scene: Scene, up: str) -> tuple[dict[str, Any], str]:
     wide = scene.image.width / scene.image.height
     sine = sin_cos(min(math.radians(_VERTICAL_FOV) / 2.0, angle_of(slope * wide, 1.0)))[0]
     points = surface_points(scene)
-    side = chosen_side(points.upright(up), upright(middle, up), _MARGIN * radius / sine, slope)
+    side = chosen_side(points.upright(up), upright(middle, up).tolist(), _MARGIN * radius / sine, slope)
     toward = _from_y_up(SIDES[side], up)
     toward = tuple(x / length(toward) for x in toward)  # type: ignore[assignment]
     corners = points.corners.reshape(-1, 3) if len(points.corners) else np.stack([low, high])

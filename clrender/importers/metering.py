@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.exact.angles import sin_cos_degrees
+from clrender.exact.matrices import inner, length
 from clrender.image.tone_map import LUMINANCE
 from clrender.importers.surface_points import Floats, SurfacePoints
 from clrender.scene.light_kinds import DirectionalLight, Light, PointLight, SpotLight
@@ -52,7 +53,9 @@ def stops_needed(points: SurfacePoints, seen: NDArray[np.bool_], lights: Iterabl
     at, normals = points.positions[places], points.normals[places]
     for light in lights:
         if isinstance(light, DirectionalLight):
-            arriving += _luminance(light.irradiance) * np.abs(_dot(normals, _unit(np.array(light.direction))))
+            arriving += _luminance(light.irradiance) * np.abs(
+                inner(normals, np.array(light.direction) / length(light.direction))
+            )
         elif isinstance(light, PointLight | SpotLight):
             arriving += _from_point(light, at, normals)
         else:
@@ -71,12 +74,12 @@ def stops_needed(points: SurfacePoints, seen: NDArray[np.bool_], lights: Iterabl
 
 def _from_point(light: PointLight | SpotLight, at: Floats, normals: Floats) -> Floats:
     away = at - np.array(light.position)
-    squared = np.maximum(_dot(away, away), 1e-12)
+    squared = np.maximum(inner(away, away), 1e-30)
     unit = away / np.sqrt(squared)[:, None]
-    irradiance = _luminance(light.intensity) * np.abs(_dot(unit, normals)) / squared
+    irradiance = _luminance(light.intensity) * np.abs(inner(unit, normals)) / squared
     if isinstance(light, SpotLight):
         _, least = sin_cos_degrees(light.cone_degrees / 2.0)
-        irradiance = np.where(_dot(unit, _unit(np.array(light.direction))) > least, irradiance, 0.0)
+        irradiance = np.where(inner(unit, np.array(light.direction) / length(light.direction)) > least, irradiance, 0.0)
     return irradiance
 
 
@@ -87,21 +90,10 @@ def _from_surfaces(points: SurfacePoints, at: Floats, normals: Floats) -> Floats
     area = points.area / max(1, len(points.emitted)) * (len(emitters) / max(1, len(some)))
     for each in some:
         away = at - points.positions[each]
-        squared = np.maximum(_dot(away, away), area)
-        cosines = np.abs(_dot(away, normals)) * np.maximum(_dot(away, points.normals[each]), 0.0)
+        squared = np.maximum(inner(away, away), area)
+        cosines = np.abs(inner(away, normals)) * np.maximum(inner(away, points.normals[each]), 0.0)
         arriving += points.emitted[each] * area * cosines / (squared * squared)
     return arriving
-
-
-def _dot(a: Floats, b: Floats) -> Floats:
-    x, y, z = (a * b).T
-    total: Floats = (x + y) + z
-    return total
-
-
-def _unit(v: Floats) -> Floats:
-    unit: Floats = v / math.sqrt(float(_dot(v, v)))
-    return unit
 
 
 def _luminance(color: Vector) -> float:

@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.exact.matrices import lengths
 from clrender.flatten.assembly import Assembly, assemble
 from clrender.flatten.bounds import is_seen
 from clrender.flatten.emission import shape_emission
@@ -88,8 +89,8 @@ def surface_points(scene: Scene) -> SurfacePoints:
     normals = np.stack(
         [across[0][:, i] * across[1][:, j] - across[0][:, j] * across[1][:, i] for i, j in ((1, 2), (2, 0), (0, 1))], 1
     )
-    lengths = _lengths(normals)
-    sums = np.cumsum(0.5 * lengths * weights)
+    sizes = lengths(normals)
+    sums = np.cumsum(0.5 * sizes * weights)
     if not len(sums) or not 0.0 < sums[-1] < np.inf:
         none = np.zeros((0, 3))
         return SurfacePoints(none, none, np.zeros(0), 0.0, corners)
@@ -99,13 +100,7 @@ def surface_points(scene: Scene) -> SurfacePoints:
     outside = u + v > 1.0
     u, v = np.where(outside, 1.0 - u, u)[:, None], np.where(outside, 1.0 - v, v)[:, None]
     positions = (corners[chosen, 0] + u * across[0][chosen]) + v * across[1][chosen]
-    return SurfacePoints(positions, normals[chosen] / lengths[chosen, None], emitted[chosen], float(sums[-1]), corners)
-
-
-def _lengths(vectors: Floats) -> Floats:
-    x, y, z = vectors.T
-    lengths: Floats = np.sqrt((x * x + y * y) + z * z)
-    return lengths
+    return SurfacePoints(positions, normals[chosen] / sizes[chosen, None], emitted[chosen], float(sums[-1]), corners)
 
 
 def _spread(count: int, most: int) -> tuple[slice, float]:

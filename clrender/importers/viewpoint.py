@@ -6,7 +6,7 @@ is seen from a place is counted among points of all surfaces, by a depth buffer.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -75,7 +75,7 @@ def visible(points: SurfacePoints, eye: Sequence[float], toward: Vector, up: Vec
     nearest = np.full(_CELLS * _CELLS, np.inf)
     np.minimum.at(nearest, cells[inside], depth[inside])
     nx, ny, nz = points.normals.T
-    cosine = np.abs((x * nx + y * ny) + z * nz) / np.sqrt((x * x + y * y) + z * z)
+    cosine = np.abs((x * nx + y * ny) + z * nz) / np.maximum(np.sqrt((x * x + y * y) + z * z), 1e-300)
     steepness = np.minimum(np.sqrt(1.0 - np.minimum(cosine * cosine, 1.0)), _STEEPEST * cosine) / np.maximum(
         cosine, 1e-9
     )
@@ -83,7 +83,7 @@ def visible(points: SurfacePoints, eye: Sequence[float], toward: Vector, up: Vec
     return seen
 
 
-def chosen_side(points: SurfacePoints, middle: Iterable[float], distance: float, slope: float) -> str:
+def chosen_side(points: SurfacePoints, middle: Sequence[float], distance: float, slope: float) -> str:
     """The name of the side from which a model is to be seen.
 
     Parameters
