@@ -74,6 +74,29 @@ def test_what_hides_no_more_from_the_front_is_seen_from_there(tmp_path: Path, te
     np.testing.assert_allclose(-toward(scene), np.array((0.45, 0.35, 1.0)) / math.hypot(0.45, 0.35, 1.0), atol=1e-12)
 
 
+def plate(number: int, half: float, z: float) -> str:
+    """OBJ text of a square that faces the front."""
+    corners = "".join(f"v {x} {y} {z}\n" for x, y in ((-half, -half), (half, -half), (half, half), (-half, half)))
+    return corners + "f " + " ".join(str(4 * number + corner) for corner in (1, 2, 3, 4)) + "\n"
+
+
+def test_what_hides_a_little_more_from_the_front_is_seen_from_there(tmp_path: Path) -> None:
+    """A plate hides a sixth of all, which is seen from the left."""
+    scene = loaded(tmp_path, plate(0, 3.0**0.5 / 2.0, 0.0) + plate(1, 0.4, 0.6))
+    assert "from the front, a little from above" in scene.notes[0]
+
+
+def test_some_triangles_stand_for_many(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("clrender.importers.surface_points._MOST_TRIANGLES", 64)
+    many = "o many\n" + "".join(f"v {x} {y} 0\n" for y in range(21) for x in range(21))
+    many += "".join(f"f {k} {k + 1} {k + 22} {k + 21}\n" for k in range(1, 420) if k % 21)
+    scene = loaded(tmp_path, many + "o one\nv 100 0 0\nv 120 0 0\nv 120 20 0\nv 100 20 0\nf -4 -3 -2 -1\n")
+    points = surface_points(scene)
+    assert points.area == pytest.approx(800.0, rel=0.02)
+    assert len(points.corners) < 100
+    assert np.mean(points.positions[:, 0] > 50.0) == pytest.approx(0.5, abs=0.01)
+
+
 def test_points_are_spread_by_area_over_instances_and_stand_for_all_of_it(tmp_path: Path) -> None:
     model = Model()
     mesh = model.quad()
