@@ -70,13 +70,16 @@ class Broadcaster:
             for viewer in self._viewers.values():
                 viewer.send(kind, content)
 
-    def send_if_changed(self, kind: str, content: Mapping[str, Any]) -> bool:
-        """Send a message of a retained type, unless it is the same as the last one. Returns whether it was sent."""
+    def send_if_changed(self, kind: str, content: Mapping[str, Any]) -> None:
+        """Send a message of a retained type, unless it is the same as the last one."""
         with self._lock:
-            if self._retained.get(kind) == content:
-                return False
-            self.send(kind, content)
-        return True
+            if self.is_news(kind, content):
+                self.send(kind, content)
+
+    def is_news(self, kind: str, content: Mapping[str, Any]) -> bool:
+        """Whether a message of a retained type differs from the last one."""
+        with self._lock:
+            return self._retained.get(kind) != content
 
     def retain(self, kind: str, content: Mapping[str, Any]) -> None:
         """Send a message to later viewers only."""

@@ -104,7 +104,7 @@ class StatusReporter:
         self._broadcaster.send("progress", content)
 
     def send_state(self, edited: EditedScene, progressive: Progressive, device: str, problems: Problems) -> None:
-        """Send the state where it has changed, and the final progress with the state ``done``."""
+        """Send the state where it has changed; before the state ``done`` comes the final progress."""
         state = progressive.image_state
         status = _status(progressive, problems)
         content: dict[str, Any] = {
@@ -116,8 +116,10 @@ class StatusReporter:
             "is_black": state is not None and state.is_black,
             **tables.state(edited),
         }
-        if self._broadcaster.send_if_changed("state", content) and status == "done":
+        # Whoever is told that it is done, or shown the final frame, knows the numbers of the end.
+        if status == "done" and self._broadcaster.is_news("state", content):
             self.send_progress(progressive, None)
+        self._broadcaster.send_if_changed("state", content)
 
 
 def _status(progressive: Progressive, problems: Problems) -> str:

@@ -162,6 +162,7 @@ class Viewer:
         text = json.dumps({"type": kind, **content}, separators=(",", ":"))
         with self._lock:
             if newest:
+                self._newest.pop(kind, None)  # it takes its turn anew, after what was sent before it
                 self._newest[kind] = text
             elif len(self._replies) < _MOST_REPLIES:
                 self._replies.append(text)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from view_clients import EngineClient
+from view_clients import EngineClient, Received
 
 import clrender
 from clrender.device import Buffer, Device
@@ -26,6 +26,7 @@ from clrender.film.running import RunningFilm
 from clrender.image.files import image_sha256
 from clrender.view import Engine
 from clrender.view.broadcaster import MOST_VIEWERS
+from clrender.view.progressive import Progressive
 
 SIZE = {"width": 96, "height": 64}
 
@@ -139,6 +140,29 @@ def test_who_looks_just_before_the_end_sees_the_end_too(
     is_open.set()
     page.until(lambda m: m.kind == "frame" and m.content["final"], seconds=60)
     assert early == [False]
+
+
+def test_who_is_told_that_it_is_done_knows_the_numbers_of_the_end(
+    opened: Callable[..., Any], device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The progress came after the state, and a page that looked between the two saw two thirds of the samples."""
+    error = Progressive.error
+
+    def slow(progressive: Progressive) -> float | None:
+        time.sleep(0.2)  # time for a page to look
+        return error(progressive)
+
+    monkeypatch.setattr(Progressive, "error", slow)
+    _, page = opened(spp=4)
+    for spp in (4, 6):
+        page.say("set", settings={"spp": spp})
+        page.until(lambda m, spp=spp: m.kind == "state" and m.content["status"] == "done" and _spp(m) == spp)
+        assert page.newest["progress"].content["samples"] == spp
+        assert page.newest["progress"].content["sha256"]
+
+
+def _spp(state: Received) -> int:
+    return int(state.content["settings"]["spp"])
 
 
 def test_a_camera_that_moves_uploads_nothing_else_and_compiles_nothing(

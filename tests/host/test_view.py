@@ -370,6 +370,14 @@ def test_state_that_nobody_took_is_replaced_and_replies_are_not() -> None:
     assert [each["number"] for each in taken if each["type"] == "probe"] == list(range(100))
 
 
+def test_messages_are_taken_in_the_order_in_which_the_newest_were_sent() -> None:
+    viewer = Viewer(_FakeEngine(), 1, lambda: None)  # type: ignore[arg-type]
+    for kind in ("state", "progress", "state"):
+        viewer.send(kind, {})
+    taken = [json.loads(each)["type"] for each in iter(viewer.take, None) if isinstance(each, str)]
+    assert taken == ["progress", "state"]
+
+
 def test_who_takes_no_replies_is_hung_up_on() -> None:
     engine = _FakeEngine()
     viewer = Viewer(engine, 1, lambda: None)  # type: ignore[arg-type]
