@@ -99,7 +99,8 @@ ALBEDO_COVERED: Final = ALBEDO_SLANT_NUMBERS + SLANT_NUMBERS
 ALBEDO_COVERED_MEAN: Final = ALBEDO_COVERED + 2 * COVERED_LAYERS * COVERED_ROWS * (COVERED_COLUMNS - 1)
 ALBEDO_END: Final = ALBEDO_COVERED_MEAN + 2 * COVERED_LAYERS * COVERED_ROWS
 ALBEDO_BECKMANN: Final = ALBEDO_END
-ALBEDO_TURNED_GLASS: Final = ALBEDO_BECKMANN + ALBEDO_SHEEN
+ALBEDO_BECKMANN_SLANTS: Final = ALBEDO_BECKMANN + ALBEDO_SHEEN
+ALBEDO_TURNED_GLASS: Final = ALBEDO_BECKMANN_SLANTS + 2 * SLANT_ROWS
 ALBEDO_TURNED_GLASS_LOST: Final = ALBEDO_TURNED_GLASS + (
     (2 * TURNED_GLASS_LAYERS * TURNED_GLASS_ROWS * TURNED_GLASS_APART)
     * (TURNED_GLASS_TURNS * (TURNED_GLASS_COLUMNS - 1))
@@ -109,8 +110,9 @@ ALBEDO_TURNED_GLASS_END: Final = ALBEDO_TURNED_GLASS_LOST + (
 )
 """Offsets of the tables of `clrender.flatten.microfacets.albedo_tables`, in words, and the end of the last.
 
-From `ALBEDO_BECKMANN` on are those of Beckmann's distribution, in the order of the tables of GGX before `ALBEDO_SHEEN`,
-and from `ALBEDO_TURNED_GLASS` on those of anisotropic glass; scenes that do not need them do not have them.
+From `ALBEDO_BECKMANN` on are those of Beckmann's distribution, in the order of the tables of GGX before `ALBEDO_SHEEN`
+and then the slants, and from `ALBEDO_TURNED_GLASS` on those of anisotropic glass; scenes that do not need them do not
+have them.
 """
 
 FILTER_LINES: Final = 64

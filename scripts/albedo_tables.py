@@ -34,7 +34,8 @@ precision; the tables keep sixteen bits. An average is that of the table as it i
     slant_numbers (17,) float32      averages of b³ and b² c; with Q what EON at roughness 1 does more than Lambert,
                                      over its A, of b Qb, b Qc and c Qc; polynomials in μ of Qb (7) and Qc (5)
 
-The first eight are of GGX; ``beckmann_ggx`` to ``beckmann_glass_lost`` are the same of Beckmann's distribution.
+The first eight are of GGX; ``beckmann_ggx`` to ``beckmann_glass_lost`` are the same of Beckmann's distribution, and
+``beckmann_slants`` (2, S) are the slants of its E and B along the same functions.
 
 `--check` compares with the file in place of writing it.
 """
@@ -591,22 +592,23 @@ def interpolated(table: NDArray[np.uint16], row: float, columns: _Floats) -> _Fl
 
 
 def slant_tables(of: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """``slants`` and ``slant_numbers``, from the other tables."""
+    """``slants``, ``slant_numbers`` and ``beckmann_slants``, from the other tables."""
     nodes, weights = np.polynomial.legendre.leggauss(600)
     mu = ((nodes + 1.0) / 2.0) ** 2
     weight = weights * (nodes + 1.0) * mu  # for 2 ∫ … μ dμ
     rows = np.maximum(np.arange(layout.SLANT_ROWS) / (layout.SLANT_ROWS - 1), np.sqrt(LEAST_TURNED))
     lines = []
     for row in rows:
-        e = interpolated(of["ggx"], row, np.sqrt(mu * (1.0 + row**2) / (mu + row**2)))
-        b = e * interpolated(of["schlick"], row, np.sqrt(mu)) ** 5
-        upright = max(row, 0.1)
-        lines += [e, b, interpolated(of["sheen"], upright, np.sqrt(mu))]
-    varying = np.array([line - (line * weight).sum() for line in lines]).reshape(-1, 3, len(mu))
+        for facets in ("", "beckmann_"):
+            e = interpolated(of[f"{facets}ggx"], row, np.sqrt(mu * (1.0 + row**2) / (mu + row**2)))
+            lines += [e, e * interpolated(of[f"{facets}schlick"], row, np.sqrt(mu)) ** 5]
+        lines.append(interpolated(of["sheen"], max(row, 0.1), np.sqrt(mu)))
+    whole = np.array([line - (line * weight).sum() for line in lines]).reshape(-1, 5, len(mu))
+    varying = whole[:, [0, 1, 4]]
     # Layers of metal alone have no diffuse surface below
     _, _, axes = np.linalg.svd(varying[:, 1:].reshape(-1, len(mu)) * np.sqrt(weight), full_matrices=False)
     b, c = (axis * np.sign(axis.sum()) / np.sqrt(weight) for axis in axes[:2])
-    components = np.stack([(varying * axis * weight).sum(axis=2) for axis in (b, c)], axis=-1)
+    components = np.stack([(whole * axis * weight).sum(axis=2) for axis in (b, c)], axis=-1)
     words = np.rint(np.clip((components + 0.05) / 0.2, 0.0, 1.0) * 65535.0).astype(np.uint32)
     # EON (kernels/material/eon.h), over all azimuths, in white: 1 + r A Q
     sine, g = np.sqrt(1.0 - mu * mu), 1.0 - mu
@@ -619,7 +621,9 @@ def slant_tables(of: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     averages = [(x * weight).sum() for x in (b**3, b * b * c, b * along_b, b * along_c, c * along_c)]
     fits = [np.polynomial.polynomial.polyfit(mu, y, n, w=np.sqrt(weight)) for y, n in ((along_b, 6), (along_c, 4))]
     numbers = np.concatenate([averages, *fits])
-    return {"slants": (words[..., 0] | words[..., 1] << 16).T.astype("<u4"), "slant_numbers": numbers.astype("<f4")}
+    slants = (words[..., 0] | words[..., 1] << 16).T.astype("<u4")
+    of_ggx, of_beckmann = slants[[0, 1, 4]], slants[2:4]
+    return {"slants": of_ggx, "slant_numbers": numbers.astype("<f4"), "beckmann_slants": of_beckmann}
 
 
 def covered_tables(of: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
@@ -674,8 +678,8 @@ def covered_tables(of: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
 def tables() -> dict[str, NDArray[Any]]:
     """All tables, by their names in the file."""
     made = {**facet_tables(beckmann=False), **turned_glass_tables(), **sheen_tables()}
-    made |= {**slant_tables(made), **covered_tables(made)}
-    return made | {f"beckmann_{name}": table for name, table in facet_tables(beckmann=True).items()}
+    made |= {f"beckmann_{name}": table for name, table in facet_tables(beckmann=True).items()}
+    return made | {**slant_tables(made), **covered_tables(made)}
 
 
 if __name__ == "__main__":

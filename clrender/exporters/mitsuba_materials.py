@@ -260,6 +260,8 @@ class MaterialWriter:
         """Disney's model, which is alike in its metal, glass and diffuse parts."""
         if material.metallic != 1.0 and material.transmission != 1.0:
             self._target.leave_out("the balance of principled, of which Mitsuba's reflects up to 5 % more", *at)
+        if material.microfacets != "ggx":
+            self._target.leave_out("the Beckmann microfacets of principled, whose facets are of GGX", *at)
         numbers = self._textures.number
         inside = [self._textures.color("base_color", material.base_color, (*at, "base_color"))]
         inside += self._disney_roughness(material, at)

@@ -142,6 +142,8 @@ def _is_anisotropic_glass(material: Material) -> bool:
 
 
 def _compensates_beckmann(material: Material) -> bool:
+    if isinstance(material, Principled):
+        return material.microfacets == "beckmann"
     if not isinstance(material, Conductor | Dielectric) or not has_row(material):
         return False
     return material.microfacets == "beckmann" and material.multiple_scattering
@@ -220,9 +222,12 @@ def _sides(material: Material) -> np.float32:
     return _bits(0 if getattr(material, "two_sided", True) else layout.MATERIAL_FLAG_ONE_SIDED)
 
 
+def _distribution(material: Conductor | Dielectric | Principled) -> int:
+    return layout.MATERIAL_FLAG_BECKMANN if material.microfacets == "beckmann" else 0
+
+
 def _facets(material: Conductor | Dielectric) -> int:
-    beckmann = layout.MATERIAL_FLAG_BECKMANN if material.microfacets == "beckmann" else 0
-    return beckmann | (0 if material.multiple_scattering else layout.MATERIAL_FLAG_SINGLE_SCATTERING)
+    return _distribution(material) | (0 if material.multiple_scattering else layout.MATERIAL_FLAG_SINGLE_SCATTERING)
 
 
 @_fill.register
@@ -255,9 +260,8 @@ def _(material: Conductor, row: _Row, _numbers: dict[str, int]) -> None:
 
 @_fill.register
 def _(material: Principled, row: _Row, _numbers: dict[str, int]) -> None:
-    flags = (layout.MATERIAL_FLAG_THIN if material.thin else 0) | (
-        0 if material.two_sided else layout.MATERIAL_FLAG_ONE_SIDED
-    )
+    flags = _distribution(material) | (layout.MATERIAL_FLAG_THIN if material.thin else 0)
+    flags |= 0 if material.two_sided else layout.MATERIAL_FLAG_ONE_SIDED
     _put(
         row,
         ROUGHNESS=material.roughness,

@@ -37,7 +37,7 @@ def albedo_tables(beckmann: bool = False, turned_glass: bool = False) -> NDArray
     """
     facets = ("ggx", "schlick", "ggx_lost", "ggx_schlick", "turned", "turned_lost", "glass", "glass_lost")
     more = ("sheen", "sheen_scale", "sheen_mean", "slants", "slant_numbers", "covered", "covered_mean")
-    names = [*facets, *more, *(f"beckmann_{name}" for name in facets if beckmann or turned_glass)]
+    names = [*facets, *more, *(f"beckmann_{name}" for name in (*facets, "slants") if beckmann or turned_glass)]
     names += ["turned_glass", "turned_glass_lost"] if turned_glass else []
     with np.load(Path(__file__).with_name("albedo_tables.npz")) as file:
         tables = np.concatenate([_words(file[name]) for name in names])

@@ -152,10 +152,13 @@ class Mirror(_Opaque):
     reflectance: ReflectanceOrTexture = (1.0, 1.0, 1.0)
 
 
+_Distribution: TypeAlias = Literal["ggx", "beckmann"]
+
+
 class _Microfacets(Part):
     """What metals and glass have for the sake of other renderers."""
 
-    microfacets: Literal["ggx", "beckmann"] = Field("ggx", description="distribution of the microfacet normals")
+    microfacets: _Distribution = Field("ggx", description="distribution of the microfacet normals")
     multiple_scattering: Flag = Field(
         True,
         description="false: single scattering only, so rough surfaces lose energy, as in most other renderers",
@@ -247,12 +250,17 @@ class Conductor(_Opaque, _Microfacets):
 class Principled(_Opaque):
     """Metal, plastic, glass, cloth and blends of them: the metallic-roughness model of glTF 2.0 with its extensions."""
 
-    late_keys: ClassVar[frozenset[str]] = frozenset({"diffuse_transmission", "diffuse_transmission_color"})
+    late_keys: ClassVar[frozenset[str]] = frozenset(
+        {"diffuse_transmission", "diffuse_transmission_color", "microfacets"}
+    )
 
     type: Literal["principled"]
     base_color: ReflectanceOrTexture = (1.0, 1.0, 1.0)
     metallic: ShareOrTexture = 0.0
-    roughness: ShareOrTexture = Field(0.5, description="GGX alpha is its square")
+    roughness: ShareOrTexture = Field(0.5, description="microfacet alpha is its square")
+    microfacets: _Distribution = Field(
+        "ggx", description="distribution of the microfacet normals; `beckmann`: without transmission, coat and sheen"
+    )
     ior: Annotated[Index, Field(ge=1.0)] = 1.5
     specular: ShareOrTexture = Field(1.0, description="strength of the dielectric reflection")
     specular_color: ReflectanceOrTexture = Field(
@@ -288,6 +296,16 @@ class Principled(_Opaque):
         if self.attenuation_color is not None and self.transmission == 0.0:
             sentence = "does nothing without transmission; give it some, or leave both out"
             raise fault("material", sentence, "attenuation_color")
+        return self
+
+    @model_validator(mode="after")
+    def _has_facets_of_one_kind(self) -> Principled:
+        black = (0.0, 0.0, 0.0)
+        if self.microfacets != "ggx":
+            for key in ("transmission", "coat", "sheen_color"):
+                if getattr(self, key) not in (0.0, black):
+                    sentence = f"is given beside {key}, which knows GGX only; leave one out"
+                    raise fault("material", sentence, "microfacets")
         return self
 
     @model_validator(mode="after")

@@ -55,25 +55,28 @@ static vfloat albedo_ggx_lost(__global const float* tables, vfloat alpha) { retu
 
 // B(μ) / E(μ), where B is what E would be with facets that reflect (1 − c)^5, c the cosine at the facet: with Schlick's Fresnel term,
 // f0 + (f90 − f0) (1 − c)^5, a surface reflects f0 E + (f90 − f0) B at first.
-static vfloat albedo_grazing(__global const float* tables, vfloat alpha, vfloat cosine) {
+static vfloat albedo_grazing(__global const float* tables, vuint base, vfloat alpha, vfloat cosine) {
     const uint words = SCHLICK_COLUMNS - 1u;
     const vfloat y = root(alpha) * (float)(SCHLICK_ROWS - 1u), x = root(cosine) * (float)words;
-    const vfloat root5 = albedo_at(tables, splat_uint(ALBEDO_SCHLICK), SCHLICK_ROWS, words, words, y, x);
+    const vfloat root5 = albedo_at(tables, base + ALBEDO_SCHLICK, SCHLICK_ROWS, words, words, y, x);
     const vfloat square = root5 * root5;
     return square * square * root5;
 }
-static vfloat albedo_grazing_average(__global const float* tables, vfloat alpha) { return albedo_line(tables, splat_uint(ALBEDO_GGX_SCHLICK), GGX_ROWS, alpha); }
+static vfloat albedo_grazing_average(__global const float* tables, vuint base, vfloat alpha) {
+    return albedo_line(tables, base + ALBEDO_GGX_SCHLICK, GGX_ROWS, alpha);
+}
 
-// How E (0), B (1) or the albedo of sheen (2) varies over μ: its components along two functions b and c, which have average 0 and with
-// weight 2μ are orthonormal (scripts/albedo_tables.py).
+// How E, B or the albedo of sheen varies over μ: its components along two functions b and c, which have average 0 and with weight 2μ
+// are orthonormal (scripts/albedo_tables.py).
 typedef struct {
     vfloat b, c;
 } Slant;
 
-static Slant albedo_slant(__global const float* tables, uint which, vfloat alpha) {
+// `first`: of the table.
+static Slant albedo_slant(__global const float* tables, vuint first, vfloat alpha) {
     const vfloat y = root(alpha) * (float)(SLANT_ROWS - 1u);
     const vint row = vint_of(bounded(y, 0.0f, (float)(SLANT_ROWS - 2u)));
-    const vuint at = vuint_from_int(row) + (ALBEDO_SLANTS + which * SLANT_ROWS);
+    const vuint at = first + vuint_from_int(row);
     const vuint upper = vfloat_bits(lane_gather(tables, at)), lower = vfloat_bits(lane_gather(tables, at + 1u));
     const vfloat down = y - vfloat_of(row);
     const vfloat b0 = vfloat_of(vint_from_uint(upper & 0xffffu)), b1 = vfloat_of(vint_from_uint(lower & 0xffffu));
@@ -82,6 +85,19 @@ static Slant albedo_slant(__global const float* tables, uint which, vfloat alpha
     s.b = fma(fma(down, b1 - b0, b0), splat(0.2f / 65535.0f), splat(-0.05f));
     s.c = fma(fma(down, c1 - c0, c0), splat(0.2f / 65535.0f), splat(-0.05f));
     return s;
+}
+
+static Slant albedo_sheen_slant(__global const float* tables, vfloat alpha) {
+    return albedo_slant(tables, splat_uint(ALBEDO_SLANTS + 2u * SLANT_ROWS), alpha);
+}
+// Of E (0) and B (1); `base`: albedo_base.
+static Slant albedo_facets_slant(__global const float* tables, vuint base, uint which, vfloat alpha) {
+    const vuint first = splat_uint(ALBEDO_SLANTS + which * SLANT_ROWS);
+#ifdef BECKMANN
+    return albedo_slant(tables, base != 0u ? splat_uint(ALBEDO_BECKMANN_SLANTS + which * SLANT_ROWS) : first, alpha);
+#else
+    return albedo_slant(tables, first, alpha);
+#endif
 }
 
 // Facets that are rougher along x. E of a direction is nearly a function of the alpha that it sees, √(alpha_x² cos²φ + alpha_y² sin²φ),

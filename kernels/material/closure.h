@@ -110,7 +110,7 @@ static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
     vfloat albedo = splat(0.0f), grazing = splat(0.0f);      // E(μi), and of grazing light (material/albedo.h)
     if (lane_any(c->reflection.present)) {
         albedo = albedo_facets(c->tables, &c->facets, up);
-        if (lane_any(c->diffuse.covered)) grazing = albedo_grazing(c->tables, albedo_seen(&c->facets, up), cosine);
+        if (lane_any(c->diffuse.covered)) grazing = albedo_grazing(c->tables, c->facets.base, albedo_seen(&c->facets, up), cosine);
         f = reflection_eval(&c->reflection, c->facets.alpha, wm, wo, up, splat(1.0f) - albedo, &one);
         density = above ? fma(probability->reflection, one, density) : density;
     }

@@ -113,14 +113,15 @@ static Covers layering_covers(const Closure* c) {
         const vfloat most = largest(c->sheen.color), mean = albedo_line(c->tables, splat_uint(ALBEDO_SHEEN_MEAN), SHEEN_ROWS, c->sheen.alpha);
         const vfloat average = fma(-most, mean, one), share = there ? quotient(most, average) : none;
         over.sheen_average = there ? average * fma(most * c->diffuse.roughness, quotient(splat(DIFFUSE_SHEEN_SLACK), c->sheen.alpha), one) : one;
-        const Slant s = albedo_slant(c->tables, 2u, c->sheen.alpha);
+        const Slant s = albedo_sheen_slant(c->tables, c->sheen.alpha);
         over.sheen.b = s.b * share, over.sheen.c = s.c * share;
     }
     if (lane_any(c->coat.present & !c->inside)) {
         const vmask there = c->coat.present & !c->inside;
         over.coat_average = there ? one - coat_average(&c->coat, c->tables) : one;
         const vfloat share = there ? quotient(c->coat.share, over.coat_average) : none;
-        const Slant e = albedo_slant(c->tables, 0u, c->coat.alpha), g = albedo_slant(c->tables, 1u, c->coat.alpha);
+        const vuint ggx = splat_uint(0u);
+        const Slant e = albedo_facets_slant(c->tables, ggx, 0u, c->coat.alpha), g = albedo_facets_slant(c->tables, ggx, 1u, c->coat.alpha);
         over.coat.b = fma(g.b, splat(1.0f - COAT_F0), e.b * COAT_F0) * share;
         over.coat.c = fma(g.c, splat(1.0f - COAT_F0), e.c * COAT_F0) * share;
     }
@@ -130,8 +131,8 @@ static Covers layering_covers(const Closure* c) {
 // Along `wo`: reflection, and what it leaves to a diffuse surface.
 static void layering_reflect(Closure* c, const Parameters* p, vec3 wo, BaseAlbedos* e) {
     Reflection* r = &c->reflection;
-    const vfloat albedo = albedo_facets(c->tables, &c->facets, wo), grazing = albedo_grazing(c->tables, albedo_seen(&c->facets, wo), wo.z);
-    const vfloat lost = albedo_facets_lost(c->tables, &c->facets);
+    const vfloat albedo = albedo_facets(c->tables, &c->facets, wo), lost = albedo_facets_lost(c->tables, &c->facets);
+    const vfloat grazing = albedo_grazing(c->tables, c->facets.base, albedo_seen(&c->facets, wo), wo.z);
     const vec3 average = choose(r->measured, p->fresnel, fresnel_schlick_average(p->color, vec3_all(1.0f)));
     const vfloat metallic = p->kind == MATERIAL_CONDUCTOR ? splat(1.0f) : p->metallic;
     const vmask below_coat = c->coat.present & (metallic > 0.0f), below_sheen = c->sheen.present & (metallic > 0.0f);
@@ -148,7 +149,7 @@ static void layering_reflect(Closure* c, const Parameters* p, vec3 wo, BaseAlbed
     if (lane_any(c->diffuse.present & c->diffuse.covered)) {
         Diffuse* d = &c->diffuse;
         const Covers over = layering_covers(c);
-        diffuse_cover(d, &over, c->tables, c->facets.mean, splat(1.0f) - lost, albedo, grazing, c->transmittance, wo.z);
+        diffuse_cover(d, &over, c->tables, &c->facets, splat(1.0f) - lost, albedo, grazing, c->transmittance, wo.z);
         const vec3 left = choose(d->covered, sub(vec3_all(1.0f), diffuse_layer_albedo(d, albedo, grazing)), vec3_all(1.0f));
         e->diffuse = choose(d->present, scale(mul(d->color, left), diffuse_share(d, mask_all())), e->diffuse);
         e->diffuse_transmission = choose(d->present, scale(mul(d->transmission_color, left), diffuse_share(d, mask_none())), e->diffuse_transmission);

@@ -112,6 +112,12 @@ def test_principled_absorption_that_is_refused(more: dict[str, Any], message: st
         of_each(a={"type": "principled", **absorbs, **more})
 
 
+@for_each("other", [{"transmission": 0.5}, {"coat": {"checker": [0.0, 1.0]}}, {"sheen_color": [0.0, 0.1, 0.0]}])
+def test_beckmanns_facets_are_refused_beside_what_knows_ggx_only(other: dict[str, Any]) -> None:
+    with pytest.raises(SceneError, match=rf"materials.a.microfacets is given beside {next(iter(other))}"):
+        of_each(a={"type": "principled", "microfacets": "beckmann", **other})
+
+
 def test_what_no_shape_uses_does_not_count() -> None:
     what = scene([{**SPHERE, "material": "a"}], a=glass(), b=glass(priority=3))
     assert len(scene_media(what).rows) == 1

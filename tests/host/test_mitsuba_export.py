@@ -260,6 +260,7 @@ def test_materials_that_stay(tmp_path: Path, material: dict[str, Any]) -> None:
         ({"type": "principled", "diffuse_roughness": 0.5}, "the roughness of the diffuse part"),
         ({"type": "principled", "roughness": 0.4}, "the balance of principled"),
         ({"type": "principled", "coat": 1.0}, "the strength of clear coats"),
+        ({"type": "principled", "microfacets": "beckmann"}, "the Beckmann microfacets of principled"),
         ({"type": "principled", "sheen_color": [0.5, 0.5, 0.5]}, "the roughness of sheen"),
         ({"type": "principled", "metallic": 0.5, "specular_color": [1.0, 0.5, 0.5]}, "colour of the dielectric"),
     ],

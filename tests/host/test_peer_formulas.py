@@ -214,6 +214,14 @@ def test_roughness_is_squared_or_not(tmp_path: Path, remap: str, alpha: float) -
     assert dump(scene.materials["roughconductor"])["roughness"] ** 2 == pytest.approx(0.09)
 
 
+def test_rough_surfaces_have_the_facets_that_the_file_names(tmp_path: Path) -> None:
+    """Beckmann's are Mitsuba's default."""
+    for kind in ("roughconductor", "roughdielectric", "roughplastic"):
+        for given, expected in (("", "beckmann"), ('<string name="distribution" value="ggx"/>', "ggx")):
+            scene = mitsuba(tmp_path, f'<shape type="sphere"><bsdf type="{kind}">{given}</bsdf></shape>')
+            assert dump(scene.materials[kind])["microfacets"] == expected
+
+
 def test_a_grey_specular_reflectance_is_a_share_of_the_light(tmp_path: Path) -> None:
     bsdf = '<bsdf type="conductor"><rgb name="eta" value="0.2"/><rgb name="k" value="3"/>{}</bsdf>'
     dim = bsdf.format('<rgb name="specular_reflectance" value="0.3"/>')

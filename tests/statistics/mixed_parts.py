@@ -227,6 +227,8 @@ def _principled(draw: Draw) -> Json:
     elif not draw.white and draw.chance(0.15):
         made["emission"] = texture(draw, 0.1, 0.9, number=False) if draw.chance(0.5) else draw.color()
         made |= _optional(draw, emission_strength=lambda: draw.between(0.5, 2.0))
+    if not made.keys() & {"transmission", "coat", "sheen_color"}:
+        made |= _optional(draw, microfacets=lambda: "beckmann")
     return made
 
 

@@ -63,6 +63,10 @@ WHOLE: dict[str, dict[str, Any]] = {
     **{f"beckmann glass {a}": dielectric(a, **BECKMANN) for a in (0.01, 0.1, 0.5, 1.0)},
     **{f"beckmann glass 0.3, {ior}": dielectric(0.3, ior, **BECKMANN) for ior in (1.05, 2.5)},
     **{f"thin beckmann {a}": dielectric(a, thin=True, **BECKMANN) for a in (0.1, 1.0)},
+    **{f"beckmann plastic {a}": principled(a, **BECKMANN) for a in (0.01, 0.1, 0.5, 1.0)},
+    "rough beckmann plastic": principled(0.05, diffuse_roughness=1.0, ior=2.5, **BECKMANN),
+    "half beckmann metal": principled(0.25, metallic=0.5, diffuse_roughness=0.5, **BECKMANN),
+    "beckmann sheet": principled(0.3, diffuse_transmission=0.6, **BECKMANN),
     "sheet 0.6": principled(0.3, diffuse_transmission=0.6),
     "rough sheet": principled(0.05, diffuse_transmission=1.0, diffuse_roughness=1.0, ior=2.5),
     "cloth sheet": principled(
@@ -118,6 +122,7 @@ def furnace(device: Device, material: dict[str, Any], seed: int, count: int = 2*
 FAST = (
     *("oren_nayar 1.0", "conductor 0.1", "conductor 1.0", "glass 0.5", "thin 0.1", "cloth 0.4", "coat 0.1 on metal"),
     *("beckmann 0.5", "beckmann glass 1.0", "thin beckmann 1.0", "sheet 0.6", "rough sheet"),
+    *("beckmann plastic 0.5", "rough beckmann plastic"),
 )
 
 
@@ -321,6 +326,7 @@ def test_reciprocity(device: Device, name: str) -> None:
                 "glass 0.5",
                 "glass 1.0",
                 "beckmann glass 0.5",
+                "beckmann plastic 0.5",
                 "thin 1.0",
                 "coat",
                 "sheen and coat",

@@ -17,9 +17,6 @@ from clrender.wording import quoted, suggestion
 __all__ = ["SurfaceReader"]
 
 _BLACK: Final = {"type": "lambert", "reflectance": [0.0, 0.0, 0.0]}
-_BECKMANN: Final = (
-    "plastic of Beckmann's microfacets is read as of GGX of the same alpha, whose highlights reach further"
-)
 
 
 class SurfaceReader:
@@ -65,12 +62,15 @@ class SurfaceReader:
 
     def _microfacets(self, plugin: Plugin) -> dict[str, Any]:
         """Options of rough metal and glass, which lose light by multiple scattering in Mitsuba."""
+        return {**self._rough(plugin), "multiple_scattering": False}
+
+    def _rough(self, plugin: Plugin) -> dict[str, Any]:
         distribution = plugin.text("distribution", "beckmann").lower()
         if distribution not in ("beckmann", "ggx"):
             self._staging.note(f"microfacets of the distribution {quoted(distribution)} are read as Beckmann's")
             distribution = "beckmann"
         plugin.ignore("sample_visible")
-        return {"roughness": self._roughness(plugin), "microfacets": distribution, "multiple_scattering": False}
+        return {"roughness": self._roughness(plugin), "microfacets": distribution}
 
     def _roughness(self, plugin: Plugin) -> Any:
         """Our roughness, or a texture of it; for textures of alpha along u and v that of 0.1."""
@@ -162,18 +162,13 @@ class SurfaceReader:
         if plugin.flag("nonlinear", False):
             base = below_boundary(self._staging, base, max(ior, 1.0), plugin.line)
         specular = self._textures.color(plugin, "specular_reflectance", 1.0, texture=False)
-        roughness = 0.0
-        if plugin.type == "roughplastic":
-            roughness = self._roughness(plugin)
-            if plugin.text("distribution", "beckmann") != "ggx":
-                self._staging.note(_BECKMANN)
-            plugin.ignore("sample_visible")
+        rough = self._rough(plugin) if plugin.type == "roughplastic" else {"roughness": 0.0}
         if not ior >= 1.0:
             self._staging.note("plastic thinner than what is around it is read as of index 1")
         return {
             "type": "principled",
             "base_color": base,
-            "roughness": roughness,
+            **rough,
             "ior": min(max(ior, 1.0), 1000.0),
             "specular_color": specular,
             "two_sided": two_sided,

@@ -18,13 +18,13 @@ typedef struct {
 
 // The share of light along a direction that it reflects.
 static vfloat coat_albedo(const Coat* c, __global const float* tables, vfloat cosine) {
-    const vfloat all = albedo_ggx(tables, c->alpha, cosine), grazing = albedo_grazing(tables, c->alpha, cosine);
+    const vfloat all = albedo_ggx(tables, c->alpha, cosine), grazing = albedo_grazing(tables, splat_uint(0u), c->alpha, cosine);
     return c->present ? c->share * all * fma(grazing, splat(1.0f - COAT_F0), splat(COAT_F0)) : splat(0.0f);
 }
 // Its average.
 static vfloat coat_average(const Coat* c, __global const float* tables) {
     const vfloat kept = splat(1.0f) - albedo_ggx_lost(tables, c->alpha);
-    return c->present ? c->share * fma(albedo_grazing_average(tables, c->alpha), splat(1.0f - COAT_F0), kept * COAT_F0) : splat(0.0f);
+    return c->present ? c->share * fma(albedo_grazing_average(tables, splat_uint(0u), c->alpha), splat(1.0f - COAT_F0), kept * COAT_F0) : splat(0.0f);
 }
 
 static Alpha coat_facets(const Coat* c) {

@@ -69,11 +69,12 @@ static vfloat diffuse_correlation(Slant layer, const Covers* over, __global cons
 }
 
 // Along `wo`, whose cosine is given. `albedo`, `grazing`: of the layer's facets; `average`: E_avg of them; `transmittance`: T of sheen and coat.
-static void diffuse_cover(Diffuse* d, const Covers* over, __global const float* tables, vfloat alpha, vfloat average, vfloat albedo, vfloat grazing,
-                          vfloat transmittance, vfloat cosine) {
-    const vec3 one = vec3_all(1.0f), reflected = along(scale(d->f0, average), sub(d->f90, d->f0), albedo_grazing_average(tables, alpha));
+static void diffuse_cover(Diffuse* d, const Covers* over, __global const float* tables, const Facets* facets, vfloat average, vfloat albedo,
+                          vfloat grazing, vfloat transmittance, vfloat cosine) {
+    const vfloat alpha = facets->mean, grazing_average = albedo_grazing_average(tables, facets->base, alpha);
+    const vec3 one = vec3_all(1.0f), reflected = along(scale(d->f0, average), sub(d->f90, d->f0), grazing_average);
     const vec3 left = sub(one, reflected), inverse = vec3_of(inverse_or_one(left.x), inverse_or_one(left.y), inverse_or_one(left.z));
-    const Slant e = albedo_slant(tables, 0u, alpha), g = albedo_slant(tables, 1u, alpha);
+    const Slant e = albedo_facets_slant(tables, facets->base, 0u, alpha), g = albedo_facets_slant(tables, facets->base, 1u, alpha);
     const vec3 b = mul(along(scale(d->f0, e.b), sub(d->f90, d->f0), g.b), inverse), c = mul(along(scale(d->f0, e.c), sub(d->f90, d->f0), g.c), inverse);
     const vfloat eon = quotient(d->roughness, fma(d->roughness, splat(EON_C1), splat(1.0f)));
     const Slant x = {b.x, c.x}, y = {b.y, c.y}, z = {b.z, c.z};
