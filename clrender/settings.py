@@ -44,6 +44,8 @@ STOP: Final = "stop"
 """Group of settings that decide when the render stops."""
 
 PIXEL_LIMIT: Final = 2**30
+FILTER_RADII: Final = (0.0625, 8.0)
+"""Smallest and largest radius of a pixel filter, pixels."""
 
 REPLICATE_SPP: Final = 16
 """Default samples per replicate if errors are requested but no replicates."""
@@ -81,6 +83,8 @@ class Setting:
         Placeholder of the option's value in the help.
     former : str
         Its name in earlier versions: still accepted wherever the name is, and kept in requests; empty if it had none.
+    late : bool
+        Whether it was added when there were films already: requests leave its default out.
     """
 
     name: str
@@ -94,6 +98,7 @@ class Setting:
     option: str | None
     metavar: str
     former: str
+    late: bool
 
     def accept(self, value: object) -> Any:
         """The value, checked and converted to a built-in Python type.
@@ -138,10 +143,12 @@ def _setting(
     option: str | None = "",
     metavar: str = "",
     former: str = "",
+    late: bool = False,
 ) -> Any:
     """A field of `RenderSettings`. `option` defaults to the field's name; None means no option."""
     about = {"domain": domain, "help": help, "unset": unset, "group": group, "section": section}
     about |= {"integrator": integrator, "option": option, "metavar": metavar or domain.metavar, "former": former}
+    about["late"] = late
     return dataclasses.field(default=default, metadata=about)
 
 
@@ -174,6 +181,14 @@ class RenderSettings:
         "box",
         Choice(("box", "tent", "gaussian", "blackman-harris", "mitchell")),
         "Pixel reconstruction filter; samples are distributed according to it",
+    )
+    filter_radius: float | None = _setting(
+        None,
+        Range(*FILTER_RADII),
+        "Radius of the pixel filter, pixels; its function is stretched to it",
+        "that of the filter",
+        metavar="R",
+        late=True,
     )
     shadow_rays: int = _setting(1, Range(1, 4096, whole=True), "Shadow rays per diffuse hit", metavar="M")
     indirect_rays: int = _setting(
@@ -344,6 +359,7 @@ class RenderSettings:
             setting.former or name: setting.recorded(getattr(self, name))
             for name, setting in SETTINGS.items()
             if setting.group == IMAGE and setting.integrator in (None, self.integrator)
+            if not (setting.late and getattr(self, name) == setting.default)
         }
 
     def struct(self, tile: int, fixed: Mapping[str, Any] | None = None) -> npt.NDArray[np.void]:
@@ -383,10 +399,10 @@ class RenderSettings:
             "replicate_spp": self.replicate_spp or 0,
             **(fixed or {}),
         }
-        if self.filter != "box":
+        if self.filter != "box" or self.filter_radius not in (None, 0.5):  # which random numbers are in any case
             from clrender.image.pixel_filter import filter_table
 
-            table = filter_table(self.filter)
+            table = filter_table(self.filter, self.filter_radius)
             settings["filter_lines"] = table.lines.ravel()
             settings["filter_negative"], settings["filter_weight"] = table.negative, table.weight
         for name, value in values.items():

@@ -78,15 +78,25 @@ def _clipping(target: Target) -> list[Element]:
 def _film(target: Target) -> list[Element]:
     """Size of the image, pixel filter and samples."""
     image, render = target.scene.image, target.scene.render
-    if render.filter == "blackman-harris":
-        target.leave_out("the pixel filter blackman-harris, for which there is a gaussian", "render", "filter")
     size = [value("integer", "width", image.width), value("integer", "height", image.height)]
-    form = [
-        value("string", "pixel_format", "rgb"),
-        element("rfilter", type=_NEAR_FILTER.get(render.filter, render.filter)),
-    ]
+    form = [value("string", "pixel_format", "rgb"), _filter(target)]
     sampler = element("sampler", value("integer", "sample_count", render.spp), type="independent")
     return [element("film", *size, *form, type="hdrfilm"), sampler]
+
+
+def _filter(target: Target) -> Element:
+    render = target.scene.render
+    if render.filter == "blackman-harris":
+        target.leave_out("the pixel filter blackman-harris, for which there is a gaussian", "render", "filter")
+    name, radius = _NEAR_FILTER.get(render.filter, render.filter), render.filter_radius
+    if radius is None:
+        return element("rfilter", type=name)
+    if name == "mitchell":
+        if radius != 2.0:
+            target.leave_out("the radius of the pixel filter mitchell, which is 2", "render", "filter_radius")
+        return element("rfilter", type=name)
+    stretch = value("float", "stddev", radius / 3.0) if name == "gaussian" else value("float", "radius", radius)
+    return element("rfilter", stretch, type=name)
 
 
 def integrator(target: Target, through: bool) -> Element:

@@ -40,6 +40,7 @@ from clrender.scene.description import (
 )
 from clrender.scene.materials import Dielectric, Material, Subsurface
 from clrender.scene.values import Vector, cross, length
+from clrender.settings import FILTER_RADII
 
 __all__ = ["FlatScene", "flatten", "scene_origin"]
 
@@ -230,7 +231,7 @@ def flatten(
             digest.update(textures.sha256.encode())  # they may be large, and are already hashed
         else:
             digest.update(array.reshape(-1).view(np.uint8).data)
-    camera = _surrounded(camera, arrays, triangle_count, instances, scene.camera, origin)
+    camera = _surrounded(camera, arrays, triangle_count, instances, scene.camera, origin, (width, height))
     return FlatScene(
         arrays=arrays,
         camera=camera,
@@ -265,7 +266,8 @@ def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene
         See `flatten`.
     """
     camera = _camera_row(scene.camera, width, height, scene.source, flat.origin)
-    around = _surrounded(camera, flat.arrays, flat.triangle_count, flat.instances, scene.camera, flat.origin)
+    size = (width, height)
+    around = _surrounded(camera, flat.arrays, flat.triangle_count, flat.instances, scene.camera, flat.origin, size)
     return dataclasses.replace(flat, camera=around, features=flat.features.seen_by(around))
 
 
@@ -400,10 +402,11 @@ def _surrounded(
     instances: FlatInstances,
     camera: Camera,
     origin: Vector,
+    size: tuple[int, int],
 ) -> _Rows:
     """The camera's row with the media around one of its rays, and whether its film or lens cuts the surface of one."""
     known = np.array(_difference(camera.position, origin))
-    low, high = _origins_of_rays(row[0], camera)
+    low, high = _origins_of_rays(row[0], camera, size)
     if (low < high).any() and media_in_box(arrays, triangle_count, low, high, instances):
         row[0]["cuts_media"] = 1
         row[0]["around"][:3] = _origin_aside(row[0], camera)
@@ -420,13 +423,16 @@ def _origin_aside(row: np.void, camera: Camera) -> NDArray[np.float64]:
     return np.asarray(on_lens + on_film)
 
 
-def _origins_of_rays(row: np.void, camera: Camera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _origins_of_rays(
+    row: np.void, camera: Camera, size: tuple[int, int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Box that contains the origins of all rays of a camera."""
     corner, right, down, axis, lens_u, lens_v = _film_and_lens(row)
     low = high = row["origin"][:3].astype(np.float64)
     if camera.type == "orthographic":
-        # As wide again on all sides: a pixel filter sees points beyond the film's edges
-        ends = [corner - axis + right * x + down * y for x in (-1.0, 2.0) for y in (-1.0, 2.0)]
+        # As wide again on all sides, or wider: a pixel filter sees points beyond the film's edges
+        across, along = (max(1.0, FILTER_RADII[1] / pixels) for pixels in size)
+        ends = [corner - axis + right * x + down * y for x in (-across, 1.0 + across) for y in (-along, 1.0 + along)]
         low, high = low + np.min(ends, axis=0), high + np.max(ends, axis=0)
     reach = np.abs(lens_u) + np.abs(lens_v)
     return low - reach, high + reach

@@ -6,7 +6,7 @@ pixels:
 ===============  ======  ==============================================================================================
 name             radius  function
 ===============  ======  ==============================================================================================
-box              0.5     1: the pixel itself, and no table
+box              0.5     1: the pixel itself; with this radius the kernels need no table
 tent             1       1 - |x|: Bartlett's window, and the interpolation of neighbours
 gaussian         1.5     exp(-2 x^2) less its value at the radius: standard deviation 0.5 (PBR 4ed, 8.8.2)
 blackman-harris  1.5     the four-term window of F. Harris, "On the use of windows for harmonic analysis with the
@@ -14,6 +14,8 @@ blackman-harris  1.5     the four-term window of F. Harris, "On the use of windo
 mitchell         2       cubic with B = C = 1/3 of Mitchell and Netravali, "Reconstruction filters in computer
                          graphics", SIGGRAPH 1988; negative from 8/7 on
 ===============  ======  ==============================================================================================
+
+With another radius the function is stretched along x.
 
 A table is a piecewise linear approximation of the function with `clrender.layout.FILTER_LINES` segments. Both the
 sampling and the sample weights use this approximation. Its error is at most 0.1 % of the function's maximum.
@@ -61,20 +63,23 @@ class FilterTable:
 
 
 @lru_cache(maxsize=8)
-def filter_table(name: str) -> FilterTable:
+def filter_table(name: str, radius: float | None = None) -> FilterTable:
     """The table of a filter.
 
     Parameters
     ----------
     name : str
         Of `PIXEL_FILTERS`.
+    radius : float, optional
+        Pixels; by default the filter's own.
     """
     with localcontext() as context:
         context.prec = _DIGITS
         function, ends = PIXEL_FILTERS[name]
         places = _places(ends)
         values = [round(function(place), _DIGITS - 5) for place in places]  # makes zeros exact
-        spans = list(zip(pairwise(places), pairwise(values), strict=True))
+        stretch = 1 if radius is None else Decimal(radius) / ends[-1]
+        spans = list(zip(pairwise(place * stretch for place in places), pairwise(values), strict=True))
         areas = [(end - begin) * (low + high) / 2 for (begin, end), (low, high) in spans]
         size = sum(map(abs, areas), Decimal(0))
         rows, before = [], Decimal(0)
@@ -95,6 +100,10 @@ def _places(ends: tuple[Decimal, ...]) -> list[Decimal]:
     for begin, end in zip((Decimal(0), *ends), ends, strict=False):
         places += [begin + (end - begin) * number / each for number in range(1, each + 1)]
     return places
+
+
+def _box(_: Decimal) -> Decimal:
+    return Decimal(1)
 
 
 def _tent(x: Decimal) -> Decimal:
@@ -128,9 +137,10 @@ def _cosine(x: Decimal) -> Decimal:
 
 
 PIXEL_FILTERS: Final[Mapping[str, tuple[Callable[[Decimal], Decimal], tuple[Decimal, ...]]]] = {
+    "box": (_box, (Decimal("0.5"),)),
     "tent": (_tent, (Decimal(1),)),
     "gaussian": (_gaussian, (Decimal("1.5"),)),
     "blackman-harris": (_blackman_harris, (Decimal("1.5"),)),
     "mitchell": (_mitchell, (Decimal(8) / 7, Decimal(2))),
 }
-"""Function and ends of its lobes, the last at the radius, for each filter with a table."""
+"""Function and ends of its lobes, the last at the radius, of each filter."""

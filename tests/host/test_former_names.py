@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import clrender
+from clrender.cli import main
 from clrender.cli.render import render as render_command
 from clrender.errors import ClrenderError
 from clrender.film import Film
@@ -75,7 +76,7 @@ def test_a_file_has_the_hashes_that_it_always_had(tmp_path: Path, names: tuple[s
 @pytest.mark.parametrize(("name", "kind"), NAMES)
 def test_every_way_to_give_a_setting_takes_both_names(name: str, kind: str) -> None:
     line = ["room", "-oa.png", f"--roulette={kind}", f"--{name}=0.5"]
-    options = render_command.make_context("render", line).params
+    options = render_command.make_context("render", line, main.make_context("clrender", ["render"])).params
     called: dict[str, Any] = {
         key: options[key] for key in ("roulette", "absorption", "termination") if options[key] is not None
     }
@@ -142,3 +143,10 @@ def test_films_are_compared_by_former_names_and_told_of_by_present_ones(tmp_path
     assert options_for(film.request, dict(sorted(found.items()))) == "--roulette constant --termination 0.5"
     with pytest.raises(ClrenderError, match="'constant' and 'throughput'; termination 0"):
         film.merge(Film(8, 8, here))
+
+
+def test_a_setting_that_came_later_is_in_no_request_that_leaves_it_out() -> None:
+    assert "filter_radius" not in settings_for(plain(), (8, 8), {"filter": "tent"}).request()
+    there, here = (settings_for(plain(), (8, 8), each).request() for each in ({"filter_radius": 2.0}, {}))
+    assert there["filter_radius"] == 2.0
+    assert list(differences(there, here)) == ["filter_radius"] == list(differences(here, there))

@@ -620,8 +620,11 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert not list(tmp_path.glob("strict*"))
 
 
-@for_each("name", [*PIXEL_FILTERS, "box"])
+@for_each("name", PIXEL_FILTERS)
 def test_pixel_filters(tmp_path: Path, name: str) -> None:
-    again, notes = written(described(render={"filter": name}), tmp_path)
-    assert again.render.filter == ("gaussian" if name == "blackman-harris" else name)
-    assert any("pixel filter" in note for note in notes) is (name == "blackman-harris")
+    for radius in (None, 1.25):
+        again, notes = written(described(render={"filter": name, "filter_radius": radius}), tmp_path)
+        assert again.render.filter == ("gaussian" if name == "blackman-harris" else name)
+        lost = name == "blackman-harris" or (name == "mitchell" and radius is not None)
+        assert any("pixel filter" in note for note in notes) is lost
+        assert again.render.filter_radius == pytest.approx(None if name == "mitchell" else radius)

@@ -589,41 +589,49 @@ def test_sheets_of_pbrt_reflect_and_transmit_their_colours(
 
 
 @for_each(
-    ("kind", "parameter", "name", "noted"),
+    ("kind", "parameter", "name", "radius", "noted"),
     [
-        ("box", "", "box", False),
-        ("tent", "", "tent", False),
-        ("tent", '<float name="radius" value="1"/>', "tent", False),
-        ("tent", '<float name="radius" value="2"/>', "tent", True),
-        ("gaussian", "", "gaussian", False),
-        ("gaussian", '<float name="stddev" value="0.4"/>', "gaussian", True),
-        ("mitchell", "", "mitchell", False),
-        ("lanczos", "", "mitchell", True),
+        ("box", "", "box", None, False),
+        ("box", '<float name="radius" value="1"/>', "box", 1.0, False),
+        ("tent", "", "tent", None, False),
+        ("tent", '<float name="radius" value="1"/>', "tent", None, False),
+        ("tent", '<float name="radius" value="2"/>', "tent", 2.0, False),
+        ("tent", '<float name="radius" value="9"/>', "tent", 8.0, True),
+        ("gaussian", "", "gaussian", None, False),
+        ("gaussian", '<float name="stddev" value="0.4"/>', "gaussian", 1.2, False),
+        ("mitchell", "", "mitchell", None, False),
+        ("mitchell", '<float name="C" value="0.5"/>', "mitchell", None, True),
+        ("lanczos", "", "mitchell", None, True),
     ],
 )
-def test_pixel_filters_of_mitsuba(tmp_path: Path, kind: str, parameter: str, name: str, noted: bool) -> None:
+def test_pixel_filters_of_mitsuba(
+    tmp_path: Path, kind: str, parameter: str, name: str, radius: float | None, noted: bool
+) -> None:
     film = f'<film type="hdrfilm"><rfilter type="{kind}">{parameter}</rfilter></film>'
     scene = mitsuba(tmp_path, f'<sensor type="perspective">{film}</sensor><shape type="sphere">{GREY}</shape>')
-    assert scene.render.filter == name
+    assert (scene.render.filter, scene.render.filter_radius) == (name, pytest.approx(radius))
     assert any("pixel filter" in note for note in scene.notes) is noted
 
 
 @for_each(
-    ("given", "name", "noted"),
+    ("given", "name", "radius", "noted"),
     [
-        ('"box"', "box", False),
-        ('"triangle" "float xradius" 1 "float yradius" 1', "tent", False),
-        ('"triangle"', "tent", True),  # of radius 2
-        ('"gaussian"', "gaussian", False),
-        ('"gaussian" "float xradius" 2', "gaussian", True),
-        ('"mitchell"', "mitchell", False),
-        ('"sinc"', "mitchell", True),
-        ('"other"', "gaussian", True),
+        ('"box"', "box", None, False),
+        ('"triangle" "float xradius" 1 "float yradius" 1', "tent", None, False),
+        ('"triangle"', "tent", 2.0, False),
+        ('"triangle" "float xradius" 1', "tent", None, True),  # and along y 2
+        ('"gaussian"', "gaussian", None, False),
+        ('"gaussian" "float xradius" 3 "float yradius" 3 "float sigma" 1', "gaussian", 3.0, False),
+        ('"gaussian" "float xradius" 2 "float yradius" 2', "gaussian", None, True),
+        ('"mitchell"', "mitchell", None, False),
+        ('"mitchell" "float B" 0', "mitchell", None, True),
+        ('"sinc"', "mitchell", None, True),
+        ('"other"', "gaussian", None, True),
     ],
 )
-def test_pixel_filters_of_pbrt(tmp_path: Path, given: str, name: str, noted: bool) -> None:
+def test_pixel_filters_of_pbrt(tmp_path: Path, given: str, name: str, radius: float | None, noted: bool) -> None:
     scene = pbrt(tmp_path, BALL, f"PixelFilter {given}\n")
-    assert scene.render.filter == name
+    assert (scene.render.filter, scene.render.filter_radius) == (name, pytest.approx(radius))
     assert any("pixel filter" in note for note in scene.notes) is noted
 
 

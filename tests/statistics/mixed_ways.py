@@ -125,7 +125,9 @@ def white_ways(draw: Draw, content: Json) -> list[Way]:
     """
     made = [Way("plain", {}), *(way for way in ways(draw, content) if way.reference.get("integrator") != "direct")]
     made = [way for way in made if "max_depth" not in way.settings]
-    made.append(Way("filter", {"filter": draw.one(("box", "tent", "gaussian", "blackman-harris", "mitchell"))}))
+    wide = {"filter_radius": draw.between(0.25, 4.0)} if draw.chance(0.3) else {}
+    name = draw.one(("box", "tent", "gaussian", "blackman-harris", "mitchell"))
+    made.append(Way("filter", {"filter": name, **wide}))
     return [way for way in made if way.name == "plain" or draw.chance(0.35)]
 
 

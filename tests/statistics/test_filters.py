@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 WEIGHTS = np.array([0.5, 0.3, 0.2])
 """Of the channels in `Studio.gray`."""
 RADIUS = {"tent": 1.0, "gaussian": 1.5, "blackman-harris": 1.5, "mitchell": 2.0}
+STRETCHED = [*((name, None) for name in RADIUS), ("box", 1.0), ("tent", 2.0), ("mitchell", 0.75)]
+"""Filters, and radii other than their own."""
 ALLOWED = 1e-3
 """How far the chain of lines may be from the function, of its largest value (clrender/image/pixel_filter.py)."""
 ONE_IS_ENOUGH = [pytest.param(name, marks=() if name == "mitchell" else pytest.mark.slow) for name in RADIUS]
@@ -32,9 +34,9 @@ FINE = 32
 """Points along a pixel where integrals are computed."""
 
 
-def profile(name: str, x: Floats) -> Floats:
-    """A filter's function of the distance along one axis, not normalised, as published."""
-    x = np.abs(x)
+def profile(name: str, x: Floats, radius: float | None = None) -> Floats:
+    """A filter's function of the distance along one axis, not normalised, as published; stretched to a radius."""
+    x = np.abs(x) * (1.0 if radius is None else RADIUS.get(name, 0.5) / radius)
     if name == "box":
         value = np.ones_like(x)
     elif name == "tent":
@@ -65,11 +67,11 @@ def filtered(name: str, seen: Callable[[Floats, Floats], Floats], width: int, he
     return np.asarray(spread(name, height) @ seen(x[None, :], y[:, None]) @ spread(name, width).T)
 
 
-@pytest.mark.parametrize("name", RADIUS)
-def test_samples_lie_as_the_filter_says(evidence: Evidence, device: Device, name: str) -> None:
+@pytest.mark.parametrize(("name", "stretched"), STRETCHED)
+def test_samples_lie_as_the_filter_says(evidence: Evidence, device: Device, name: str, stretched: float | None) -> None:
     bits, lanes = random_bits(7), 16
     count = bits.shape[1]
-    table = RenderSettings(filter=name).struct(8)
+    table = RenderSettings(filter=name, filter_radius=stretched).struct(8)
     buffers = [device.upload(bits), device.upload(table), device.empty(12 * count)]
     program = device.program(Path(__file__).with_name("filter.cl"), {"LANES": lanes, "PIXEL_FILTER": 1})
     device.launch(program, "filter_places", count // lanes, 16, [*buffers[:2], np.uint32(count), buffers[2]])
@@ -78,12 +80,12 @@ def test_samples_lie_as_the_filter_says(evidence: Evidence, device: Device, name
     for buffer in buffers:
         device.release(buffer)
     places, negative = out[:2].astype(np.float64) - 0.5, out[2]
-    radius, cells = RADIUS[name], 24
+    radius, cells = stretched or RADIUS[name], 24
     assert np.abs(places).max() < radius + 1e-6
 
     # In proportion to its absolute value, and stratified as the numbers are: places rise with them
     points = (np.arange(cells * 1000) + 0.5) / (cells * 1000) * 2.0 * radius - radius
-    chances = np.abs(profile(name, points)).reshape(cells, 1000).sum(axis=1)
+    chances = np.abs(profile(name, points, radius)).reshape(cells, 1000).sum(axis=1)
     chances /= chances.sum()
     at = np.clip(((places + radius) / (2.0 * radius) * cells).astype(np.int64), 0, cells - 1)
     counts = np.bincount(at[0] * cells + at[1], minlength=cells * cells).reshape(cells, cells)
@@ -93,10 +95,10 @@ def test_samples_lie_as_the_filter_says(evidence: Evidence, device: Device, name
         assert (np.diff(out[axis][order]) >= -1e-6).all()
 
     # And with its sign
-    values = profile(name, places[0]), profile(name, places[1])
-    clear = (np.abs(values[0]) > 1e-4) & (np.abs(values[1]) > 1e-4)
-    np.testing.assert_array_equal(negative[clear], (values[0] * values[1] < 0.0)[clear])
-    sizes = [float(np.abs(profile(name, points)).sum()), float(profile(name, points).sum())]
+    across, down = (profile(name, each, radius) for each in places)
+    clear = (np.abs(across) > 1e-4) & (np.abs(down) > 1e-4)
+    np.testing.assert_array_equal(negative[clear], (across * down < 0.0)[clear])
+    sizes = [float(np.abs(profile(name, points, radius)).sum()), float(profile(name, points, radius).sum())]
     assert table["filter_weight"][0] == pytest.approx((sizes[0] / sizes[1]) ** 2, rel=ALLOWED)
 
 
@@ -121,6 +123,20 @@ def test_the_image_of_a_small_light_is_the_filter(
     exact = filtered(name, seen, side, side).ravel()
     evidence.mean_is(name, np.array(batches), exact, scale=np.ones(side * side), rounding=ALLOWED)
     assert name != "mitchell" or exact.min() < -0.001
+
+
+def test_a_box_of_its_own_radius_is_no_filter_and_a_wider_one_is_the_mean_of_pixels(studio: Studio) -> None:
+    """Of radius 1.5 of three times three, within the noise of their random numbers."""
+    light = quad([-1.0, -1.5, -1.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], emission=1.0)
+    camera = {"type": "orthographic", "position": [0, 0, 0], "target": [0, 0, -1], "height": 9.0}
+    plain, same, wide = (
+        studio.gray(scene([light], camera=camera), 9, spp=4096, max_depth=0, filter="box", filter_radius=radius)
+        for radius in (None, 0.5, 1.5)
+    )
+    assert (plain == same).all()
+    inner = np.mean([plain[y : y + 7, x : x + 7] for y in range(3) for x in range(3)], axis=0)
+    assert np.abs(wide[1:-1, 1:-1] - inner).max() < 0.01
+    assert inner.max() > 0.4
 
 
 @pytest.mark.parametrize("name", RADIUS)

@@ -34,13 +34,9 @@ _PATHS: Final = frozenset(
     ["path", "volpath", "volpathmis", "prb", "prbvolpath", "bdpt", "ptracer", "mlt", "pssmlt", "erpt"]
 )
 _PHOTON_MAPS: Final = frozenset(["photonmapper", "ppm", "sppm"])
-_FILTERS: Final = {
-    "box": ("radius", 0.5),
-    "tent": ("radius", 1.0),
-    "gaussian": ("stddev", 0.5),
-    "mitchell": ("B", 1 / 3),
-}
-"""Pixel filters that we have too, each with a parameter that has to have this value."""
+_FILTERS: Final = {"box": ("radius", 0.5, 1.0), "tent": ("radius", 1.0, 1.0), "gaussian": ("stddev", 0.5, 3.0)}
+"""Pixel filters that we have too, each with the parameter that stretches it, its default and our radius over it."""
+_MITCHELL: Final = 1.0 / 3.0
 _NEAR_FILTER: Final = {"catmullrom": "mitchell", "lanczos": "mitchell", "windowedsinc": "mitchell"}
 
 
@@ -164,15 +160,18 @@ class _Settings:
     def _filter(self, film: Plugin) -> None:
         kinds = film.children_of("rfilter")
         kind = kinds[0].type if kinds else "gaussian"
-        near = kind if kind in _FILTERS else _NEAR_FILTER.get(kind, "box")
+        near = kind if kind in (*_FILTERS, "mitchell") else _NEAR_FILTER.get(kind, "box")
         self._render()["filter"] = near
         if kind != near:
             self._staging.note(f"the pixel filter {quoted(kind)} is not known: {quoted(near)} in its place")
+        elif kind == "mitchell":
+            for name in ("B", "C"):
+                given = kinds[0].number(name, _MITCHELL)
+                if abs(given - _MITCHELL) > 1e-3:
+                    self._staging.note(f'the pixel filter "mitchell" has a {name} of {given:g}: 1/3 in its place')
         elif kinds:
-            name, ours = _FILTERS[kind]
-            given = kinds[0].number(name, ours)
-            if abs(given - ours) > 1e-6:
-                self._staging.note(f"the pixel filter {quoted(kind)} has a {name} of {given:g}: {ours:g} in its place")
+            name, default, radius = _FILTERS[kind]
+            self._render().update(self._staging.pixel_filter(kind, radius * kinds[0].number(name, default)))
 
     def _integrator(self, plugin: Plugin) -> None:
         inner = plugin.children_of("integrator")

@@ -25,13 +25,16 @@ _SPP_LIMIT: Final = 2**20
 _KELVIN: Final = (1000.0, 25000.0)
 """Range of white balances."""
 _FILTERS: Final = {
-    "box": "box",
-    "gaussian": "gaussian",
-    "mitchell": "mitchell",
-    "triangle": "tent",
-    "sinc": "mitchell",
+    "box": ("box", 0.5),
+    "gaussian": ("gaussian", 1.5),
+    "mitchell": ("mitchell", 2.0),
+    "triangle": ("tent", 2.0),
 }
-_RADII: Final = {"box": 0.5, "tent": 1.0, "gaussian": 1.5, "mitchell": 2.0}
+"""Ours, and pbrt's default radius, pixels."""
+_NEAR_FILTER: Final = {"sinc": "mitchell"}
+_MITCHELL: Final = 1.0 / 3.0
+_SIGMAS: Final = 3.0
+"""Radius of our Gaussian, standard deviations."""
 _PATHS: Final = frozenset(["path", "volpath", "simplepath", "simplevolpath", "bdpt", "mlt", "lightpath"])
 
 
@@ -166,15 +169,26 @@ class Settings:
     def pixel_filter(self, directive: Directive) -> None:
         """Our closest pixel filter."""
         kind, parameters = directive.text(0, "type"), directive.parameters
-        near = _FILTERS.get(kind, "gaussian")
-        radius = parameters.number("xradius", 2.0 if kind == "triangle" else _RADII[near])
-        parameters.ignore("yradius", "sigma", "B", "C", "tau")
-        if _FILTERS.get(kind) is None or kind == "sinc" or abs(radius - _RADII[near]) > 1e-6:
-            wanted = f"{quoted(kind)} of radius {radius:g}"
-            self._staging.note(
-                f"the pixel filter {wanted} is not known: {quoted(near)} of {_RADII[near]:g} in its place"
-            )
-        self._render["filter"] = near
+        parameters.ignore("tau")
+        if kind not in _FILTERS:
+            near = _NEAR_FILTER.get(kind, "gaussian")
+            parameters.ignore("xradius", "yradius", "sigma", "B", "C")
+            self._staging.note(f"the pixel filter {quoted(kind)} is not known: {quoted(near)} in its place")
+            self._render["filter"] = near
+            return
+        name, default = _FILTERS[kind]
+        radius = parameters.number("xradius", default)
+        given = {"yradius": (parameters.number("yradius", default), radius)}
+        if kind == "mitchell":
+            given |= {key: (parameters.number(key, _MITCHELL), _MITCHELL) for key in ("B", "C")}
+        elif kind == "gaussian":
+            wide = _SIGMAS * parameters.number("sigma", default / _SIGMAS)
+            given["radius"], radius = (radius, wide), wide
+        parameters.ignore("sigma", "B", "C")
+        for key, (wanted, ours) in given.items():
+            if abs(wanted - ours) > 1e-3 * abs(ours):
+                self._staging.note(f"the pixel filter {quoted(kind)} has a {key} of {wanted:g}: {ours:g} in its place")
+        self._render |= self._staging.pixel_filter(name, radius)
 
     def finish(self) -> None:
         """Write everything to the draft."""

@@ -12,6 +12,7 @@ import numpy as np
 from clrender.errors import OutOfMemory, SceneError
 from clrender.exact.matrices import inner, length, product, times
 from clrender.files.named import allowed_file
+from clrender.image.pixel_filter import PIXEL_FILTERS
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
 from clrender.importers.shared.matrices import (
@@ -28,6 +29,7 @@ from clrender.importers.shared.spectra import Color
 from clrender.meshes.data import MeshData
 from clrender.meshes.read import read_mesh
 from clrender.scene.values import SHAPE_LIMIT
+from clrender.settings import FILTER_RADII
 from clrender.wording import quoted
 
 __all__ = ["Staging", "roughness_of"]
@@ -74,6 +76,17 @@ class Staging:
             Name of an included file.
         """
         return SceneError(f"{source or self.files.source}: line {line}: {sentence}")
+
+    def pixel_filter(self, name: str, radius: float) -> dict[str, Any]:
+        """Settings of a pixel filter of ours, stretched to a radius in pixels."""
+        own = float(PIXEL_FILTERS[name][1][-1])
+        if abs(radius - own) <= 1e-6 * own:
+            return {"filter": name}
+        least, most = FILTER_RADII
+        if not least <= radius <= most:
+            self.note(f"the pixel filter {quoted(name)} has a radius of {radius:g}: {least:g} to {most:g} are known")
+            radius = min(max(radius, least), most)
+        return {"filter": name, "filter_radius": radius}
 
     def material(self, wanted: str, described: dict[str, Any]) -> str:
         """Add a material; returns its name, which is `wanted` if that is free."""
