@@ -15,6 +15,7 @@ from PIL import Image
 
 import clrender.importers.mitsuba
 import clrender.importers.pbrt
+from clrender.errors import SceneError
 from clrender.flatten.flat_scene import flatten
 from clrender.image.pictures import open_picture
 from clrender.image.tone_map import srgb_decode
@@ -411,6 +412,86 @@ def test_meshes_that_shapes_become() -> None:
     tube = cylinder_mesh(2.0, -1.0, 3.0)
     assert tube.vertices[:, 2].min() == -1.0 and tube.vertices[:, 2].max() == 3.0
     assert np.hypot(tube.vertices[:, 0], tube.vertices[:, 1]) == pytest.approx(2.0)
+
+
+def area_and_outward(mesh: MeshData) -> tuple[float, bool]:
+    """The area, and whether all triangles face as their vertices' normals do."""
+    a, b, c = (mesh.vertices[mesh.triangles[:, i]] for i in range(3))
+    double = np.cross(b - a, c - a)
+    assert mesh.normals is not None
+    return float(np.linalg.norm(double, axis=1).sum() / 2.0), bool(
+        ((double * mesh.normals[mesh.triangles].sum(axis=1)).sum(axis=1) >= -1e-12).all()
+    )
+
+
+@for_each(
+    ("kind", "more", "area", "low", "high", "normal"),
+    [
+        ("cylinder", '"float radius" 2 "float zmin" -1 "float zmax" 3', 16.0 * math.pi, (-2, -2, -1), (2, 2, 3), None),
+        ("cylinder", '"float phimax" 90', math.pi, (0, 0, -1), (1, 1, 1), None),
+        ("sphere", '"float radius" 2 "float zmin" 1', 4.0 * math.pi, (-math.sqrt(3), -math.sqrt(3), 1), None, None),
+        ("sphere", '"float phimax" 180', 2.0 * math.pi, (-1, 0, -1), (1, 1, 1), None),
+        ("disk", '"float innerradius" 0.5 "float height" 3', 0.75 * math.pi, (-1, -1, 3), (1, 1, 3), (0, 0, 1)),
+        ("disk", '"float phimax" 90', 0.25 * math.pi, (0, 0, 0), (1, 1, 0), (0, 0, 1)),
+    ],
+)
+def test_parts_of_round_shapes(
+    tmp_path: Path, kind: str, more: str, area: float, low: Any, high: Any, normal: Any
+) -> None:
+    scene = pbrt(tmp_path, f'Material "diffuse"\nShape "{kind}" {more}\n')
+    assert not [note for note in scene.notes if "approximated" in note or "whole" in note]
+    mesh = scene.mesh(0)
+    found, faces = area_and_outward(mesh)
+    assert faces and found == pytest.approx(area, rel=1e-4)
+    assert mesh.vertices.min(axis=0) == pytest.approx(low, abs=1e-4)
+    assert high is None or mesh.vertices.max(axis=0) == pytest.approx(high, abs=1e-4)
+    assert mesh.normals is not None and mesh.uvs is not None
+    if normal is not None:
+        assert (mesh.normals == normal).all()
+    elif kind == "sphere":
+        assert mesh.normals * np.linalg.norm(mesh.vertices, axis=1).max() == pytest.approx(mesh.vertices, abs=1e-5)
+    assert (mesh.uvs.min(), mesh.uvs.max()) == (0.0, 1.0)
+
+
+def test_equal_cylinders_share_a_mesh(tmp_path: Path) -> None:
+    one = 'Shape "cylinder" "float radius" 0.1\nTranslate 4 0 0\n'
+    scene = pbrt(tmp_path, f'Material "diffuse"\n{one}{one}')
+    assert len(scene.shapes) == 2 and scene.mesh(0) is scene.mesh(1)
+
+
+@for_each("more", ['"float phimax" 0', '"float zmin" 2', '"float zmin" 0.5 "float zmax" 0.5'])
+def test_parts_of_spheres_that_are_nothing_are_refused(tmp_path: Path, more: str) -> None:
+    with pytest.raises(SceneError, match="nothing is left"):
+        pbrt(tmp_path, f'Material "diffuse"\nShape "sphere" {more}\n')
+
+
+def test_bilinear_patches_are_where_the_formula_has_them(tmp_path: Path) -> None:
+    """A saddle, z = u v, of whose surface every vertex is, and no triangle farther than 1e-4 of its size."""
+    corners = "0 0 0  1 0 0  0 1 0  1 1 1"
+    scene = pbrt(tmp_path, f'Material "diffuse"\nShape "bilinearmesh" "point3 P" [{corners}]\n')
+    mesh = scene.mesh(0)
+    x, y, z = np.asarray(mesh.vertices, np.float64).T
+    assert z == pytest.approx(x * y, abs=1e-7)
+    a, b, c = (np.asarray(mesh.vertices, np.float64)[mesh.triangles[:, i]] for i in range(3))
+    middle = (a + b + c) / 3.0
+    assert np.abs(middle[:, 2] - middle[:, 0] * middle[:, 1]).max() < 1e-4
+    assert mesh.normals is not None and mesh.uvs is not None
+    normals = mesh.normals / np.linalg.norm(mesh.normals, axis=1, keepdims=True)
+    expected = np.stack([-y, -x, np.ones_like(x)], axis=1)
+    assert normals == pytest.approx(expected / np.linalg.norm(expected, axis=1, keepdims=True), abs=1e-6)
+    assert area_and_outward(mesh)[1]
+    at = np.asarray(mesh.vertices, np.float64)[mesh.triangles][..., :2]
+    assert mesh.uvs == pytest.approx(at, abs=1e-6)
+
+
+def test_bilinear_patches_of_three_corners_have_normals(tmp_path: Path) -> None:
+    corners = "0 0 0  1 0 0  0 1 1  0 1 1"
+    text = f'Material "diffuse"\nShape "bilinearmesh" "point3 P" [{corners}] "point2 uv" [0 0  1 0  0 1  1 1]\n'
+    mesh = pbrt(tmp_path, text).mesh(0)
+    assert mesh.normals is not None and (np.linalg.norm(mesh.normals, axis=1) > 0.0).all()
+    flat = np.array([0.0, -1.0, 1.0]) / math.sqrt(2.0)
+    normals = mesh.normals / np.linalg.norm(mesh.normals, axis=1, keepdims=True)
+    assert normals == pytest.approx(np.tile(flat, (len(normals), 1)), abs=1e-6)
 
 
 def test_meshes_without_normals_are_smooth_by_angles() -> None:

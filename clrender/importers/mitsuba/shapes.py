@@ -225,7 +225,6 @@ class ShapeReader:
         size = length(end - start)
         if not (radius > 0.0 and size > 0.0):
             raise plugin.fault("the cylinder has no radius or no length; give it both")
-        self._staging.note("cylinders are approximated by 256 triangles")
         matrix = product(product(matrix, frame_along(start, end - start)), scaling(radius, radius, size))
         inside_out = flip != (handedness(plugin.matrix()) < 0.0)
         self._staging.mesh(

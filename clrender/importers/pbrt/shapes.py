@@ -13,7 +13,15 @@ from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.state import Graphics
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.shared.loop_subdivision import subdivided
-from clrender.importers.shared.meshes import cylinder_mesh, faced_by_normals, quads_mesh, with_uvs
+from clrender.importers.shared.meshes import (
+    cylinder_mesh,
+    disk_part_mesh,
+    faced_by_normals,
+    patches_mesh,
+    quads_mesh,
+    sphere_part_mesh,
+    with_uvs,
+)
 from clrender.importers.shared.staging import Staging
 from clrender.meshes.data import MeshData
 from clrender.wording import quoted
@@ -118,35 +126,53 @@ class ShapeReader:
     # --- kinds
 
     def _sphere(self, parameters: Parameters) -> dict[str, Any]:
-        radius = parameters.number("radius", 1.0)
+        radius, turn = parameters.number("radius", 1.0), self._turn(parameters)
         if not radius > 0.0:
             raise parameters.fault(f"the sphere's radius is {radius:g}; it must be above 0", "radius")
-        cut = (
-            parameters.number("zmin", -radius) > -radius
-            or parameters.number("zmax", radius) < radius
-            or parameters.number("phimax", 360.0) < 360.0
-        )
-        if cut:
-            self._staging.note("a part of a sphere is read as the whole")
-        return {"type": "sphere", "radius": radius, "own": _POLES}
+        ends = [
+            min(max(parameters.number(key, end), -radius), radius) for key, end in (("zmin", -radius), ("zmax", radius))
+        ]
+        low, high = min(ends), max(ends)
+        if low == -radius and high == radius and turn == 1.0:
+            return {"type": "sphere", "radius": radius, "own": _POLES}
+        if low == high:
+            raise parameters.fault("nothing is left of the sphere between zmin and zmax; give it a part", "zmin")
+        name = f"sphere of radius {radius!r} from {low!r} to {high!r}, {turn!r} of a turn"
+        return self._shared(name, lambda: sphere_part_mesh(radius, low, high, turn))
 
     def _disk(self, parameters: Parameters) -> dict[str, Any]:
         radius = parameters.number("radius", 1.0)
         if not radius > 0.0:
             raise parameters.fault(f"the disk's radius is {radius:g}; it must be above 0", "radius")
-        if parameters.number("innerradius", 0.0) > 0.0 or parameters.number("phimax", 360.0) < 360.0:
-            self._staging.note("a part of a disk is read as the whole")
-        height = parameters.number("height", 0.0)
-        return {"type": "disk", "radius": radius, "height": height}
+        height, inner, turn = (
+            parameters.number("height", 0.0),
+            parameters.number("innerradius", 0.0),
+            self._turn(parameters),
+        )
+        if inner <= 0.0 and turn == 1.0:
+            return {"type": "disk", "radius": radius, "height": height}
+        if not inner < radius:
+            raise parameters.fault(
+                f"the disk's hole of radius {inner:g} leaves nothing; make it smaller", "innerradius"
+            )
+        name = f"disk of radius {radius!r} around {inner!r} at {height!r}, {turn!r} of a turn"
+        return self._shared(name, lambda: disk_part_mesh(radius, max(inner, 0.0), height, turn))
 
     def _cylinder(self, parameters: Parameters) -> dict[str, Any]:
         radius, low, high = (parameters.number(key, x) for key, x in (("radius", 1.0), ("zmin", -1.0), ("zmax", 1.0)))
-        if parameters.number("phimax", 360.0) < 360.0:
-            self._staging.note("a part of a cylinder is read as the whole")
+        turn = self._turn(parameters)
         if not (radius > 0.0 and high != low):
             raise parameters.fault("the cylinder has no radius or no length; give it both")
-        self._staging.note("cylinders are approximated by 256 triangles")
-        return self._mesh("cylinder", cylinder_mesh(radius, min(low, high), max(low, high)))
+        low, high = min(low, high), max(low, high)
+        name = f"cylinder of radius {radius!r} from {low!r} to {high!r}, {turn!r} of a turn"
+        return self._shared(name, lambda: cylinder_mesh(radius, low, high, turn))
+
+    def _turn(self, parameters: Parameters) -> float:
+        """The part of a turn that a round shape has."""
+        degrees = parameters.number("phimax", 360.0)
+        if not degrees > 0.0:
+            raise parameters.fault(f"nothing is left of a shape whose phimax is {degrees:g}; give it more", "phimax")
+        return min(degrees, 360.0) / 360.0
 
     def _triangles(self, parameters: Parameters) -> dict[str, Any]:
         places, normals, uvs = self._vertices(parameters)
@@ -190,9 +216,10 @@ class ShapeReader:
             uvs = np.tile(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]), (len(corners), 1))
             places, corners = kept, np.arange(len(kept)).reshape(-1, 4)
         a, b, c, d = (places[corners[:, i]] for i in range(4))
-        if not np.allclose(a + d, b + c, rtol=0.0, atol=1e-6 * float(np.abs(places).max())):
-            self._staging.note("bilinear patches that are no parallelograms are read as two triangles each")
         parameters.ignore("emissionfilename")
+        if not np.allclose(a + d, b + c, rtol=0.0, atol=1e-6 * float(np.abs(places).max())):
+            directions = None if normals is None else normals[corners]
+            return self._mesh("patches", patches_mesh(places[corners], uvs[corners], directions))
         mesh = quads_mesh(places, corners[:, [0, 1, 3, 2]], uvs, normals)
         return self._mesh("patches", faced_by_normals(mesh))
 
@@ -225,6 +252,13 @@ class ShapeReader:
 
         found = self._staging.mesh_of_file(file, "ply, mapped" if mapped else "ply", line, adapted)
         return None if found is None else {"type": "mesh", "file": found[0]}
+
+    def _shared(self, name: str, make: Callable[[], MeshData]) -> dict[str, Any]:
+        """A mesh that equal shapes share."""
+        meshes = self._staging.draft.meshes
+        if name not in meshes:
+            meshes[name] = make()
+        return {"type": "mesh", "file": name}
 
     def _mesh(self, kind: str, mesh: MeshData) -> dict[str, Any]:
         self._count += 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from typing import Any, Final, TypeAlias
 
@@ -18,11 +19,14 @@ __all__ = [
     "cube_mesh",
     "cylinder_mesh",
     "disk_mesh",
+    "disk_part_mesh",
     "faced_by_normals",
     "flipped_v",
+    "patches_mesh",
     "quads_mesh",
     "smoothed",
     "sphere_mesh",
+    "sphere_part_mesh",
     "with_uvs",
     "without_area",
     "without_normals",
@@ -41,6 +45,12 @@ _CUBE: Final = (
 _CUBE_UVS: Final = ((0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0))
 _AROUND: Final = 128
 _ALONG: Final = 64
+_TURN: Final = 512
+"""Quads around a whole turn of cylinders and of parts of spheres and disks; their radius is off by 2e-5."""
+_BENT: Final = 1e-4
+"""How far triangles may be from a bilinear patch, of its size."""
+_MOST_QUADS: Final = 1 << 20
+"""Quads of all patches of a mesh, at most."""
 
 
 def cube_mesh() -> MeshData:
@@ -84,16 +94,103 @@ def sphere_mesh(radius: float) -> MeshData:
     return faced_by_normals(quads_mesh(radius * normals, _grid(_AROUND, _ALONG), uvs, normals))
 
 
-def cylinder_mesh(radius: float, low: float, high: float) -> MeshData:
-    """An open cylinder about +z: u runs around, v from `low` to `high`; the front is outside."""
-    u, v = np.meshgrid(np.linspace(0.0, 1.0, _AROUND + 1), np.linspace(0.0, 1.0, 2))
-    phi = 2.0 * np.pi * u.ravel()
-    sines, cosines = sines_cosines(phi)
-    normals = np.stack([cosines, sines, np.zeros(phi.size)], axis=1)
+def _swept(across: int, along: int) -> tuple[_Floats, _Floats, NDArray[np.int64]]:
+    """Texture coordinates (n, 2) and (n,) of v in [0, 1], and quads, of a grid over a parametric surface."""
+    u, v = np.meshgrid(np.linspace(0.0, 1.0, across + 1), np.linspace(0.0, 1.0, along + 1))
+    return np.stack([u.ravel(), v.ravel()], axis=1), v.ravel(), _grid(across, along)
+
+
+def _quads_of(turn: float) -> int:
+    return max(int(np.ceil(turn * _TURN)), 1)
+
+
+def cylinder_mesh(radius: float, low: float, high: float, turn: float = 1.0) -> MeshData:
+    """An open cylinder about +z: u runs around, v from `low` to `high`; the front is outside.
+
+    Parameters
+    ----------
+    radius, low, high : float
+        `high` above `low`.
+    turn : float
+        Part of a turn from +x, above 0 to 1.
+    """
+    uvs, v, quads = _swept(_quads_of(turn), 1)
+    sines, cosines = sines_cosines(2.0 * np.pi * turn * uvs[:, 0])
+    normals = np.stack([cosines, sines, np.zeros(len(uvs))], axis=1)
     vertices = radius * normals
-    vertices[:, 2] = low + (high - low) * v.ravel()
-    uvs = np.stack([u.ravel(), v.ravel()], axis=1)
-    return faced_by_normals(quads_mesh(vertices, _grid(_AROUND, 1), uvs, normals))
+    vertices[:, 2] = low + (high - low) * v
+    return faced_by_normals(quads_mesh(vertices, quads, uvs, normals))
+
+
+def sphere_part_mesh(radius: float, low: float, high: float, turn: float) -> MeshData:
+    """The part of a sphere about the origin between two heights, and of a turn from +x; the front is outside.
+
+    u runs around, v from `low` to `high`, evenly in the angle (PBR 4ed, 6.2).
+
+    Parameters
+    ----------
+    radius, low, high, turn : float
+        `low` and `high` within the radius, `high` above `low`; `turn` above 0 to 1.
+    """
+    heights = np.array([low, high]) / radius
+    first, last = angles_of(np.sqrt(np.maximum(1.0 - heights * heights, 0.0)), heights).tolist()
+    uvs, v, quads = _swept(_quads_of(turn), _quads_of(abs(last - first) / (2.0 * np.pi)))
+    sin_phi, cos_phi = sines_cosines(2.0 * np.pi * turn * uvs[:, 0])
+    sin_theta, cos_theta = sines_cosines(first + (last - first) * v)
+    normals = np.stack([sin_theta * cos_phi, sin_theta * sin_phi, cos_theta], axis=1)
+    return faced_by_normals(quads_mesh(radius * normals, quads, uvs, normals))
+
+
+def disk_part_mesh(radius: float, inner_radius: float, height: float, turn: float) -> MeshData:
+    """A ring, or a part of a disk, perpendicular to +z: u runs around, v from the rim inwards (PBR 4ed, 6.4).
+
+    Parameters
+    ----------
+    radius, inner_radius, height, turn : float
+        `inner_radius` of at least 0 below the radius; `turn` above 0 to 1.
+    """
+    uvs, v, quads = _swept(_quads_of(turn), 1)
+    sines, cosines = sines_cosines(2.0 * np.pi * turn * uvs[:, 0])
+    reach = radius + (inner_radius - radius) * v
+    vertices = np.stack([reach * cosines, reach * sines, np.full(len(v), height)], axis=1)
+    return faced_by_normals(quads_mesh(vertices, quads, uvs, np.tile([[0.0, 0.0, 1.0]], (len(v), 1))))
+
+
+def patches_mesh(corners: _Floats, uvs: _Floats, normals: _Floats | None) -> MeshData:
+    """Bilinear patches (PBR 4ed, 6.6), divided until triangles are close to them.
+
+    Parameters
+    ----------
+    corners : (P, 4, 3) float64
+        At u, v = 0, 0; 1, 0; 0, 1; 1, 1.
+    uvs : (P, 4, 2) float64
+        Texture coordinates of the corners.
+    normals : (P, 4, 3) float64 or None
+        Normals of the corners; by default those of the surface.
+    """
+    a, b, c, d = (corners[:, i] for i in range(4))
+    bent = lengths(a + d - b - c)  # four times how far two triangles are from the middle of the patch
+    size = np.maximum(np.maximum(lengths(d - a), lengths(c - b)), 1e-300)
+    wanted = float(np.sqrt((bent / (4.0 * _BENT * size)).max()))
+    pieces = max(min(int(np.ceil(wanted)), int(math.sqrt(_MOST_QUADS / len(corners)))), 1)
+    if normals is None:
+        # The product of both derivatives, of which one is linear in v and the other in u, is bilinear as well
+        across, along = np.stack([b - a, b - a, d - c, d - c], 1), np.stack([c - a, d - b, c - a, d - b], 1)
+        normals = np.cross(across, along)
+    ends, _, quads = _swept(pieces, pieces)
+    u, v = ends[:, 0], ends[:, 1]
+    weights = np.stack([(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v])
+
+    def between(values: _Floats) -> _Floats:
+        parts = [values[:, i, None, :] * weights[i, None, :, None] for i in range(4)]
+        return np.asarray(parts[0] + parts[1] + parts[2] + parts[3]).reshape(-1, values.shape[2])
+
+    directions = between(normals)
+    # Where corners coincide there is none of their own
+    middle = np.repeat(normals.sum(axis=1), len(ends), axis=0)
+    directions = np.where((lengths(directions) > 0.0)[:, None], directions, middle)
+    numbers = np.arange(len(corners))[:, None, None] * len(ends) + quads
+    return faced_by_normals(quads_mesh(between(corners), numbers.reshape(-1, 4), between(uvs), directions))
 
 
 def disk_mesh(radius: float) -> MeshData:
