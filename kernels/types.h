@@ -95,6 +95,7 @@
 #define SHAPE_TEXTURED 2u
 #define SHAPE_MASKED 4u
 #define SHAPE_TERMINATOR_OFFSET 8u
+#define SHAPE_HIDDEN 16u
 #define HOLE_GRID 32u
 #define TEXEL_FOUR 8u
 #define TEXEL_FLOAT 16u

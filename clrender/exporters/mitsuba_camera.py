@@ -10,7 +10,9 @@ from clrender.errors import SceneError
 from clrender.exact.matrices import length, product
 from clrender.exporters.mitsuba_xml import Element, Target, element, transform, value
 from clrender.flatten.bounds import scene_bounds
+from clrender.flatten.emission import emits
 from clrender.importers.shared.matrices import look_at, scaling
+from clrender.scene.light_kinds import EnvironmentLight, SunSkyLight
 
 __all__ = ["integrator", "sensor"]
 
@@ -118,7 +120,26 @@ def integrator(target: Target, through: bool) -> Element:
     inside = [value("integer", "max_depth", -1 if depth is None else depth + 1)]
     if render.roulette == "none":
         inside.append(value("integer", "rr_depth", _NO_ROULETTE))
+    if _hides_lights(target):
+        inside.append(value("boolean", "hide_emitters", True))
     return element("integrator", *inside, type="volpath" if through else "path")
+
+
+def _hides_lights(target: Target) -> bool:
+    """Whether the camera sees no light: Mitsuba hides all of them, or none. What else is hidden is named."""
+    scene = target.scene
+    shapes = [(at, emits(scene, shape), shape.visible_to_camera) for at, shape in scene.all_shapes()]
+    lights = [
+        (("lights", i), True, light.visible_to_camera)
+        for i, light in enumerate(scene.lights)
+        if isinstance(light, EnvironmentLight | SunSkyLight)
+    ]
+    parts = [*shapes, *lights]
+    hides = {visible for _, shines, visible in parts if shines} == {False}
+    for at, shines, visible in parts:
+        if not visible and not (shines and hides):
+            target.leave_out("that the camera does not see it", *at, "visible_to_camera")
+    return hides
 
 
 _NO_ROULETTE: Final = 100_000

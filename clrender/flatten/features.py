@@ -44,6 +44,8 @@ class Features:
         There are instances of groups.
     opacity, holes : bool
         Rays may pass through some surfaces; of some triangles it is known where.
+    hidden_shapes, hidden_environment : bool
+        The camera does not see some shapes; it does not see the environment.
     textures, tangents : bool
         Some shapes have attributes; some triangles have vertex tangents.
     emission_textures : bool
@@ -67,6 +69,8 @@ class Features:
     instances: bool = False
     opacity: bool = False
     holes: bool = False
+    hidden_shapes: bool = False
+    hidden_environment: bool = False
     textures: bool = False
     tangents: bool = False
     emission_textures: bool = False
@@ -87,7 +91,14 @@ class Features:
         return replace(self, camera_cuts_media=self.interiors and bool(camera["cuts_media"][0]))
 
     @classmethod
-    def of(cls, arrays: Mapping[str, NDArray[Any]], camera: NDArray[np.void], media: Media, instances: int) -> Features:
+    def of(
+        cls,
+        arrays: Mapping[str, NDArray[Any]],
+        camera: NDArray[np.void],
+        media: Media,
+        instances: int,
+        hidden_environment: bool,
+    ) -> Features:
         """The features of a flat scene.
 
         Parameters
@@ -98,6 +109,8 @@ class Features:
         media : Media
         instances : int
             Number of instances.
+        hidden_environment : bool
+            Whether the camera does not see the environment.
         """
         lights, flags, attributes = arrays["lights"], arrays["shapes"]["flags"], arrays["attribute_rows"]
         opacity = bool((flags & layout.SHAPE_MASKED).any())
@@ -120,6 +133,8 @@ class Features:
             instances=instances > 0,
             opacity=opacity,
             holes=opacity and len(arrays["hole_rows"]) > 1,
+            hidden_shapes=bool((flags & layout.SHAPE_HIDDEN).any()),
+            hidden_environment=hidden_environment,
             textures=textured or opacity,
             tangents=bool(attributes[:, tangents].view(np.uint32).any()),
             emission_textures=emission_textures,

@@ -231,6 +231,10 @@ def flatten(
             digest.update(textures.sha256.encode())  # they may be large, and are already hashed
         else:
             digest.update(array.reshape(-1).view(np.uint8).data)
+    around_lights = (scene.environment, scene.sky)
+    hidden = any(light is not None and not light.visible_to_camera for light in around_lights)
+    if hidden:
+        digest.update(b"hidden environment")
     camera = _surrounded(camera, arrays, triangle_count, instances, scene.camera, origin, (width, height))
     return FlatScene(
         arrays=arrays,
@@ -240,7 +244,7 @@ def flatten(
         analytic_count=analytic_count,
         light_count=lights.count,
         light_levels=tree.levels if tree else 0,
-        features=Features.of(arrays, camera, media, instances.count),
+        features=Features.of(arrays, camera, media, instances.count, hidden),
         instances=instances,
         arrays_sha256=digest.hexdigest(),
         notes=scene.notes,

@@ -45,6 +45,7 @@ def check_materials(scene: Scene, integrator: str) -> None:
     if not takes.media:
         _refuse_media(scene, integrator)
     _refuse_masked(scene, integrator)
+    _refuse_hidden(scene, integrator)
     for at, shape in scene.all_shapes():
         material = scene.materials[shape.material] if shape.material is not None else None
         if isinstance(material, Dielectric | Principled) and not volumes:
@@ -98,6 +99,21 @@ def _refuse_masked(scene: Scene, integrator: str) -> None:
                 f"{scene.source}: {place(at)}.material: {shape.material!r} has {what}, which the integrator "
                 f"{integrator} does not take; leave it out, or use --integrator path"
             )
+
+
+def _refuse_hidden(scene: Scene, integrator: str) -> None:
+    """Refuse what the camera does not see, where all see the same patches."""
+    hidden = [place(at) for at, shape in scene.all_shapes() if not shape.visible_to_camera]
+    hidden += [
+        f"lights[{scene.lights.index(light)}]"
+        for light in (scene.environment, scene.sky)
+        if light is not None and not light.visible_to_camera
+    ]
+    if hidden and not INTEGRATORS[integrator].opacity:
+        raise SceneError(
+            f"{scene.source}: {hidden[0]}.visible_to_camera is false, which the integrator {integrator} does not take; "
+            "leave it out, or use --integrator path"
+        )
 
 
 def _refuse_media(scene: Scene, integrator: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import date
-from typing import Annotated, Any, Final, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Field, Strict, WithJsonSchema, model_validator
 
@@ -141,6 +141,8 @@ class EnvironmentLight(Part):
     at +x. The map is interpolated bilinearly.
     """
 
+    late_keys: ClassVar[frozenset[str]] = frozenset({"visible_to_camera"})
+
     type: Literal["environment"]
     radiance: Color | None = Field(None, description="constant radiance, W/(sr m2)")
     file: FileName | None = Field(
@@ -149,6 +151,9 @@ class EnvironmentLight(Part):
     )
     rotate_degrees: Finite = Field(0.0, description="rotation of the map about +y, from +z towards +x")
     scale: Factor = Field((1.0, 1.0, 1.0), description="factor for the radiance")
+    visible_to_camera: Flag = Field(
+        True, description="false: the camera sees black in its place; it still lights the scene"
+    )
 
     @model_validator(mode="after")
     def _is_one_of_both(self) -> EnvironmentLight:
@@ -175,6 +180,8 @@ class SunSkyLight(Part):
     +y is up, -z north and +x east.
     """
 
+    late_keys: ClassVar[frozenset[str]] = frozenset({"visible_to_camera"})
+
     type: Literal["sun_sky"]
     sun_direction: Vector | None = Field(None, description="direction towards the sun")
     latitude: Annotated[Finite, Field(ge=-90.0, le=90.0)] | None = Field(
@@ -193,6 +200,9 @@ class SunSkyLight(Part):
     sun_scale: Factor = Field((1.0, 1.0, 1.0), description="factor for the sun's radiance; 0: sky only")
     scale: Factor = Field((1.0, 1.0, 1.0), description="factor for both")
     rotate_degrees: Finite = Field(0.0, description="rotation of sun and sky about +y, from +z towards +x")
+    visible_to_camera: Flag = Field(
+        True, description="false: the camera sees black in its place; it still lights the scene"
+    )
 
     @model_validator(mode="after")
     def _has_a_sun(self) -> SunSkyLight:

@@ -49,6 +49,7 @@ def check_references(scene: SceneContents) -> None:
     _check_mixtures(scene)
     _check_colors(scene)
     _check_terminators(scene)
+    _check_hidden(scene)
     environments = [i for i, light in enumerate(scene.lights) if isinstance(light, EnvironmentLight | SunSkyLight)]
     for i in environments[1:]:
         sentence = f"is a second environment beside lights[{environments[0]}]; a scene can have only one"
@@ -136,6 +137,15 @@ def _check_terminators(scene: SceneContents) -> None:
         else:
             continue
         raise fault("mesh", f"is given, but the shape {why}; leave it out", *at, "shadow_terminator_offset")
+
+
+def _check_hidden(scene: SceneContents) -> None:
+    """Check that no shape with an inside is hidden from the camera, whose rays would enter it through no boundary."""
+    for at, shape in scene.all_shapes():
+        material = None if shape.material is None else scene.materials[shape.material]
+        if not shape.visible_to_camera and (shape.interior is not None or (material is not None and material.solid)):
+            sentence = "cannot be false for what has an inside: rays of the camera would get there through no boundary"
+            raise fault("reference", f"{sentence}; leave it out", *at, "visible_to_camera")
 
 
 def _shines(material: Material) -> bool:

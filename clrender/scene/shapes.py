@@ -101,6 +101,7 @@ class Transform(Part):
 class Surface(Part):
     """What every shape has."""
 
+    late_keys: ClassVar[frozenset[str]] = frozenset({"visible_to_camera"})
     needs_similarity: ClassVar[bool] = False
     material: Name | None = Field(None, description="name of the material; without one the shape is black")
     emission: ColorOrTexture | None = Field(
@@ -111,6 +112,7 @@ class Surface(Part):
         description="name of the medium inside the closed shape; without a material the surface is invisible",
     )
     name: Name | None = Field(None, description="name in Cryptomatte layers; several shapes may have the same name")
+    visible_to_camera: Flag = Field(True, description="false: rays of the camera pass it; all others meet it")
     flip_normals: Flag = False
     transform: Transform = Transform()
 
@@ -209,7 +211,7 @@ _Uv = tuple[Annotated[Finite, Field(ge=-1e6, le=1e6)], Annotated[Finite, Field(g
 class Mesh(Surface):
     """Triangle mesh from a file (.ply, .ply.gz, .obj, .stl), or inline as vertices and faces."""
 
-    late_keys: ClassVar[frozenset[str]] = frozenset({"shadow_terminator_offset"})
+    late_keys: ClassVar[frozenset[str]] = frozenset({"visible_to_camera", "shadow_terminator_offset"})
 
     type: Literal["mesh"]
     file: FileName | None = None

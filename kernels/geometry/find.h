@@ -23,6 +23,9 @@ typedef struct {
     vmask open[PACKETS];     // rays that ask for more
     Hit hit[PACKETS];        // the next, where there is one
     vfloat opacity[PACKETS]; // and there
+#ifdef HIDDEN_SHAPES
+    vmask hidden[PACKETS];   // the surface there is hidden from the camera
+#endif
     vuint key[PACKETS];      // tells it from the ray's other hits: the primitive, and its side
 } Masked;
 
@@ -49,6 +52,9 @@ __attribute__((noinline)) static int masked_next(const Scene* scene, Masked* m) 
         any = 1;
         const Surface s = surface_at(scene, &m->ray[k], hit, m->open[k]);
         m->opacity[k] = opacity_at(scene, &s, m->open[k]);
+#ifdef HIDDEN_SHAPES
+        m->hidden[k] = s.hidden;
+#endif
         m->key[k] = hash_pair(hit.primitive, s.front ? splat_uint(1u) : splat_uint(0u));
         m->ray[k].after = hit.distance;
         m->ray[k].after_primitive = hit.primitive;
@@ -61,14 +67,21 @@ typedef struct {
     Masked masked;
     Sampler sampler[PACKETS];
     vuint set[PACKETS];
+#ifdef HIDDEN_SHAPES
+    vmask camera[PACKETS];
+#endif
 } Search;
 
 // A packet sets out to find what is nearest; every one of them has to before they finish. `depth`: of the vertices that the rays leave.
-static void find_start(const Scene* scene, Search* s, uint packet, const Ray* ray, Sampler sampler, vuint depth, vmask active) {
+// `camera`: rays that come from there and pass what is hidden from it.
+static void find_start(const Scene* scene, Search* s, uint packet, const Ray* ray, Sampler sampler, vuint depth, vmask camera, vmask active) {
     traverse_start(&scene->bvh, &s->opaque, packet, ray, active, 0);
     masked_start(&s->masked, packet, ray, ray->limit, active);
     s->sampler[packet] = sampler;
     s->set[packet] = sampler_set(depth, SET_TEXTURE);
+#ifdef HIDDEN_SHAPES
+    s->camera[packet] = camera;
+#endif
 }
 
 static void find_finish(const Scene* scene, Search* s, Hit* hit) {
@@ -85,7 +98,10 @@ static void find_finish(const Scene* scene, Search* s, Hit* hit) {
             own.seed ^= s->masked.key[k];
             vuint bits, unused;
             sampler_bits(own, s->set[k], &bits, &unused);
-            const vmask there = s->masked.open[k] & (unit_interval(bits) < s->masked.opacity[k]);
+            vmask there = s->masked.open[k] & (unit_interval(bits) < s->masked.opacity[k]);
+#ifdef HIDDEN_SHAPES
+            there = there & !(s->camera[k] & s->masked.hidden[k]);
+#endif
             hit[k].distance = there ? s->masked.hit[k].distance : hit[k].distance;
             hit[k].primitive = there ? s->masked.hit[k].primitive : hit[k].primitive;
             s->masked.open[k] = s->masked.open[k] & !there;
@@ -170,7 +186,7 @@ static vfloat passage_masked(const Scene* scene, const Ray* ray, vfloat limit, v
 
 typedef Traversal Search;
 
-static void find_start(const Scene* scene, Search* s, uint packet, const Ray* ray, Sampler sampler, vuint depth, vmask active) {
+static void find_start(const Scene* scene, Search* s, uint packet, const Ray* ray, Sampler sampler, vuint depth, vmask camera, vmask active) {
     traverse_start(&scene->bvh, s, packet, ray, active, 0);
 }
 static void find_finish(const Scene* scene, Search* s, Hit* hit) {
@@ -191,10 +207,10 @@ static vfloat passage_masked(const Scene* scene, const Ray* ray, vfloat limit, v
 #endif
 
 // One packet on its own.
-static Hit find_nearest(const Scene* scene, const Ray* ray, Sampler sampler, vuint depth, vmask active) {
+static Hit find_nearest(const Scene* scene, const Ray* ray, Sampler sampler, vuint depth, vmask camera, vmask active) {
     Search s;
     Hit hit[PACKETS];
-    EACH_PACKET(k) find_start(scene, &s, k, ray, sampler, depth, k == 0 ? active : mask_none());
+    EACH_PACKET(k) find_start(scene, &s, k, ray, sampler, depth, camera, k == 0 ? active : mask_none());
     find_finish(scene, &s, hit);
     return hit[0];
 }

@@ -35,6 +35,9 @@ typedef struct {
 #ifdef MEDIA
     vfloat g;            // of kind MATERIAL_MEDIUM: a point of a medium, which scatters by this mean cosine
 #endif
+#ifdef HIDDEN_SHAPES
+    vmask hidden;        // rays of the camera pass it
+#endif
 #ifdef TERMINATOR_OFFSET
     vmask moves;         // its shadow terminator is to be moved: geometry/terminator.h
     vec3 mesh_point, mesh_normal;        // which then changes the point and the normal; these are the triangle's
@@ -147,6 +150,9 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
     const vmask round = placed.row >= scene->settings->triangle_count;
     placed_geometry(&placed, round, row);
     const vmask smooth = active & !round & ((kind_and_flags & (SHAPE_SMOOTH << ROW_FLAGS)) != 0u);
+#ifdef HIDDEN_SHAPES
+    s.hidden = active & ((kind_and_flags & (SHAPE_HIDDEN << ROW_FLAGS)) != 0u);
+#endif
 #ifdef TERMINATOR_OFFSET
     s.moves = smooth & ((kind_and_flags & (SHAPE_TERMINATOR_OFFSET << ROW_FLAGS)) != 0u);
 #endif

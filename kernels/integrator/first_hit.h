@@ -108,7 +108,7 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
 
     while (path_next(scene, pool, &waiting, &path)) {
         // Find the nearest surface; what shines counts as if its light were its colour
-        const Hit hit = find_nearest(scene, &path.ray, path.sample.sampler, path.depth, path.alive);
+        const Hit hit = find_nearest(scene, &path.ray, path.sample.sampler, path.depth, path.depth == 0u, path.alive);
         stats->rays += lane_count(path.alive);
         stats->deepest = pool_deepest(stats->deepest, path.depth, path.alive);
         const vmask found = path.alive & (hit.primitive != NONE);
@@ -117,8 +117,11 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
         path.throughput = choose(found, interior_absorb(scene, &path.interior, hit, path.throughput), path.throughput);
         const vmask straight = interior_straight(&crossing);
         vec3 outside = vec3_all(0.0f);
-        if (lane_any(path.alive & !found))
-            outside = mul(environment_emitted(scene, path.ray.direction, path.alive & !found), interior_through_fog(scene));
+        const vmask escapes = path.alive & !found & !environment_hidden(path.depth);
+        if (lane_any(escapes)) {
+            const vec3 emitted = mul(environment_emitted(scene, path.ray.direction, escapes), interior_through_fog(scene));
+            outside = choose(escapes, emitted, outside);
+        }
         const vec3 seen = mul(path.throughput, choose(found, light_emitted(scene, &surface, found), outside));
         path.radiance = choose(path.alive, add(path.radiance, seen), path.radiance);
 

@@ -90,7 +90,10 @@ static void path_free(const Scene* scene, Path* path, FreePath* free) {
 static void path_find(const Scene* scene, Path* path, FreePath* free, Hit* hit) {
     Search ahead;
     EACH_PACKET(k) path_free(scene, &path[k], &free[k]);
-    EACH_PACKET(k) find_start(scene, &ahead, k, &path[k].ray, path[k].sample.sampler, path[k].depth, path_traces(&path[k]));
+    EACH_PACKET(k) {
+        const vmask camera = path[k].depth == 0u;
+        find_start(scene, &ahead, k, &path[k].ray, path[k].sample.sampler, path[k].depth, camera, path_traces(&path[k]));
+    }
     find_finish(scene, &ahead, hit);
     EACH_PACKET(k) {
         split_again(&path[k].split, &hit[k]);
@@ -117,7 +120,8 @@ static void path_add_emission(const Scene* scene, Path* path, const Vertex* vert
     __global const Settings* settings = scene->settings;
     const Surface* surface = &vertex->surface;
     const vmask shines = vertex->found & light_shines(surface);
-    const vmask outside = vertex->traced & !vertex->found & (splat_uint(settings->environment) != NONE);
+    const vmask there = (splat_uint(settings->environment) != NONE) & !environment_hidden(path->depth);
+    const vmask outside = vertex->traced & !vertex->found & there;
     if (!lane_any(shines | outside)) return;
     const LightRow light = light_met(scene, surface, shines, outside);
     vec3 emitted = vec3_all(0.0f);
@@ -138,7 +142,7 @@ static void path_add_emission(const Scene* scene, Path* path, const Vertex* vert
 static void path_add_sun(const Scene* scene, Path* path, const Vertex* vertex) {
 #ifdef SUN
     const EnvironmentSample sun = sun_along(scene, path->ray.direction);
-    const vmask seen = vertex->traced & !vertex->found & (sun.pdf > 0.0f);
+    const vmask seen = vertex->traced & !vertex->found & (sun.pdf > 0.0f) & !environment_hidden(path->depth);
     if (!lane_any(seen)) return;
     const LightRow light = light_at(scene, splat_uint(sun_light(scene)));
     path_count_emission(scene, path, &light, sun.radiance, sun.pdf, seen);

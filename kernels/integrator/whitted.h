@@ -19,7 +19,7 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
 
     while (path_next(scene, pool, &waiting, &path)) {
         // Find the nearest surface and add the light it sends out, or the environment's
-        const Hit hit = find_nearest(scene, &path.ray, path.sample.sampler, path.depth, path.alive);
+        const Hit hit = find_nearest(scene, &path.ray, path.sample.sampler, path.depth, path.depth == 0u, path.alive);
         stats->rays += lane_count(path.alive);
         stats->deepest = pool_deepest(stats->deepest, path.depth, path.alive);
         const vmask found = path.alive & (hit.primitive != NONE);
@@ -28,8 +28,9 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
         const Crossing crossing = interior_meet(scene, &path.interior, &surface, found);
         const vmask straight = interior_straight(&crossing);
         path.throughput = interior_absorb(scene, &path.interior, hit, path.throughput);
-        const vec3 outside =
-            lane_any(path.alive & !found) ? environment_emitted(scene, path.ray.direction, path.alive & !found) : vec3_all(0.0f);
+        const vmask escapes = path.alive & !found & !environment_hidden(path.depth);
+        vec3 outside = vec3_all(0.0f);
+        if (lane_any(escapes)) outside = choose(escapes, environment_emitted(scene, path.ray.direction, escapes), outside);
         const vec3 seen = mul(path.throughput, choose(found, light_emitted(scene, &surface, found), outside));
         path.radiance = choose(path.alive, add(path.radiance, seen), path.radiance);
 

@@ -57,8 +57,9 @@ static vec3 emission_sampled(const Scene* scene, const LightRow* l, vec3 point, 
     const vmask surface = where & ((l->kind == LIGHT_AREA_TRIANGLE) | (l->kind == LIGHT_AREA_SPHERE) | (l->kind == LIGHT_AREA_DISK));
     vfloat row[16];
     lane_rows(scene->primitive_rows, surface ? l->primitive : splat_uint(0u), row);
-    const vuint flags = vfloat_bits(row[PRIMITIVE_ROW_KIND]) >> ROW_FLAGS;
-    const vmask masked = surface & ((flags & SHAPE_MASKED) != 0u);
+    const vuint kind_and_flags = vfloat_bits(row[PRIMITIVE_ROW_KIND]), flags = kind_and_flags >> ROW_FLAGS;
+    const vmask by_row = (kind_and_flags & ((1u << ROW_FLAGS) - 1u)) == MATERIAL_BY_ROW;
+    const vmask masked = surface & by_row & ((flags & SHAPE_MASKED) != 0u);
     if (lane_any(masked)) {
         const vmask has = masked & ((flags & SHAPE_TEXTURED) != 0u);
         const Attributes a = emission_attributes(scene, l, point, normal, u, v, has);

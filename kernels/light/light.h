@@ -212,6 +212,14 @@ static vfloat light_density(const LightRow* l, const Surface* s, vec3 origin) {
 static EnvironmentSample environment_found(const Scene* scene, const LightRow* environment, vec3 direction, vmask leaves) {
     return environment_along(scene, environment->radiance, choose(leaves, direction, vec3_of(splat(0.0f), splat(1.0f), splat(0.0f))));
 }
+// Whether it is hidden from rays that leave a path's vertex of this depth: from those of the camera.
+static vmask environment_hidden(vuint depth) {
+#ifdef HIDDEN_ENVIRONMENT
+    return depth == 0u;
+#else
+    return mask_none();
+#endif
+}
 static vec3 environment_emitted(const Scene* scene, vec3 direction, vmask leaves) {
     vec3 emitted = vec3_all(0.0f);
     if (scene->settings->environment != NONE) {

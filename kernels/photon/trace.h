@@ -129,7 +129,7 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
         }
 
         // Find where the photon arrives, and leave a deposit if that is diffuse and not the first place
-        const Hit hit = find_nearest(scene, &photon.ray, photon.sampler, photon.depth, photon.alive);
+        const Hit hit = find_nearest(scene, &photon.ray, photon.sampler, photon.depth, mask_none(), photon.alive);
         const vmask found = photon.alive & (hit.primitive != NONE);
         Surface surface = surface_at(scene, &photon.ray, hit, found);
         const Crossing crossing = interior_meet(scene, &photon.interior, &surface, found);

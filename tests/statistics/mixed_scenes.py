@@ -205,7 +205,8 @@ def _lights(draw: Draw, things: Things) -> Iterator[Json]:
             yield {"type": kind, "direction": draw.direction(), "irradiance": draw.color(0.5, 4.0)}
         elif not surrounds:
             surrounds = True
-            yield _environment(draw) if kind == "environment" else _sky(draw)
+            hidden = {"visible_to_camera": False} if draw.chance(0.15) else {}
+            yield (_environment(draw) if kind == "environment" else _sky(draw)) | hidden
 
 
 def _environment(draw: Draw) -> Json:

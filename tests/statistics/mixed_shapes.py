@@ -65,6 +65,8 @@ class Things:
             self._color(shape)
         if not (solid or refracts):
             shape |= {"flip_normals": True} if draw.chance(0.2) else {}
+        if not solid and draw.chance(0.1):
+            shape["visible_to_camera"] = False
         shape |= {"name": name} if draw.chance(0.1) else {}
         self.shapes.append(self._placed(shape))
 

@@ -85,6 +85,21 @@ class _Settings:
         if integrators:
             self._integrator(integrators[0])
 
+    def _hide_lights(self) -> None:
+        """Hide from the camera what shines."""
+        description = self._staging.draft.description
+        materials = description["materials"]
+        for shape in description["shapes"]:
+            material = materials.get(shape.get("material"), {})
+            solid = material.get("type") in ("dielectric", "subsurface") and not material.get("thin")
+            if "emission" in shape and (solid or "interior" in shape):
+                self._staging.note("a light with an inside is seen although the file hides lights")
+            elif "emission" in shape:
+                shape["visible_to_camera"] = False
+        for light in description["lights"]:
+            if light["type"] == "environment":
+                light["visible_to_camera"] = False
+
     def _tell_unused(self, plugin: Plugin) -> None:
         for name in plugin.unused():
             self._staging.note(f"{quoted(name)} of {plugin.label} is not understood and does nothing")
@@ -189,4 +204,4 @@ class _Settings:
         if depth >= 0:
             self._render()["max_depth"] = max(depth - 1, 0)
         if plugin.flag("hide_emitters", False):
-            self._staging.note('"hide_emitters" is left out: the camera sees lights')
+            self._hide_lights()
