@@ -9,12 +9,12 @@ import numpy as np
 import OpenEXR
 import pytest
 import scipy.stats
+from faulty_device import FaultyDevice, Lie
 from image_support import Cutting, render
 from test_resume import stopped
 
 import clrender
 from clrender.device import Device
-from clrender.device.faults import FaultyDevice, Lie
 from clrender.errors import UsageError
 from clrender.film import Film
 from clrender.film.merge import merge_films
