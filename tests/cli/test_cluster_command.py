@@ -100,8 +100,11 @@ def test_without_dask_it_says_what_to_install(tmp_path: Path) -> None:
      ("tcp://127.0.0.1:9", 1, "tcp://127.0.0.1:9: no Dask scheduler answers there"),
      ("tls://127.0.0.1:9", 1, "tls://127.0.0.1:9: no Dask scheduler answers there")],
 )  # fmt: skip
-def test_a_cluster_that_cannot_be_reached(tmp_path: Path, address: str, code: int, words: str) -> None:
+def test_a_cluster_that_cannot_be_reached(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, address: str, code: int, words: str
+) -> None:
     pytest.importorskip("distributed")
+    monkeypatch.setenv("CLRENDER_CLUSTER_SECONDS", "1")
     done = run(*ROOM, "--cluster", address, "--quiet", "-o", "a.exr", folder=tmp_path)
     assert done.returncode == code
     assert done.stderr.startswith(f"error: {words}") and done.stderr.count("\n") == 1
