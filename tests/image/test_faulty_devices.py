@@ -31,7 +31,7 @@ ROOT = Path(__file__).resolve().parents[2]
 HOW: Final[dict[str, Any]] = {"size": (96, 64), "spp": 32, "tile": 16, "samples_per_pass": 2}
 _SLOW: Final = pytest.mark.slow
 _REST: Final = ("write", "launch", "allocate")
-HASTE: Final = TimeLimits(call=6.0, compile=12.0, hurry=1.0, pause=0.02)
+HASTE: Final = TimeLimits(call=3.0, compile=12.0, hurry=1.0, pause=0.02)
 """What such small launches take is milliseconds, but the machine may be busy."""
 
 
