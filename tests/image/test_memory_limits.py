@@ -47,11 +47,11 @@ class Watched:
 @pytest.mark.parametrize(
     ("scene", "how"),
     [
-        ("room", {"spp": 8}),
-        ("room", {"spp": 8, "tile": 1024}),
+        ("room", {"spp": 40}),
+        ("room", {"spp": 20, "tile": 1024}),
         ("room", {"spp": 3, "integrator": "photon", "photons": 2000}),
-        ("room", {"spp": 4, "integrator": "reuse"}),
-        ("room", {"spp": 4, "aov": ("albedo", "crypto_object")}),
+        ("room", {"spp": 20, "integrator": "reuse"}),
+        ("room", {"spp": 20, "aov": ("albedo", "crypto_object")}),
     ],
     ids=lambda value: "-".join(map(str, value.values())) if isinstance(value, dict) else value,
 )
