@@ -518,7 +518,7 @@ def test_shards_on_two_drivers_merge_to_the_image(all_devices: list[Device]) -> 
             films.append(session.render(job.shard(number, 3)).film)
     wanted = sha("room", all_devices[:1], **LITTLE)
     for order in itertools.permutations(range(3)):
-        merged = Film(*LITTLE["size"], films[0].request)
+        merged = Film(films[0].width, films[0].height, films[0].request)
         for number in order:
             merged.merge(films[number])
         assert merged.ledger.holds(0, LITTLE["spp"])
