@@ -17,11 +17,12 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Final
 
+from faulty_device import FaultyDevice
+
 import clrender
 from clrender.bench.scenes import SCENES, write_scene
 from clrender.device import Device
 from clrender.device.device import Argument, Program
-from clrender.device.faults import FaultyDevice
 from clrender.drivers import select
 from clrender.rendering.rendered_image import RenderedImage
 

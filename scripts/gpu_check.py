@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "image"))
 
+from faulty_device import CALLS, Fault, FaultyDevice
 from image_support import SCENES, Cutting, render
 
 import clrender
 from clrender.bench import measure, summary, write_scene
 from clrender.bench.peers import SEGMENTS, Peer, Task
-from clrender.device.faults import CALLS, Fault, FaultyDevice
 from clrender.drivers import inventory, select
 from clrender.drivers.diagnose import diagnose
 from clrender.drivers.probe import examine

@@ -24,14 +24,12 @@ class Welch:
 
     Attributes
     ----------
-    difference : mean of the first minus mean of the second
-    error : standard error of the difference
+    error : standard error of the difference of the means, first minus second
     df : degrees of freedom, by Welch and Satterthwaite
     p : two-sided p-value
     z : the standard normal deviate of that p-value, with the sign of the difference; within ±37.1
     """
 
-    difference: Floats
     error: Floats
     df: Floats
     p: Floats
@@ -68,7 +66,7 @@ def welch(
     t = np.where(beyond > 0.0, np.inf, 0.0)
     np.divide(beyond, error, out=t, where=error > 0.0)
     p = p_value(t, df)
-    return Welch(difference, error, df, p, np.copysign(_normal_deviate(p), difference))
+    return Welch(error, df, p, np.copysign(_normal_deviate(p), difference))
 
 
 def holm(p_values: npt.ArrayLike, level: float) -> npt.NDArray[np.bool_]:

@@ -84,7 +84,7 @@ def read(path: Path, files: AssetFiles) -> Draft:
     records.forgiven.clear()
     faces = ObjFaces(records, label)
     runs = _runs(records.statements, records.counts["f"])
-    _note_statements(records, runs, faces, draft)
+    _note_statements(records, faces, draft)
     library, folder = _library(records.statements, files, draft)
     with np.errstate(over="ignore", invalid="ignore"):  # coordinates out of range are rejected below
         diagonal = length(np.ptp(faces.positions, axis=0))
@@ -113,7 +113,7 @@ def _runs(statements: list[Statement], count: int) -> _Runs:
     return _Runs(found["o"], found["usemtl"], found["s"], list(tables["usemtl"]), list(tables["o"]))
 
 
-def _note_statements(records: ObjRecords, runs: _Runs, faces: ObjFaces, draft: Draft) -> None:
+def _note_statements(records: ObjRecords, faces: ObjFaces, draft: Draft) -> None:
     """Note the contents of the file that were not used."""
     kinds = {"p": "points", "l": "lines", "curv": "curves", "curv2": "curves", "surf": "free-form surfaces"}
     listed = [each for each in records.others.items() if each[0] != "g"]

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import UsageError
-from clrender.flatten.lamps import AT_POINT
 from clrender.radiosity.moving import Moving
 from clrender.radiosity.patches import Patches, cut_into_patches
 from clrender.radiosity.rows import Rows, Traced
@@ -164,36 +163,6 @@ class DynamicRadiosity:
         shines = self.patches.shadow_rays_find_emission and scene.plain_shapes[shape].emission is not None
         self._direct(shines or lights_differ(before, self.flat))
         return self._update(begin, changes.rays + self._add_sides(changes.unknown))
-
-    def move_light(self, light: int, by: Sequence[float]) -> Update:
-        """Move a point light and update the solution.
-
-        Parameters
-        ----------
-        light : int
-            Its index in the scene's list of lights; shapes that emit are moved with `move`.
-        by : three floats
-            Metres.
-
-        Raises
-        ------
-        UsageError
-            If there is no such light, or it is infinitely distant.
-        """
-        begin, scene = self._clock(), self.patches.scene
-        if not 0 <= light < len(scene.lights):
-            raise UsageError(f"there is no light {light}; the scene has {len(scene.lights)}, counted from 0")
-        old = scene.lights[light]
-        if not isinstance(old, AT_POINT):
-            raise UsageError(f"light {light} is {old.type}, which has no position; lights at a point can be moved")
-        place = tuple(p + float(d) for p, d in zip(old.position, by, strict=True))
-        new = old.with_checked(position=place)
-        lights = (*scene.lights[:light], new, *scene.lights[light + 1 :])
-        self.patches = self.patches.lit_by(scene.with_checked(lights=lights))
-        self.flat = self.patches.flat(*self._size)
-        self._place()
-        self._direct(True)
-        return self._update(begin, 0)
 
     def settle(self) -> int:
         """Hold every side to the tolerance, at any distance; returns the number of sweeps."""

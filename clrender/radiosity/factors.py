@@ -66,17 +66,6 @@ class FormFactors:
         inside = np.where(self.column < self.columns - 1, self.value, 0.0)
         return np.bincount(self.row, weights=inside, minlength=len(self.sides)).astype(np.float64)
 
-    def between(self, first: NDArray[np.bool_], second: NDArray[np.bool_], areas: _Floats) -> float:
-        """Form factor from one set of sides to another.
-
-        Parameters
-        ----------
-        first, second : (columns,) bool
-        areas : (columns,) float64
-        """
-        weight: _Floats = areas[self.sides][self.row] * first[self.sides][self.row] * second[self.column]
-        return float((weight * self.value).sum() / areas[self.sides][first[self.sides]].sum())
-
 
 def factors_of_hits(
     sides: _Uints, hits: _Uints, columns: int, weights: NDArray[np.float64] | None = None

@@ -243,10 +243,6 @@ class Patches:
         scene = self.scene.with_checked(shapes=tuple(shapes))
         return self._again(replace(self, scene=scene, corners=corners), *_CARRIED)
 
-    def lit_by(self, scene: Scene) -> Patches:
-        """The patches in a scene with other lights."""
-        return self._again(replace(self, scene=scene))
-
     def _again(self, other: Patches, *same: str) -> Patches:
         """Other patches that keep the cached properties of these."""
         for name in ("_welded", *same):

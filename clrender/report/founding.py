@@ -46,7 +46,6 @@ class Group:
     """Lines that vary one parameter; `base` is the line that the others are compared with."""
 
     title: str
-    figure: str
     rows: tuple[FoundingRow, ...]
     base: int
 
@@ -54,7 +53,6 @@ class Group:
 GROUPS: Final = (
     Group(
         "Samples",
-        "figure 7",
         (
             FoundingRow("samples-256", 44 * 60 + 59, 256, 2, 13),
             FoundingRow("samples-64", 12 * 60, 64, 2, 14),
@@ -64,7 +62,6 @@ GROUPS: Final = (
     ),
     Group(
         "Shadow rays",
-        "figure 8",
         (
             FoundingRow("base", 103, 16, 1, 14),
             FoundingRow("samples-16", 176, 16, 2, 14),
@@ -74,7 +71,6 @@ GROUPS: Final = (
     ),
     Group(
         "Depth",
-        "figure 9",
         (
             FoundingRow("base", 103, 16, 1, 14),
             FoundingRow("depth-7", 95, 16, 1, 7),
@@ -84,7 +80,6 @@ GROUPS: Final = (
     ),
     Group(
         "Cores",
-        "",
         (FoundingRow("base", 103, 16, 1, 14), FoundingRow("one-core", 307, 16, 1, 14, cores=False)),
         0,
     ),

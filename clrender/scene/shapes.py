@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import BeforeValidator, FailFast, Field, Strict, WithJsonSchema, model_validator
 
@@ -30,7 +29,6 @@ from clrender.scene.values import (
 )
 
 __all__ = [
-    "SHAPE_TYPES",
     "AnyShape",
     "Box",
     "Disk",
@@ -274,14 +272,5 @@ class Mesh(Surface):
         return self
 
 
-SHAPE_TYPES: Final[Mapping[str, type[Part]]] = {
-    "sphere": Sphere,
-    "quad": Quad,
-    "triangle": Triangle,
-    "box": Box,
-    "tetrahedron": Tetrahedron,
-    "disk": Disk,
-    "mesh": Mesh,
-}
 AnyShape: TypeAlias = Sphere | Quad | Triangle | Box | Tetrahedron | Disk | Mesh
 Shape: TypeAlias = Annotated[AnyShape, Field(discriminator="type")]

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Final
 
-__all__ = ["PAGE", "viewer_module", "widget_module"]
+__all__ = ["PAGE", "joined", "widget_module"]
 
 PAGE: Final = Path(__file__).parent / "page"
 """Folder of the page's files."""
@@ -15,22 +15,17 @@ _IMPORT: Final = re.compile(r'^import \{ ([\w, ]+) \} from "\./(\w+\.js)";\n', r
 _EXPORT: Final = re.compile(r"^export (?=(?:async )?(?:function|const) (\w+))", re.MULTILINE)
 
 
-def viewer_module() -> str:
-    """JavaScript that defines ``mount``, the function of ``viewer.js``, and exports nothing.
+def widget_module() -> str:
+    """A module as an ``anywidget`` wants it: what it exports has ``render``, the function of ``widget.js``."""
+    return f"{joined('widget.js')}\nexport default {{ render: {_variable('widget.js')}.render }};\n"
+
+
+def joined(name: str) -> str:
+    """Define a module's exports as ``module_NAME``, with all that it imports.
 
     Each module becomes a function that is called once and returns what the module exports, so that names of one do not
     meet those of another.
     """
-    return f"{_joined('viewer.js')}\nconst {{ mount }} = {_variable('viewer.js')};\n"
-
-
-def widget_module() -> str:
-    """A module as an ``anywidget`` wants it: what it exports has ``render``, the function of ``widget.js``."""
-    return f"{_joined('widget.js')}\nexport default {{ render: {_variable('widget.js')}.render }};\n"
-
-
-def _joined(name: str) -> str:
-    """A module with all that it imports."""
     parts: dict[str, str] = {}
     _add(name, parts)
     return "\n".join(parts.values())

@@ -22,9 +22,18 @@ HOME = str(Path(clrender.__path__[0]).parent)
 ROOM = ("render", "room", "-d", DEVICE, "--size", "96x64")
 
 
+# The command line, whose checkpoint is saved soon
+CHILD = """
+import clrender.film.cadence as cadence
+from clrender.__main__ import main
+cadence.EVERY_SECONDS = 0.5
+main()
+"""
+
+
 def start(folder: Path, *arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "clrender", *ROOM, *arguments],
+        [sys.executable, "-c", CHILD, *ROOM, *arguments],
         cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": HOME},
         start_new_session=True,
     )  # fmt: skip
@@ -69,7 +78,7 @@ def test_a_signal_ends_it_with_the_image_so_far(tmp_path: Path, number: signal.S
         tmp_path, "--spp", "100000", "--cluster", "local:2", "-o", "a.film", "--checkpoint", "c.film"
     ) as process:
         end = time.monotonic() + 120.0
-        while not (tmp_path / "c.film").exists():  # written some seconds after the first samples
+        while not (tmp_path / "c.film").exists():
             assert process.poll() is None and time.monotonic() < end
             time.sleep(0.05)
         process.send_signal(number)
@@ -100,8 +109,11 @@ def test_without_dask_it_says_what_to_install(tmp_path: Path) -> None:
      ("tcp://127.0.0.1:9", 1, "tcp://127.0.0.1:9: no Dask scheduler answers there"),
      ("tls://127.0.0.1:9", 1, "tls://127.0.0.1:9: no Dask scheduler answers there")],
 )  # fmt: skip
-def test_a_cluster_that_cannot_be_reached(tmp_path: Path, address: str, code: int, words: str) -> None:
+def test_a_cluster_that_cannot_be_reached(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, address: str, code: int, words: str
+) -> None:
     pytest.importorskip("distributed")
+    monkeypatch.setenv("CLRENDER_CLUSTER_SECONDS", "1")
     done = run(*ROOM, "--cluster", address, "--quiet", "-o", "a.exr", folder=tmp_path)
     assert done.returncode == code
     assert done.stderr.startswith(f"error: {words}") and done.stderr.count("\n") == 1

@@ -106,7 +106,7 @@ def survive(folder: Path, kills: int, spp: int, size: str, longest: float) -> fl
 
 @pytest.mark.thorough
 def test_a_few_kills(tmp_path: Path) -> None:
-    survive(tmp_path, 2, 15_000, "33x26", 0.2)
+    survive(tmp_path, 2, 6_000, "33x26", 0.2)
 
 
 @pytest.mark.slow

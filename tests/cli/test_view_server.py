@@ -228,7 +228,7 @@ def test_too_many_pages_are_refused(server: Server) -> None:
 @pytest.mark.thorough
 def test_two_pages_see_the_same_and_one_that_does_not_read_slows_nobody(server: Server) -> None:
     address = server.address
-    with Page(address) as page, Page(address, max_queue=1, close_timeout=1), Page(address) as third:
+    with Page(address) as page, Page(address, max_queue=1), Page(address) as third:
         for number in range(100):
             page.say("camera", id=number, camera={"position": [0.001 * number, 2.0, 5.0]})
         last = page.until(lambda m: m.kind == "frame" and m.content["answers"] == 99).content["revision"]

@@ -135,7 +135,9 @@ class Page(_Client):
         url = address.replace("http://", "ws://").replace("/?", "/socket?")
         self._open = ExitStack()
         # No pings: a page that does not read gets no answers to its own, and would end by itself on a busy machine
-        opened = connect(url, max_size=None, compression=None, ping_interval=None, **options)
+        # Nor does one that has stopped reading see the answer when it takes its leave: that is not waited for
+        how = {"max_size": None, "compression": None, "ping_interval": None, "close_timeout": 1.0, **options}
+        opened = connect(url, **how)
         self.socket: ClientConnection = self._open.enter_context(opened)
 
     def __enter__(self) -> Page:

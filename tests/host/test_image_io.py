@@ -412,7 +412,8 @@ def test_a_full_disk_is_one_sentence_and_leaves_the_old_file(
     assert path.read_bytes() == b"old" and len(list(tmp_path.iterdir())) == 1
 
 
-WRITE_FOREVER = """
+WRITERS_TO_KILL = """
+import os
 import sys
 import numpy as np
 from pathlib import Path
@@ -421,7 +422,15 @@ from clrender.image.files import write_image
 path = Path(sys.argv[1])
 noise = np.random.default_rng(0).random((2, 220, 220, 3)).astype(np.float32)
 film = Film(150, 150)
-print("ready", flush=True)
+for line in sys.stdin:
+    writer = os.fork()
+    if writer == 0:
+        break
+    print(writer, flush=True)
+    os.waitpid(writer, 0)
+    print("gone", flush=True)
+else:
+    sys.exit()
 turn = 0
 while True:
     turn += 1
@@ -429,6 +438,7 @@ while True:
     for ending in ("png", "exr", "npy", "hdr"):
         write_image(path / f"a.{ending}", noise[turn % 2], {"turn": turn})
 """
+"""A process that forks a writer for each line that it reads, so that only one has to import all that."""
 
 
 @pytest.mark.thorough
@@ -437,22 +447,24 @@ def test_a_killed_writer_leaves_whole_files(tmp_path: Path, kills: int) -> None:
     """Whatever lies there under its own name is complete. A writer in place is found by every second kill."""
     rng = random.Random(8)
     formats = {".film", ".png", ".exr", ".npy", ".hdr"}
-    for turn in range(kills):
-        with subprocess.Popen(
-            [sys.executable, "-c", WRITE_FOREVER, str(tmp_path)], stdout=subprocess.PIPE, text=True
-        ) as child:
-            assert child.stdout is not None and child.stdout.readline() == "ready\n"
+    command = [sys.executable, "-c", WRITERS_TO_KILL, str(tmp_path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdin is not None and parent.stdout is not None
+        for turn in range(kills):
+            print(file=parent.stdin, flush=True)
+            writer = int(parent.stdout.readline())
             if turn == 0:
                 # However slow the machine, each format is there once before anything is killed.
                 while {path.suffix for path in tmp_path.glob("a.*")} != formats:
                     time.sleep(0.01)
             time.sleep(rng.uniform(0.0, 0.12))
-            child.send_signal(signal.SIGKILL)
-        for path in tmp_path.glob("a.*"):
-            if path.suffix == ".film":
-                assert Film.load(path).provenance["turn"] > 0
-            else:
-                assert read_image(path).shape == (220, 220, 3)
+            os.kill(writer, signal.SIGKILL)
+            assert parent.stdout.readline() == "gone\n"
+            for path in tmp_path.glob("a.*"):
+                if path.suffix == ".film":
+                    assert Film.load(path).provenance["turn"] > 0
+                else:
+                    assert read_image(path).shape == (220, 220, 3)
     assert {path.suffix for path in tmp_path.glob("a.*")} == formats
 
 

@@ -49,7 +49,7 @@ VALIDATORS = {
 
 # `derandomize` keeps a run repeatable.
 MANY = settings(
-    max_examples=2000, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck), database=None
+    max_examples=1000, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck), database=None
 )
 SOME = settings(MANY, max_examples=500)
 

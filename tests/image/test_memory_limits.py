@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from faulty_device import FaultyDevice
 
 import clrender
 from clrender.device import Device
-from clrender.device.faults import FaultyDevice
 from clrender.errors import MemoryRefused, RenderError, UsageError
 from clrender.rendering.rendered_image import RenderedImage
 

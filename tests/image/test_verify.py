@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from exact_sums import quanta
 from scipy.stats import binomtest
 
 import clrender
 from clrender.device import Device
 from clrender.film import Film
-from clrender.film.fixed_point import fixed_point
 from clrender.film.merge import merge_films
 
 SIZE = (50, 39)  # 4 x 3 tiles, cut off at two sides
@@ -63,8 +63,7 @@ def change_a_sample(film: Film, rng: np.random.Generator) -> tuple[int, int]:
     before = int(words[0]) | int(words[1]) << 64
     value = np.float32(rng.uniform(0.0, 2.0))
     other = np.nextafter(value, np.float32(9.0)) if rng.random() < 0.5 else np.float32(rng.uniform(0.0, 2.0))
-    number = [sum(int(word) << 32 * k for k, word in enumerate(fixed_point(each)[0])) for each in (value, other)]
-    after = (before - number[0] + number[1]) % 2**128
+    after = (before - quanta(value) + quanta(other)) % 2**128
     words[:] = after % 2**64, after >> 64
     return column, row
 

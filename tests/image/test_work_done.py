@@ -6,11 +6,11 @@ from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from faulty_device import FaultyDevice
 from image_support import render
 
 import clrender
 from clrender.device import Device
-from clrender.device.faults import FaultyDevice
 
 if TYPE_CHECKING:
     import numpy.typing as npt

@@ -31,7 +31,7 @@ pytestmark = [
 ]
 
 ERROR = re.compile(r"^(Invalid|Uninitialized|Controlflow|Read-write|Write-write|Unaligned|Work-group|Work-item)", re.M)
-QUICK = {"path-4", "path-1-rough"}
+QUICK = ("path-4", "path-1-rough")
 """The plainest way to render, and every kind of material in one lane: values that one lane leaves unset, where several
 compute them for their neighbours, show there alone. The other ways are slow tests."""
 
@@ -75,8 +75,13 @@ def test_every_kernel_on_a_small_scene(device: Device, tmp_path: Path) -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.slow) for n in RENDERS])
-def test_every_way_to_render(device: Device, tmp_path: Path, name: str) -> None:
+def test_two_ways_to_render(device: Device, tmp_path: Path) -> None:
+    check(device, list(QUICK), tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in RENDERS if name not in QUICK])
+def test_every_other_way_to_render(device: Device, tmp_path: Path, name: str) -> None:
     check(device, [name], tmp_path)
 
 

@@ -38,7 +38,10 @@ def between(factors: FormFactors, patches: Any, first: int, second: int) -> floa
     shape = np.append(np.repeat(patches.shape, 2), -1)
     front = np.arange(factors.columns) % 2 == 0
     areas = np.append(np.repeat(patches.areas, 2), 0.0)
-    return factors.between((shape == first) & front, (shape == second) & front, areas)
+    sends, meets = (shape == first) & front, (shape == second) & front
+    sides = factors.sides[factors.row]
+    weights = areas[sides] * sends[sides] * meets[factors.column]
+    return float((weights * factors.value).sum() / areas[factors.sides][sends[factors.sides]].sum())
 
 
 # --- form factors ----------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Fault injection for tests: a device whose driver calls fail when and how they are told to."""
+"""Fault injection for tests and `scripts/gpu_check`: a device whose driver calls fail when and how they are told to."""
 
 from __future__ import annotations
 
