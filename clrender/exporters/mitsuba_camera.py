@@ -8,7 +8,8 @@ import numpy as np
 
 from clrender.errors import SceneError
 from clrender.exact.matrices import length, product
-from clrender.exporters.mitsuba_xml import Element, Target, element, transform, value
+from clrender.exporters.mitsuba_xml import Element, element, transform, value
+from clrender.exporters.target import Target
 from clrender.flatten.bounds import scene_bounds
 from clrender.importers.shared.matrices import look_at, scaling
 

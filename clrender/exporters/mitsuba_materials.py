@@ -8,7 +8,8 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from clrender.exporters.mitsuba_textures import TextureWriter
-from clrender.exporters.mitsuba_xml import Element, Target, element, value
+from clrender.exporters.mitsuba_xml import Element, element, value
+from clrender.exporters.target import Target
 from clrender.scene.materials import (
     SMOOTH_BELOW,
     Conductor,
@@ -97,7 +98,6 @@ class MaterialWriter:
                 material.opacity,
                 (*at, "opacity"),
                 lambda x: np.asarray(x >= cutoff, np.float32),
-                f"cutoff {cutoff!r}",
             )
         return element("bsdf", opacity, self._two_sided(material, at, around), type="mask")
 
@@ -150,7 +150,7 @@ class MaterialWriter:
         return element("bsdf", self._textures.color("reflectance", reflectance, at), type="diffuse")
 
     def _alpha(self, roughness: Any, at: _At, name: str = "alpha") -> Element:
-        return self._textures.number(name, roughness, (*at, "roughness"), np.square, "squared")
+        return self._textures.number(name, roughness, (*at, "roughness"), np.square)
 
     def _facets(self, material: Conductor | Dielectric | Subsurface) -> Element:
         return value("string", "distribution", getattr(material, "microfacets", "ggx"))

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.exact.matrices import length
-from clrender.exporters.mitsuba_xml import Element, Target, element, value
+from clrender.exporters.mitsuba_xml import Element, element, value
+from clrender.exporters.target import Target
 from clrender.flatten.interiors import winding_number
 from clrender.flatten.media import absorption_coefficients
 from clrender.flatten.subsurface import single_scattering
