@@ -5,16 +5,17 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clrender.exact.matrices import determinant, length, product
-from clrender.exporters.mitsuba_materials import MaterialWriter, is_boundary
+from clrender.exporters.mitsuba_materials import MaterialWriter
 from clrender.exporters.mitsuba_media import MediumWriter
 from clrender.exporters.mitsuba_textures import TextureWriter
 from clrender.exporters.mitsuba_xml import Element, element, transform, value
+from clrender.exporters.surfaces import is_brushed, passes, radiance_of, tell_of_meshes, texture_set
 from clrender.exporters.target import Target
 from clrender.exporters.triangles import (
     DISK_EDGES,
@@ -25,7 +26,6 @@ from clrender.exporters.triangles import (
     merged,
     placed,
     surface_key,
-    texture_sets,
     triangles_of,
     world,
     write_plain_ply,
@@ -34,7 +34,6 @@ from clrender.flatten.emission import emits
 from clrender.meshes.data import MeshData
 from clrender.scene import Disk, Mesh, Sphere
 from clrender.scene.groups import Instance
-from clrender.scene.materials import Conductor, Principled
 from clrender.scene.shapes import AnyShape, Box, Quad
 
 __all__ = ["ShapeWriter"]
@@ -62,7 +61,6 @@ class ShapeWriter:
     ) -> None:
         self._target, self._textures, self._materials, self._media = target, textures, materials, media
         self._merge = merge
-        self._meshes: dict[str, str] = {}
 
     def shapes(self) -> list[Element]:
         """All shapes of the scene."""
@@ -75,12 +73,12 @@ class ShapeWriter:
             for at, shape in self._shining(instance.group):
                 own += [(at, placed(shape, each)) for each in scene.transforms(index).maps]
         for at, shape in own:
-            if self._passes(shape) and not isinstance(shape, Disk):
-                self._media.add(shape, *world(shape, triangles_of(self._target.scene, at, shape)))
+            if passes(scene, shape) and not isinstance(shape, Disk):
+                self._media.add(shape, *world(shape, triangles_of(scene, at, shape)))
         written: list[Element] = []
         alike: dict[str, list[tuple[At, AnyShape]]] = {}
         for at, shape in own:
-            if self._merge and not isinstance(shape, Sphere | Disk | Mesh) and not self._passes(shape):
+            if self._merge and not isinstance(shape, Sphere | Disk | Mesh) and not passes(scene, shape):
                 alike.setdefault(surface_key(shape), []).append((at, shape))
             else:
                 written.append(self._shape(at, shape))
@@ -90,12 +88,6 @@ class ShapeWriter:
     def _shining(self, group: str) -> list[tuple[At, AnyShape]]:
         shapes = enumerate(self._target.scene.groups[group].shapes)
         return [(("groups", group, "shapes", i), shape) for i, shape in shapes if emits(self._target.scene, shape)]
-
-    def _passes(self, shape: AnyShape) -> bool:
-        """Whether light passes it into a medium, or nothing but a medium is there."""
-        if shape.material is None:
-            return shape.interior is not None
-        return is_boundary(self._target.scene.materials[shape.material])
 
     def _instances(self) -> list[Element]:
         scene, written = self._target.scene, []
@@ -125,9 +117,9 @@ class ShapeWriter:
         """Material, emission and media."""
         scene = self._target.scene
         made: list[Element] = []
-        passes = self._passes(shape)
+        through = passes(scene, shape)
         around, index = (self._media.fog, 1.0)
-        if passes and not grouped:
+        if through and not grouped:
 
             def told() -> None:
                 self._target.leave_out("the order of media that overlap", *at)
@@ -141,48 +133,29 @@ class ShapeWriter:
             ranked = getattr(material, "priority", None) is not None
             made.append(self._materials.reference(shape.material, index if ranked else None))
         if emits(scene, shape):
-            made.append(element("emitter", self._radiance(at, shape), type="area"))
-        if passes:
+            made.append(
+                element("emitter", self._textures.color("radiance", *radiance_of(scene, at, shape)), type="area")
+            )
+        if through:
             inside = self._media.inside(shape)
             made += [] if inside is None else [element("ref", name="interior", id=inside)]
             made += [] if around is None else [element("ref", name="exterior", id=around)]
         self._tell(at, shape)
         return made
 
-    def _radiance(self, at: At, shape: AnyShape) -> Element:
-        if shape.emission is not None:
-            return self._textures.color("radiance", shape.emission, (*at, "emission"))
-        assert shape.material is not None
-        material = self._target.scene.materials[shape.material]
-        assert isinstance(material, Principled)
-        where = ("materials", shape.material, "emission")
-        return self._textures.color("radiance", material.emission, where, material.emission_strength)
-
     def _tell(self, at: At, shape: AnyShape) -> None:
         """Note what Mitsuba's shapes lack."""
-        if isinstance(shape, Mesh):
-            if shape.color_key is not None:
-                self._target.leave_out("colours of vertices", *at, shape.color_key)
-            if shape.shadow_terminator_offset:
-                self._target.leave_out("the shadow terminator offset", *at)
-        if not isinstance(shape, Sphere) and any(
-            _is_brushed(each) for each in material_parts(self._target.scene, shape.material)
-        ):
+        tell_of_meshes(self._target, at, shape)
+        parts = material_parts(self._target.scene, shape.material)
+        if not isinstance(shape, Sphere) and any(is_brushed(each) for each in parts):
             self._target.leave_out("the direction of anisotropy on shapes other than spheres", *at)
-
-    def _set(self, at: At, shape: AnyShape) -> int | None:
-        """The set of texture coordinates that a shape's textures use; None if it has no textures."""
-        sets = texture_sets(self._target.scene, shape)
-        if len(sets) > 1:
-            self._target.leave_out("the second set of texture coordinates, where both are used", *at)
-        return sets[0] if sets else None
 
     # --- kinds
 
     def _shape(self, at: At, shape: AnyShape, grouped: bool = False) -> Element:
         named = {} if shape.name is None else {"id": self._target.id("shape", shape.name)}
         matrix = matrix_of(shape)
-        textured = self._set(at, shape)
+        textured = texture_set(self._target, at, shape)
         flip = shape.flip_normals
         if isinstance(shape, Sphere):
             local = np.diag([shape.radius, shape.radius, shape.radius, 1.0])
@@ -215,7 +188,7 @@ class ShapeWriter:
         """Flat shapes of one surface as one mesh in world space."""
         at, first = shapes[0]
         whole = merged(self._target.scene, shapes)
-        inside = self._file(first.material or "flat", whole, self._set(at, first))
+        inside = self._file(first.material or "flat", whole, texture_set(self._target, at, first))
         return element("shape", *inside, *self._surface(at, first), type="ply")
 
     def _file(self, stem: str, mesh: MeshData, textured: int | None) -> list[Element]:
@@ -236,7 +209,3 @@ def _quad_frame(shape: Quad) -> _Floats:
     made[:3, :3] = np.stack([u / 2.0, v / 2.0, normal / length(normal)], axis=1)
     made[:3, 3] = origin + (u + v) / 2.0
     return made
-
-
-def _is_brushed(material: Any) -> bool:
-    return isinstance(material, Conductor | Principled) and material.anisotropy != 0.0

@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
 from typing import IO, Any, Final, TypeAlias
 
 import numpy as np
@@ -26,11 +27,14 @@ __all__ = [
     "DISK_EDGES",
     "SPHERE_STEPS",
     "At",
+    "Piece",
     "disk_frame",
     "disk_mesh",
     "material_parts",
     "matrix_of",
     "merged",
+    "mirrored_shapes",
+    "pieces_of",
     "placed",
     "sphere_mesh",
     "surface_key",
@@ -145,6 +149,46 @@ def world_mesh(scene: Scene, at: At, shape: AnyShape) -> MeshData:
     return MeshData(points.astype(np.float32), triangles, normals, uvs=uvs, uvs_1=uvs_1)
 
 
+@dataclass(frozen=True)
+class Piece:
+    """Shapes of one surface as one mesh, after their transforms.
+
+    Attributes
+    ----------
+    at : tuple of str or int
+        Place of the first of them in the scene.
+    shape : AnyShape
+        The first of them.
+    mesh : MeshData
+    """
+
+    at: At
+    shape: AnyShape
+    mesh: MeshData
+
+
+def pieces_of(scene: Scene, shapes: Iterable[tuple[At, AnyShape]], merge: bool, apart: Collection[At]) -> list[Piece]:
+    """Shapes as meshes.
+
+    Parameters
+    ----------
+    scene : Scene
+    shapes : iterable of place and shape
+    merge : bool
+        Whether quads, triangles, boxes and tetrahedra of the same surface become one.
+    apart : collection of places
+        Shapes that do not.
+    """
+    made: list[Piece] = []
+    alike: dict[str, list[tuple[At, AnyShape]]] = {}
+    for at, shape in shapes:
+        if merge and at not in apart and not isinstance(shape, Sphere | Disk | Mesh):
+            alike.setdefault(surface_key(shape), []).append((at, shape))
+        else:
+            made.append(Piece(at, shape, world_mesh(scene, at, shape)))
+    return made + [Piece(*first, merged(scene, [first, *others])) for first, *others in alike.values()]
+
+
 def merged(scene: Scene, shapes: Sequence[tuple[At, AnyShape]]) -> MeshData:
     """Flat shapes as one mesh, after their transforms."""
     vertices, triangles, uvs, count = [], [], [], 0
@@ -160,6 +204,17 @@ def merged(scene: Scene, shapes: Sequence[tuple[At, AnyShape]]) -> MeshData:
         np.concatenate(triangles).astype(np.uint32),
         uvs=np.concatenate(uvs),  # type: ignore[arg-type]
     )
+
+
+def mirrored_shapes(scene: Scene) -> list[tuple[At, AnyShape]]:
+    """Shapes of instances that mirror, written out: most programs turn the front of those to the back."""
+    return [
+        (("groups", instance.group, "shapes", i), placed(shape, each))
+        for index, instance in scene.instances()
+        for each in scene.transforms(index).maps
+        if determinant(each[:, :3]) < 0.0
+        for i, shape in enumerate(scene.groups[instance.group].shapes)
+    ]
 
 
 def texture_sets(scene: Scene, shape: AnyShape) -> list[int]:
@@ -188,7 +243,7 @@ def surface_key(shape: AnyShape) -> str:
 
 
 def write_plain_ply(file: IO[bytes], mesh: MeshData, uvs: NDArray[np.float32] | None) -> None:
-    """Write a mesh as Mitsuba reads it: with one pair of texture coordinates for each vertex.
+    """Write a mesh with one pair of texture coordinates for each vertex, as Mitsuba and LuxCore read it.
 
     Parameters
     ----------
@@ -201,7 +256,7 @@ def write_plain_ply(file: IO[bytes], mesh: MeshData, uvs: NDArray[np.float32] | 
     if uvs is not None:
         origin, triangles, pairs = _split(len(points), triangles, uvs)
         points, normals = points[origin], None if normals is None else normals[origin]
-    columns = [(("x", "y", "z"), points), (("nx", "ny", "nz"), normals), (("u", "v"), pairs)]
+    columns = [(("x", "y", "z"), points), (("nx", "ny", "nz"), normals), (("s", "t"), pairs)]
     kept = [(names, array) for names, array in columns if array is not None]
     kinds = ["float" if array.dtype.itemsize == 4 else "double" for _, array in kept]
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"]
