@@ -86,7 +86,7 @@ class TextureWriter:
     ) -> str:
         made = self.files.resolved(given, at, number, factor, curve)
         if isinstance(made, Squares):
-            values = {"type": "checkerboard2d"}
+            values: Properties = {"type": "checkerboard2d"}
             values |= {f"texture{i + 1}": np.broadcast_to(color, 3) for i, color in enumerate(made.colors)}
             return self._new("checker", values | self._mapping(made, at))
         wrap, other = made.wrap

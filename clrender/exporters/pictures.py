@@ -61,12 +61,12 @@ class Squares:
 
     Attributes
     ----------
-    colors : two (1,) or (3,) float64
+    colors : two (1,) or (3,) floating
     plane : (2, 3) float64
         From texture coordinates to a plane in which squares have side 1, the first of them at (0, 0).
     """
 
-    colors: tuple[_Floats, _Floats]
+    colors: tuple[NDArray[np.floating], NDArray[np.floating]]
     plane: _Floats
 
 
