@@ -26,20 +26,23 @@ class _Kind:
 
     script: str
     variant: str
+    writer: str = ""
+    """The function of `clrender.exporters` that writes the scene for it; empty: it takes clrender's own."""
+    ending: str = ""
+    """Of that scene file."""
     spheres: bool = True
     """Whether it has analytic spheres."""
     no_opencl: bool = False
     """Whether it fails in the presence of OpenCL drivers."""
-    exported: bool = False
-    """Whether it takes the scene as `clrender.exporters.write_mitsuba` writes it."""
 
 
+_MITSUBA: Final = ("write_mitsuba", ".xml")
 PEERS: Final[Mapping[str, _Kind]] = {
-    "mitsuba": _Kind("peer_mitsuba.py", "llvm_ad_rgb", exported=True),
-    "mitsuba-path": _Kind("peer_mitsuba.py", "llvm_ad_rgb:path", exported=True),
-    "mitsuba-scalar": _Kind("peer_mitsuba.py", "scalar_rgb", exported=True),
-    "mitsuba-cuda": _Kind("peer_mitsuba.py", "cuda_ad_rgb", exported=True),
-    "luxcore": _Kind("peer_luxcore.py", "PATHCPU", spheres=False, no_opencl=True),
+    "mitsuba": _Kind("peer_mitsuba.py", "llvm_ad_rgb", *_MITSUBA),
+    "mitsuba-path": _Kind("peer_mitsuba.py", "llvm_ad_rgb:path", *_MITSUBA),
+    "mitsuba-scalar": _Kind("peer_mitsuba.py", "scalar_rgb", *_MITSUBA),
+    "mitsuba-cuda": _Kind("peer_mitsuba.py", "cuda_ad_rgb", *_MITSUBA),
+    "luxcore": _Kind("peer_luxcore.py", "PATHCPU", "write_luxcore", ".scn", spheres=False, no_opencl=True),
     "cycles": _Kind("peer_cycles.py", "plain", spheres=False),
     "cycles-tree": _Kind("peer_cycles.py", "tree", spheres=False),
     "embree": _Kind("peer_embree.py", "rays", spheres=False),
@@ -103,7 +106,7 @@ class Peer:
             If the peer cannot be started or fails.
         """
         kind = PEERS[self.name]
-        scene = _for_mitsuba(scene, task) if kind.exported else scene
+        scene = _written(scene, task, kind) if kind.writer else scene
         numbers = [str(number) for number in (task.width, task.height, task.spp, SEGMENTS, task.seed)]
         command = [self.python, str(_FOLDER / kind.script), kind.variant, str(scene), *numbers, str(image)]
         environment = {**os.environ, "OCL_ICD_VENDORS": str(image.parent)} if kind.no_opencl else None
@@ -125,16 +128,16 @@ class Peer:
         return answer
 
 
-def _for_mitsuba(path: Path, task: Task) -> Path:
-    """Write a scene for Mitsuba, with the settings of the task and its flat shapes as meshes."""
-    from clrender.exporters import write_mitsuba
+def _written(path: Path, task: Task, kind: _Kind) -> Path:
+    """Write a scene for a peer, with the settings of the task and its flat shapes as meshes."""
+    from clrender import exporters
     from clrender.importers import load
 
     settings = {"max_depth": SEGMENTS - 1, "roulette": "none", "filter": "box", "spp": task.spp}
     changes = {"image.width": task.width, "image.height": task.height}
     scene = load(path).changed({**changes, **{f"render.{name}": setting for name, setting in settings.items()}})
-    output = path.with_suffix(".xml")
-    write_mitsuba(scene, output, merge=True)
+    output = path.with_suffix(kind.ending)
+    getattr(exporters, kind.writer)(scene, output, merge=True)
     return output
 
 

@@ -1,9 +1,9 @@
-"""`clrender convert`: converts any scene to clrender's format or Mitsuba's, with its meshes and images beside it."""
+"""`clrender convert`: converts any scene to clrender's format or another program's, with its files beside it."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import click
 
@@ -15,7 +15,9 @@ from clrender.files.access import atomic_write, check_writable
 
 __all__ = ["convert"]
 
-_ENDINGS = (".toml", ".json", ".xml")
+_OWN: Final = (".toml", ".json")
+_FOREIGN: Final = {".xml": "exported_to_mitsuba", ".scn": "exported_to_luxcore"}
+"""Functions of `clrender.exporters` by the ending of the scene file."""
 
 
 @click.command()
@@ -29,28 +31,29 @@ def convert(
     force: bool,
     reading: dict[str, Any],
 ) -> None:
-    """Convert SCENE, in any supported format, to OUTPUT in clrender's format (.toml or .json) or Mitsuba 3's (.xml).
+    """Convert SCENE, in any supported format, to OUTPUT: clrender's format (.toml or .json), Mitsuba 3's (.xml) or
+    LuxCore's (.scn).
 
     Meshes, image files and IES files are written to a folder beside it, for example room-files for room.toml. A scene
-    in clrender's format renders to the same image, bit for bit. What Mitsuba cannot express is noted, and with --strict
-    refused.
+    in clrender's format renders to the same image, bit for bit. What another program cannot express is noted, and with
+    --strict refused.
     """
-    if output.suffix.lower() not in _ENDINGS:
-        text = f"the ending {output.suffix!r} is not that of a scene file; name a .toml, .json or .xml."
+    ending = output.suffix.lower()
+    if ending not in _OWN and ending not in _FOREIGN:
+        text = f"the ending {output.suffix!r} is not that of a scene file; name a .toml, .json, .xml or .scn."
         raise UsageError(f"{output}: {text}")
     if output.exists() and not force and not output.is_dir():
         raise UsageError(f"{output}: exists already; choose another name, or overwrite it with --force")
     check_writable(output)
     check_distinct([output], [Path(scene)])
-    from clrender.exporters import MitsubaExport, exported, exported_to_mitsuba, scene_text
+    from clrender import exporters
     from clrender.importers import load
     from clrender.version import __version__
 
     loaded = load(scene, **reading)
     check_distinct([output], scene_files(scene, loaded))
     folder = output.with_name(f"{output.stem}-files")
-    for_mitsuba = output.suffix.lower() == ".xml"
-    export = exported_to_mitsuba(loaded, folder.name) if for_mitsuba else exported(loaded, folder.name)
+    export = getattr(exporters, _FOREIGN.get(ending, "exported"))(loaded, folder.name)
     if export.files and folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder}: is a file, where the folder for meshes and pictures would be; name another output")
     if export.files and ascii(folder.name) != ascii(folder.name.encode("utf-8", "replace").decode()):
@@ -59,13 +62,13 @@ def convert(
         )
         raise UsageError(f"{ascii(str(output))[1:-1]}: the name {reason}")
     notes, sha256 = list(loaded.notes), ""
-    if isinstance(export, MitsubaExport):
+    if isinstance(export, exporters.ForeignExport):
         export.check(loaded, reading["strict"])
         data = export.text
         notes += export.notes
     else:
         title = f"{ascii(Path(scene).name)[1:-1]}, as clrender {__version__} converts it"
-        data = scene_text(export.description, output.suffix.lower(), title)
+        data = exporters.scene_text(export.description, ending, title)
         sha256 = f", scene sha256 {loaded.sha256()}"
     with export.written(output), atomic_write(output) as file:
         file.write(data)

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree
 
 import numpy as np
 
-from clrender.errors import SceneError
-from clrender.exporters.files import NamedFiles
 from clrender.exporters.mitsuba_camera import integrator, sensor
 from clrender.exporters.mitsuba_lights import LightWriter
 from clrender.exporters.mitsuba_materials import MaterialWriter
 from clrender.exporters.mitsuba_media import MediumWriter
 from clrender.exporters.mitsuba_shapes import ShapeWriter
 from clrender.exporters.mitsuba_textures import TextureWriter
-from clrender.exporters.mitsuba_xml import Target, element
-from clrender.files.access import atomic_write
+from clrender.exporters.mitsuba_xml import NO_ID, element
+from clrender.exporters.target import ForeignExport, Target, write_foreign
 from clrender.scene import Scene
 
 __all__ = ["MitsubaExport", "exported_to_mitsuba", "write_mitsuba"]
@@ -26,32 +23,10 @@ __all__ = ["MitsubaExport", "exported_to_mitsuba", "write_mitsuba"]
 _VERSION: Final = "3.0.0"
 
 
-@dataclass
-class MitsubaExport(NamedFiles):
-    """A scene as XML, and its files.
+class MitsubaExport(ForeignExport):
+    """A scene as Mitsuba's XML, and its files."""
 
-    Attributes
-    ----------
-    text : bytes
-        Content of the XML file.
-    notes : tuple of str
-        What Mitsuba cannot express, a sentence each; see also `NamedFiles`.
-    """
-
-    text: bytes = b""
-    notes: tuple[str, ...] = ()
-
-    def check(self, scene: Scene, strict: bool) -> None:
-        """Refuse a scene of which something is left out, if `strict`.
-
-        Raises
-        ------
-        SceneError
-            With all that is left out.
-        """
-        if strict and self.notes:
-            left_out = "; ".join(self.notes)
-            raise SceneError(f"{scene.source}: Mitsuba cannot express all of it: {left_out}; convert it without strict")
+    program = "Mitsuba"
 
 
 def exported_to_mitsuba(scene: Scene, folder: str, merge: bool = False) -> MitsubaExport:
@@ -76,7 +51,7 @@ def exported_to_mitsuba(scene: Scene, folder: str, merge: bool = False) -> Mitsu
     SceneError
         Mitsuba has no such camera, or a file cannot be read.
     """
-    target = Target(scene, folder)
+    target = Target(scene, folder, NO_ID)
     textures = TextureWriter(target)
     materials, media = MaterialWriter(target, textures), MediumWriter(target)
     shapes = ShapeWriter(target, textures, materials, media, merge).shapes()
@@ -117,9 +92,4 @@ def write_mitsuba(scene: Scene, output: str | Path, strict: bool = False, merge:
     UsageError
         A file cannot be written.
     """
-    path = Path(output)
-    export = exported_to_mitsuba(scene, f"{path.stem}-files", merge)
-    export.check(scene, strict)
-    with export.written(path), atomic_write(path) as file:
-        file.write(export.text)
-    return export.notes
+    return write_foreign(exported_to_mitsuba, scene, output, strict, merge)

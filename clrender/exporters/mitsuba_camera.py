@@ -6,19 +6,15 @@ from typing import Final
 
 import numpy as np
 
-from clrender.errors import SceneError
 from clrender.exact.matrices import length, product
-from clrender.exporters.mitsuba_xml import Element, Target, element, transform, value
-from clrender.flatten.bounds import scene_bounds
-from clrender.flatten.emission import emits
+from clrender.exporters.mitsuba_xml import Element, element, transform, value
+from clrender.exporters.target import Target
+from clrender.exporters.views import check_camera, clip_distances, hides_lights, path_depth
 from clrender.importers.shared.matrices import look_at, scaling
-from clrender.scene.light_kinds import EnvironmentLight, SunSkyLight
 
 __all__ = ["integrator", "sensor"]
 
 _NEAR_FILTER: Final = {"blackman-harris": "gaussian"}
-_NEAR, _FAR = 1e-2, 1e4
-"""Metres at which Mitsuba's cameras clip unless told otherwise."""
 
 
 def sensor(target: Target, medium: str | None) -> Element:
@@ -37,9 +33,7 @@ def sensor(target: Target, medium: str | None) -> Element:
     """
     scene = target.scene
     camera = scene.camera
-    if camera.type not in ("perspective", "orthographic"):
-        text = f"is of type {camera.type}, which Mitsuba has not; make it perspective or orthographic"
-        raise SceneError(f"{scene.source}: camera {text}")
+    check_camera(target, "Mitsuba")
     matrix = look_at(camera.position, camera.target, camera.up)
     if camera.mirrored:
         matrix = product(matrix, scaling(-1.0, 1.0, 1.0))
@@ -49,8 +43,6 @@ def sensor(target: Target, medium: str | None) -> Element:
         # The image is 2 wide before the transform
         half = camera.height / 2.0 * scene.image.width / scene.image.height
         matrix = product(matrix, scaling(half, half, 1.0))
-        if camera.aperture_radius:
-            target.leave_out("the lens of an orthographic camera", "camera", "aperture_radius")
     else:
         inside += [value("string", "fov_axis", "y"), value("float", "fov", camera.vertical_fov)]
         if camera.aperture_radius:
@@ -58,10 +50,6 @@ def sensor(target: Target, medium: str | None) -> Element:
             distance = camera.focus_distance or length(np.subtract(camera.target, camera.position))
             inside += [value("float", "aperture_radius", camera.aperture_radius)]
             inside += [value("float", "focus_distance", distance)]
-            if camera.blades:
-                target.leave_out("the blades of the aperture, which is round", "camera", "blades")
-    if camera.exposure is not None:
-        target.leave_out("the exposure of display images", "camera", next(iter(camera.exposure)))
     inside += [transform(matrix), *_clipping(target), *_film(target)]
     inside += [] if medium is None else [element("ref", name="medium", id=medium)]
     return element("sensor", *inside, type=kind)
@@ -69,12 +57,10 @@ def sensor(target: Target, medium: str | None) -> Element:
 
 def _clipping(target: Target) -> list[Element]:
     """Distances of clipping planes that clip nothing."""
-    low, high = scene_bounds(target.scene)
-    if not (low <= high).all():
+    distances = clip_distances(target.scene)
+    if distances is None:
         return []
-    reach = length(high - low) + length(np.maximum(np.abs(low - target.scene.camera.position), high - low))
-    near, far = min(_NEAR, 1e-4 * reach), max(_FAR, 2.0 * reach)
-    return [value("float", "near_clip", near), value("float", "far_clip", far)]
+    return [value("float", name, each) for name, each in zip(("near_clip", "far_clip"), distances, strict=True)]
 
 
 def _film(target: Target) -> list[Element]:
@@ -111,35 +97,14 @@ def integrator(target: Target, through: bool) -> Element:
         Whether there are media, invisible surfaces or opacity, which shadow rays of Mitsuba's `path` do not pass.
     """
     render = target.scene.render
-    depth = render.max_depth
-    if render.integrator == "direct" or render.indirect_rays == 0:
-        depth = 1 if depth is None else min(depth, 1)
-    elif render.integrator not in ("path", "reuse"):
-        target.leave_out(f"the integrator {render.integrator}, for which there is path", "render", "integrator")
+    depth = path_depth(target)
     # Mitsuba counts the segments of a path
     inside = [value("integer", "max_depth", -1 if depth is None else depth + 1)]
     if render.roulette == "none":
         inside.append(value("integer", "rr_depth", _NO_ROULETTE))
-    if _hides_lights(target):
+    if hides_lights(target, can=True):
         inside.append(value("boolean", "hide_emitters", True))
     return element("integrator", *inside, type="volpath" if through else "path")
-
-
-def _hides_lights(target: Target) -> bool:
-    """Whether the camera sees no light: Mitsuba hides all of them, or none. What else is hidden is named."""
-    scene = target.scene
-    shapes = [(at, emits(scene, shape), shape.visible_to_camera) for at, shape in scene.all_shapes()]
-    lights = [
-        (("lights", i), True, light.visible_to_camera)
-        for i, light in enumerate(scene.lights)
-        if isinstance(light, EnvironmentLight | SunSkyLight)
-    ]
-    parts = [*shapes, *lights]
-    hides = {visible for _, shines, visible in parts if shines} == {False}
-    for at, shines, visible in parts:
-        if not visible and not (shines and hides):
-            target.leave_out("that the camera does not see it", *at, "visible_to_camera")
-    return hides
 
 
 _NO_ROULETTE: Final = 100_000

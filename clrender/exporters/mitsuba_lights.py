@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
-from functools import partial
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clrender.exact.angles import arccosine, sin_cos_degrees, tan_degrees
-from clrender.exact.elementary import angles_of, sines_cosines
+from clrender.exact.elementary import angles_of
 from clrender.exact.matrices import length
-from clrender.exporters.mitsuba_textures import TextureWriter, write_picture
-from clrender.exporters.mitsuba_xml import Element, Target, element, transform, value
-from clrender.flatten.sky import scene_sun, sky_picture
+from clrender.exporters.mitsuba_textures import TextureWriter
+from clrender.exporters.mitsuba_xml import Element, element, transform, value
+from clrender.exporters.skies import sky_map
+from clrender.exporters.target import Target
+from clrender.flatten.sky import scene_sun
 from clrender.importers.shared.matrices import look_at, rotation
 from clrender.scene import DirectionalLight, EnvironmentLight, PointLight, SpotLight, SunSkyLight
 from clrender.scene.light_kinds import IesLight
@@ -27,10 +27,6 @@ SKY_NANOMETRES: Final = 106.75
 _SPOT_SIDE: Final = 512
 _WIDEST: Final = 75.0
 """Degrees of half a cone, beyond which a picture of the cone has too few texels at its edge."""
-_SKY_TIMES: Final = 4
-"""Pixels of a map with a sun for each of the sky's along a side, so that the disc is six pixels across."""
-_SUN_SAMPLES: Final = 8
-"""Points of a pixel along a side that decide how much of the sun it sees."""
 
 
 class LightWriter:
@@ -105,22 +101,18 @@ class LightWriter:
         angle = angles_of(np.sqrt(square), np.ones_like(square)) * (180.0 / math.pi)
         linear = np.clip((half - angle) / (half - inner), 0.0, 1.0)
         ratio = np.divide(t * t * (3.0 - 2.0 * t), linear, out=np.zeros_like(t), where=linear > 1e-6)
-        name = self._picture("spot", ratio[..., None].astype(np.float32))
+        name = self._textures.files.made("spot", ratio[..., None].astype(np.float32))
         inside = [value("string", "filename", name), value("boolean", "raw", True)]
         return element("texture", *inside, value("string", "wrap_mode", "clamp"), type="bitmap", name="texture")
 
     # --- environments
-
-    def _picture(self, stem: str, pixels: NDArray[np.float32]) -> str:
-        digest = hashlib.sha256(f"{pixels.shape}".encode() + pixels.tobytes()).hexdigest()
-        return self._target.files.add(self._target.folder, stem, ".exr", digest, partial(write_picture, pixels=pixels))
 
     def _map(self, stem: str, pixels: NDArray[np.float32], scale: Any, degrees: float) -> Element:
         """An environment map, turned about +y; a factor with a colour goes into its pixels."""
         grey = len(set(scale)) == 1
         pixels = _from_pole_to_pole(pixels)
         pixels, factor = (pixels, scale[0]) if grey else (pixels * np.array(scale, np.float32), 1.0)
-        inside = [value("string", "filename", self._picture(stem, pixels)), value("float", "scale", factor)]
+        inside = [value("string", "filename", self._textures.files.made(stem, pixels)), value("float", "scale", factor)]
         inside += [transform(rotation((0.0, 1.0, 0.0), degrees))] if degrees else []
         return element("emitter", *inside, type="envmap")
 
@@ -131,20 +123,21 @@ class LightWriter:
 
     def _sky(self, light: SunSkyLight, at: tuple[str | int, ...]) -> Element | None:
         """Mitsuba's own sky where it is the same one; else a map of sky, ground and sun."""
-        sun = scene_sun(self._target.scene)
         scales = [a * b for a, b in zip(light.sky_scale, light.scale, strict=True)]
-        if sun is None and not light.ground and len(set(scales)) == 1 and light.rotate_degrees == 0.0:
+        if (
+            scene_sun(self._target.scene) is None
+            and not light.ground
+            and len(set(scales)) == 1
+            and light.rotate_degrees == 0.0
+        ):
             upward = transform(rotation((1.0, 0.0, 0.0), -90.0))
             inside = [upward, value("vector", "sun_direction", light.sun_axis)]
             inside += [value("float", "turbidity", light.turbidity), value("rgb", "albedo", light.ground_albedo)]
             both = {"sun_scale": 0.0, "sky_scale": SKY_NANOMETRES * scales[0]}
             inside += [value("float", name, factor) for name, factor in both.items()]
             return element("emitter", *inside, type="sunsky")
-        sky = sky_picture(light)
-        pixels = np.zeros((512, 1024, 3), np.float32) if sky is None else sky.pixels
-        if sun is not None:
-            pixels = pixels.repeat(_SKY_TIMES, axis=0).repeat(_SKY_TIMES, axis=1)
-            _draw_sun(pixels, light.sun_elevation, sun.spread, np.array(sun.mean))
+        pixels, sunny = sky_map(self._target.scene, light)
+        if sunny:
             self._target.leave_out("the edge of the sun, which is drawn into a map of sky and ground", *at)
         return self._map("sky", pixels, (1.0, 1.0, 1.0), light.sun_turn)
 
@@ -160,34 +153,3 @@ def _from_pole_to_pole(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
     made[0], made[-1] = pixels[0], pixels[-1]
     made[2:-1:2] = 0.5 * pixels[:-1] + 0.5 * pixels[1:]
     return made
-
-
-def _draw_sun(pixels: NDArray[np.float32], elevation: float, spread: float, mean: NDArray[np.float64]) -> None:
-    """Add the sun's disc, above the middle column, to a map; the sum of its light is exact.
-
-    Parameters
-    ----------
-    pixels : (H, 2 H, 3) float32
-        Changed.
-    elevation : float
-        Degrees.
-    spread : float
-        1 - cosine of its angular radius.
-    mean : (3,) float64
-        Its mean radiance.
-    """
-    height, width = pixels.shape[:2]
-    finer = (np.arange(_SUN_SAMPLES) + 0.5) / _SUN_SAMPLES
-    radius = math.degrees(2.0 * math.sqrt(spread / 2.0))
-    top, bottom = (int((90.0 - elevation + side * 2.0 * radius) / 180.0 * height) for side in (-1.0, 1.0))
-    rows = np.arange(max(top, 0), min(bottom + 1, height // 2))
-    sin_polar, cos_polar = sines_cosines((rows[:, None] + finer).ravel() * (math.pi / height))
-    _, cos_turn = sines_cosines(((np.arange(width)[:, None] + finer).ravel() / width - 0.5) * 2.0 * math.pi)
-    rise, level = sin_cos_degrees(elevation)
-    cosine = cos_polar[:, None] * rise + sin_polar[:, None] * cos_turn[None, :] * level
-    seen = (cosine > 1.0 - spread) * sin_polar[:, None]
-    share = seen.reshape(len(rows), _SUN_SAMPLES, width, _SUN_SAMPLES).mean(axis=(1, 3))
-    solid = share.sum() * (math.pi / height) * (2.0 * math.pi / width)
-    sines = sin_polar.reshape(len(rows), _SUN_SAMPLES).mean(axis=1)
-    covered = share / sines[:, None] * (2.0 * math.pi * spread / solid)
-    pixels[rows] += (covered[..., None] * mean).astype(np.float32)

@@ -8,9 +8,10 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from clrender.exporters.mitsuba_textures import TextureWriter
-from clrender.exporters.mitsuba_xml import Element, Target, element, value
+from clrender.exporters.mitsuba_xml import Element, element, value
+from clrender.exporters.surfaces import ONCE, alphas_of, is_rough
+from clrender.exporters.target import Target
 from clrender.scene.materials import (
-    SMOOTH_BELOW,
     Conductor,
     Dielectric,
     Lambert,
@@ -23,7 +24,7 @@ from clrender.scene.materials import (
 )
 from clrender.scene.textures import ImageTexture, Texture
 
-__all__ = ["MaterialWriter", "is_boundary"]
+__all__ = ["MaterialWriter"]
 
 _At: TypeAlias = tuple[str | int, ...]
 _BLACK: Final = "black"
@@ -33,12 +34,6 @@ _COAT_ALPHA: Final = (0.1, 0.001)
 """Alpha of Disney's clear coat at a gloss of 0 and 1."""
 _STRETCH: Final = 0.9
 """The square of the ratio of Disney's two alphas is 1 - 0.9 anisotropic."""
-_ONCE: Final = "multiple scattering between microfacets, so that rough surfaces are darker"
-
-
-def is_boundary(material: Material) -> bool:
-    """Whether light passes a material into a medium, so that Mitsuba's surface needs the media on its two sides."""
-    return material.solid and not (isinstance(material, Subsurface) and material.ior is None)
 
 
 class MaterialWriter:
@@ -97,7 +92,6 @@ class MaterialWriter:
                 material.opacity,
                 (*at, "opacity"),
                 lambda x: np.asarray(x >= cutoff, np.float32),
-                f"cutoff {cutoff!r}",
             )
         return element("bsdf", opacity, self._two_sided(material, at, around), type="mask")
 
@@ -150,7 +144,7 @@ class MaterialWriter:
         return element("bsdf", self._textures.color("reflectance", reflectance, at), type="diffuse")
 
     def _alpha(self, roughness: Any, at: _At, name: str = "alpha") -> Element:
-        return self._textures.number(name, roughness, (*at, "roughness"), np.square, "squared")
+        return self._textures.number(name, roughness, (*at, "roughness"), np.square)
 
     def _facets(self, material: Conductor | Dielectric | Subsurface) -> Element:
         return value("string", "distribution", getattr(material, "microfacets", "ggx"))
@@ -161,39 +155,25 @@ class MaterialWriter:
             if material.microfacets != "ggx":
                 self._target.leave_out("the Beckmann microfacets of a metal with f0, whose facets are of GGX", *at)
             color = self._textures.color("base_color", material.f0, (*at, "f0"))
-            if material.multiple_scattering and _is_rough(material.roughness):
-                self._target.leave_out(_ONCE, *at)
+            if material.multiple_scattering and is_rough(material.roughness):
+                self._target.leave_out(ONCE, *at)
             rough = self._disney_roughness(material, at)
             return element("bsdf", color, value("float", "metallic", 1.0), *rough, type="principled")
         eta, k = (value("rgb", name, each) for name, each in zip(("eta", "k"), material.index, strict=True))
-        if not _is_rough(material.roughness):
+        if not is_rough(material.roughness):
             return element("bsdf", eta, k, type="conductor")
         if material.multiple_scattering:
-            self._target.leave_out(_ONCE, *at)
-        alphas = self._alphas(material, at)
+            self._target.leave_out(ONCE, *at)
+        alphas = alphas_of(self._target, material, at)
         if alphas is None:
             sides = [self._alpha(material.roughness, at)]
         else:
             sides = [value("float", name, alpha) for name, alpha in zip(("alpha_u", "alpha_v"), alphas, strict=True)]
         return element("bsdf", eta, k, self._facets(material), *sides, type="roughconductor")
 
-    def _alphas(self, material: Conductor | Principled, at: _At) -> tuple[float, float] | None:
-        """Alpha along u and along v; None if the surface is isotropic, or has textures of them."""
-        if material.anisotropy == 0.0:
-            return None
-        if isinstance(material.anisotropy, Texture) or isinstance(material.roughness, Texture):
-            self._target.leave_out("anisotropy where it, or the roughness, is a texture", *at)
-            return None
-        quarters = material.anisotropy_rotation / 90.0
-        if quarters != round(quarters):
-            self._target.leave_out("the rotation of anisotropy by other than quarter turns", *at)
-        least = material.roughness * material.roughness
-        most = least + (1.0 - least) * material.anisotropy * material.anisotropy
-        return (least, most) if round(quarters) % 2 else (most, least)
-
     def _disney_roughness(self, material: Conductor | Principled, at: _At) -> list[Element]:
         """Roughness and anisotropy of Disney's model, whose alphas are r^2 / s along u and r^2 s along v."""
-        alphas = self._alphas(material, at)
+        alphas = alphas_of(self._target, material, at)
         if alphas is None:
             return [self._textures.number("roughness", material.roughness, (*at, "roughness"))]
         along, across = alphas
@@ -213,7 +193,7 @@ class MaterialWriter:
         multiple: bool = True,
     ) -> Element:
         indices = [value("float", "int_ior", inside), value("float", "ext_ior", outside)]
-        rough = _is_rough(roughness)
+        rough = is_rough(roughness)
         if getattr(material, "thin", False):
             if rough:
                 self._target.leave_out("the roughness of thin glass", *at)
@@ -221,7 +201,7 @@ class MaterialWriter:
         if not rough or inside == outside:
             return element("bsdf", *indices, type="dielectric")
         if multiple:
-            self._target.leave_out(_ONCE, *at)
+            self._target.leave_out(ONCE, *at)
         return element("bsdf", *indices, self._facets(material), self._alpha(roughness, at), type="roughdielectric")
 
     def _subsurface(self, material: Subsurface, at: _At, around: float | None) -> Element:
@@ -234,8 +214,8 @@ class MaterialWriter:
     def _principled(self, material: Principled, at: _At) -> Element:
         if material.diffuse_roughness != 0.0:
             self._target.leave_out("the roughness of the diffuse part of principled", *at, "diffuse_roughness")
-        if _is_rough(material.roughness) and (material.metallic != 0.0 or material.transmission != 0.0):
-            self._target.leave_out(_ONCE, *at)
+        if is_rough(material.roughness) and (material.metallic != 0.0 or material.transmission != 0.0):
+            self._target.leave_out(ONCE, *at)
         plain = ("metallic", "transmission", "diffuse_transmission", "coat", "anisotropy", "roughness")
         constant = not isinstance(material.specular, Texture)
         if constant and material.sheen_color == (0.0, 0.0, 0.0) and all(getattr(material, k) == 0.0 for k in plain):
@@ -316,8 +296,3 @@ class MaterialWriter:
             return []
         self._target.leave_out("the roughness of sheen, which Disney's has not", *at, "sheen_color")
         return [value("float", "sheen", max(material.sheen_color))]
-
-
-def _is_rough(roughness: Any) -> bool:
-    """Whether it is more than a delta distribution, at least at some points."""
-    return isinstance(roughness, Texture) or roughness * roughness >= SMOOTH_BELOW

@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.exact.matrices import length
-from clrender.exporters.mitsuba_xml import Element, Target, element, value
+from clrender.exporters.mitsuba_xml import Element, element, value
+from clrender.exporters.surfaces import inside_of
+from clrender.exporters.target import Target
 from clrender.flatten.interiors import winding_number
-from clrender.flatten.media import absorption_coefficients
-from clrender.flatten.subsurface import single_scattering
 from clrender.scene import Sphere
-from clrender.scene.materials import Dielectric, Principled, Subsurface
 from clrender.scene.shapes import AnyShape
 
 __all__ = ["MediumWriter", "Volume"]
@@ -107,19 +106,10 @@ class MediumWriter:
 
     def inside(self, shape: AnyShape) -> str | None:
         """The id of the medium behind a shape's front, if any."""
-        if shape.interior is not None:
-            return self._named(shape.interior)
-        name = shape.material
-        material = None if name is None else self._target.scene.materials[name]
-        if isinstance(material, Dielectric | Principled) and material.attenuation_color is not None:
-            absorption = absorption_coefficients(material)
-            return self._id(f"materials.{name}", f"inside of {name}", absorption, np.zeros(3), 0.0)
-        if isinstance(material, Subsurface) and material.ior is not None:
-            shares = np.array([single_scattering(albedo, material.g) for albedo in material.albedo])
-            whole = 1.0 / np.array(material.radius)
-            lost, turned = whole * (1.0 - shares), whole * shares
-            return self._id(f"materials.{name}", f"inside of {name}", lost, turned, material.g)
-        return None
+        inside = inside_of(self._target.scene, shape)
+        if inside is None:
+            return None
+        return self._id(inside.key, inside.name, inside.absorption, inside.scattering, inside.g)
 
     def add(self, shape: AnyShape, vertices: NDArray[np.float64], triangles: NDArray[np.uint32]) -> None:
         """Add a closed shape that light passes into, in world space; for the arrays see `Volume`."""

@@ -1,0 +1,157 @@
+"""Properties of surfaces as other programs ask for them: emission, roughness, texture coordinates, and the inside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from clrender.exporters.target import Target
+from clrender.exporters.triangles import DISK_EDGES, SPHERE_STEPS, At, texture_sets
+from clrender.flatten.media import absorption_coefficients
+from clrender.flatten.subsurface import single_scattering
+from clrender.scene import Disk, Mesh, Scene, Sphere
+from clrender.scene.materials import SMOOTH_BELOW, Conductor, Dielectric, Material, Principled, Subsurface
+from clrender.scene.shapes import AnyShape
+from clrender.scene.textures import Texture
+from clrender.scene.values import Vector
+
+__all__ = [
+    "ONCE",
+    "Inside",
+    "alphas_of",
+    "boundaries",
+    "inside_of",
+    "is_boundary",
+    "is_brushed",
+    "is_rough",
+    "passes",
+    "radiance_of",
+    "tell_of_meshes",
+    "tell_of_round",
+    "texture_set",
+]
+
+ONCE: Final = "multiple scattering between microfacets, so that rough surfaces are darker"
+"""What most programs leave out."""
+
+
+@dataclass(frozen=True)
+class Inside:
+    """A homogeneous medium behind a surface.
+
+    Attributes
+    ----------
+    key : str
+        Distinguishes it from others.
+    name : str
+        A name for it.
+    absorption, scattering : three floats
+        Coefficients, per metre.
+    g : float
+        Mean cosine of scattering.
+    """
+
+    key: str
+    name: str
+    absorption: Vector
+    scattering: Vector
+    g: float
+
+
+def is_boundary(material: Material) -> bool:
+    """Whether light passes a material into a medium."""
+    return material.solid and not (isinstance(material, Subsurface) and material.ior is None)
+
+
+def boundaries(scene: Scene) -> set[At]:
+    """Places of the shapes that light passes into a medium: each is closed in itself."""
+    return {at for at, shape in scene.all_shapes() if passes(scene, shape)}
+
+
+def passes(scene: Scene, shape: AnyShape) -> bool:
+    """Whether light passes a shape into a medium, or nothing but a medium is there."""
+    if shape.material is None:
+        return shape.interior is not None
+    return is_boundary(scene.materials[shape.material])
+
+
+def inside_of(scene: Scene, shape: AnyShape) -> Inside | None:
+    """The medium behind a shape's front, if any."""
+    if shape.interior is not None:
+        medium = scene.media[shape.interior]
+        key = f"media.{shape.interior}"
+        return Inside(key, shape.interior, medium.absorption, medium.scattering, medium.g)
+    name = shape.material
+    material = None if name is None else scene.materials[name]
+    key, wanted = f"materials.{name}", f"inside of {name}"
+    if isinstance(material, Dielectric | Principled) and material.attenuation_color is not None:
+        return Inside(key, wanted, absorption_coefficients(material), (0.0, 0.0, 0.0), 0.0)
+    if isinstance(material, Subsurface) and material.ior is not None:
+        shares = np.array([single_scattering(albedo, material.g) for albedo in material.albedo])
+        whole = 1.0 / np.array(material.radius)
+        lost, turned = (tuple(each.tolist()) for each in (whole * (1.0 - shares), whole * shares))
+        return Inside(key, wanted, lost, turned, material.g)
+    return None
+
+
+def radiance_of(scene: Scene, at: At, shape: AnyShape) -> tuple[Any, At, float]:
+    """Colour or texture of the radiance of a shape that emits, its place in the scene, and a factor for it."""
+    if shape.emission is not None:
+        return shape.emission, (*at, "emission"), 1.0
+    assert shape.material is not None
+    material = scene.materials[shape.material]
+    assert isinstance(material, Principled)
+    return material.emission, ("materials", shape.material, "emission"), material.emission_strength
+
+
+def texture_set(target: Target, at: At, shape: AnyShape) -> int | None:
+    """The set of texture coordinates that a shape's textures use; None if it has no textures."""
+    sets = texture_sets(target.scene, shape)
+    if len(sets) > 1:
+        target.leave_out("the second set of texture coordinates, where both are used", *at)
+    return sets[0] if sets else None
+
+
+def tell_of_meshes(target: Target, at: At, shape: AnyShape) -> None:
+    """Note what other programs' meshes lack."""
+    if isinstance(shape, Mesh):
+        if shape.color_key is not None:
+            target.leave_out("colours of vertices", *at, shape.color_key)
+        if shape.shadow_terminator_offset:
+            target.leave_out("the shadow terminator offset", *at)
+
+
+def tell_of_round(target: Target, at: At, shape: AnyShape) -> None:
+    """Note that spheres and disks become triangles."""
+    if isinstance(shape, Sphere):
+        faces = 4 * SPHERE_STEPS * (SPHERE_STEPS - 1)
+        target.leave_out(f"the roundness of spheres, which have {faces:,} triangles and interpolated normals", *at)
+    elif isinstance(shape, Disk):
+        target.leave_out(f"the roundness of disks, which have {DISK_EDGES} edges", *at)
+
+
+def is_rough(roughness: Any) -> bool:
+    """Whether it is more than a delta distribution, at least at some points."""
+    return isinstance(roughness, Texture) or roughness * roughness >= SMOOTH_BELOW
+
+
+def is_brushed(material: Any) -> bool:
+    """Whether it is anisotropic."""
+    return isinstance(material, Conductor | Principled) and material.anisotropy != 0.0
+
+
+def alphas_of(target: Target, material: Conductor | Principled, at: At) -> tuple[float, float] | None:
+    """Alpha along u and along v; None if the surface is isotropic, or has textures of them."""
+    if material.anisotropy == 0.0:
+        return None
+    if isinstance(material.anisotropy, Texture) or isinstance(material.roughness, Texture):
+        target.leave_out("anisotropy where it, or the roughness, is a texture", *at)
+        return None
+    quarters = material.anisotropy_rotation / 90.0
+    if quarters != round(quarters):
+        target.leave_out("the rotation of anisotropy by other than quarter turns", *at)
+    least = material.roughness * material.roughness
+    most = least + (1.0 - least) * material.anisotropy * material.anisotropy
+    return (least, most) if round(quarters) % 2 else (most, least)

@@ -1,0 +1,154 @@
+"""What the parts of a scene exported for another program share: ids, files and notes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import ClassVar, Final
+
+from clrender.errors import SceneError
+from clrender.exporters.files import NamedFiles
+from clrender.files.access import atomic_write
+from clrender.scene import Scene
+from clrender.wording import place
+
+__all__ = ["ForeignExport", "Target", "write_foreign"]
+
+_MOST_PLACES: Final = 3
+"""Most places that one note names."""
+
+
+@dataclass
+class ForeignExport(NamedFiles):
+    """A scene for another program, and its files.
+
+    Attributes
+    ----------
+    text : bytes
+        Content of the scene file.
+    notes : tuple of str
+        What the program cannot express, a sentence each; see also `NamedFiles`.
+    """
+
+    program: ClassVar[str]
+    """Its name."""
+    text: bytes = b""
+    notes: tuple[str, ...] = ()
+
+    def check(self, scene: Scene, strict: bool) -> None:
+        """Refuse a scene of which something is left out, if `strict`.
+
+        Raises
+        ------
+        SceneError
+            With all that is left out.
+        """
+        if strict and self.notes:
+            left_out = "; ".join(self.notes)
+            text = f"{self.program} cannot express all of it: {left_out}; convert it without strict"
+            raise SceneError(f"{scene.source}: {text}")
+
+
+def write_foreign(
+    exported: Callable[[Scene, str, bool], ForeignExport], scene: Scene, output: str | Path, strict: bool, merge: bool
+) -> tuple[str, ...]:
+    """Write a scene for another program.
+
+    Parameters
+    ----------
+    exported : callable
+        Makes the export from the scene, the folder of its files, and `merge`.
+    scene : Scene
+    output : str or pathlib.Path
+        The scene file; meshes and pictures are written to the folder ``NAME-files`` beside it.
+    strict : bool
+        Refuse a scene of which something would be left out.
+    merge : bool
+        Passed on.
+
+    Returns
+    -------
+    tuple of str
+        What the program cannot express, a sentence each.
+
+    Raises
+    ------
+    SceneError
+        Like `exported`; or something would be left out, if `strict`.
+    UsageError
+        A file cannot be written.
+    """
+    path = Path(output)
+    export = exported(scene, f"{path.stem}-files", merge)
+    export.check(scene, strict)
+    with export.written(path), atomic_write(path) as file:
+        file.write(export.text)
+    return export.notes
+
+
+@dataclass
+class Target:
+    """An exported scene under construction.
+
+    Attributes
+    ----------
+    scene : Scene
+    folder : str
+        Folder of its files, relative to the scene file.
+    no_id : re.Pattern
+        What ids of the program lack, and so is removed from names.
+    between : str
+        What separates a name from the number that distinguishes it from others.
+    files : NamedFiles
+    """
+
+    scene: Scene
+    folder: str
+    no_id: re.Pattern[str]
+    between: str = " "
+    files: NamedFiles = field(default_factory=NamedFiles)
+    _ids: dict[str, str] = field(default_factory=dict)
+    _notes: dict[str, list[str]] = field(default_factory=dict)
+
+    def id(self, kind: str, wanted: str) -> str:
+        """A new id: `wanted` as far as the program takes it and no other object has it.
+
+        Parameters
+        ----------
+        kind : str
+            The id if nothing else is left of `wanted`.
+        wanted : str
+        """
+        plain = self.no_id.sub("", wanted).strip() or kind
+        made, number = plain, 2
+        while made in self._ids:
+            made, number = f"{plain}{self.between}{number}", number + 1
+        self._ids[made] = wanted
+        return made
+
+    def leave_out(self, sentence: str, *at: str | int) -> None:
+        """Note what the program cannot express.
+
+        Parameters
+        ----------
+        sentence : str
+            What is left out, and what is there instead.
+        *at : str or int
+            Place in the scene.
+        """
+        places = self._notes.setdefault(sentence, [])
+        if at and place(at) not in places:
+            places.append(place(at))
+
+    def notes(self) -> tuple[str, ...]:
+        """A sentence for each kind of thing that is left out, with the places where it is."""
+        return tuple(f"left out: {sentence}{_where(places)}" for sentence, places in self._notes.items())
+
+
+def _where(places: list[str]) -> str:
+    if not places:
+        return ""
+    more = f" and {len(places) - _MOST_PLACES} more" if len(places) > _MOST_PLACES else ""
+    return f" ({', '.join(places[:_MOST_PLACES])}{more})"
