@@ -85,6 +85,9 @@ def _film(target: Target) -> list[Element]:
         value("string", "pixel_format", "rgb"),
         element("rfilter", type=_NEAR_FILTER.get(render.filter, render.filter)),
     ]
+    if render.filter != "box":
+        # Else pixels at the image's edge would have no samples from beyond it
+        form.append(value("boolean", "sample_border", True))
     sampler = element("sampler", value("integer", "sample_count", render.spp), type="independent")
     return [element("film", *size, *form, type="hdrfilm"), sampler]
 
