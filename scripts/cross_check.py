@@ -9,8 +9,10 @@ materials are those whose definitions agree: rough metals and glass lose what me
 and alpha is at most 0.09: beyond it one sees that Mitsuba's masking and shadowing do not depend on each other.
 
 `--with` adds kinds of things, each in most of the scenes: `media` (clouds, filled glass, fog), `spots`, `cameras`
-(orthographic, and with a lens), `opacity` (constant, and pictures with holes) and `skies`. Of Mitsuba's integrators
-media and opacity take `volpath`.
+(orthographic, and with a lens), `opacity` (constant, and pictures with holes), `skies`, `tent` (that pixel filter),
+`roughness` (pictures of it, on metals and glass), `plastics` (smooth, rough and textured) and `cylinders`. Of Mitsuba's
+integrators media and opacity take `volpath`. Its cylinders are round, and ours have 128 sides. Its plastics are those
+of mitsuba_plastic.py, because its own have another Fresnel term; `spheres` shows how far they are off.
 
 Mitsuba 3.9.1 loses light of spheres that stand close to a cloud: of seed 8192, a lamp 4 cm from one, it returns 16 %
 less single scattering than a plain Monte Carlo integral of it, with which clrender agrees to 0.02 %.
@@ -23,11 +25,13 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+from xml.etree import ElementTree
 
 import numpy as np
 import numpy.typing as npt
@@ -42,10 +46,14 @@ _LEVEL: Final = 0.01
 """Probability of a false alarm over all means, and over all tiles."""
 _SHARP: Final = 0.002
 """Largest standard error of a mean that can reveal 0.5 %: caustics of small lights leave some scenes undecided."""
+_CYLINDER: Final = "cylinder"
+"""Beginning of names of meshes that are cylinders of radius 1, from 0 to 1 along z, under their transforms."""
+_ROWS: Final = 64
+"""Rows of triangles of such a mesh."""
 _BLACK: Final = {"type": "lambert", "reflectance": [0.0, 0.0, 0.0]}
 _HALF: Final = 2.0
 """Half the side of the room, metres."""
-_MORE: Final = ("media", "spots", "cameras", "opacity", "skies")
+_MORE: Final = ("media", "spots", "cameras", "opacity", "skies", "tent", "roughness", "plastics", "cylinders")
 """Optional features of scenes."""
 _MOST: Final = 0.8
 """Fraction of the scenes that have a feature."""
@@ -88,6 +96,11 @@ class _Maker:
             "microfacets": ("beckmann", "ggx")[seed % 2],
         }
         self.any.append(self._material("metal", {"type": "conductor", **metal}))
+        if "roughness" in more:
+            for name in ("rough_glass", "metal"):
+                self.materials[name]["roughness"] = self._roughness(name, 0.3)
+        if "plastics" in more:
+            self._plastics()
 
     def _number(self, low: float, high: float) -> float:
         return float(self.random.uniform(low, high))
@@ -133,6 +146,22 @@ class _Maker:
                 picture["filter"] = "nearest"
         return made
 
+    def _roughness(self, name: str, most: float) -> dict[str, Any]:
+        """A picture of roughness from 0.1, of a few large texels."""
+        from PIL import Image
+
+        texels = self.random.integers(26, round(255 * most), self.random.integers(2, 9, 2))
+        Image.fromarray(texels.astype(np.uint8)).save(self.folder / f"{name}.png")
+        return {"texture": f"{name}.png", "channel": "r", "filter": "nearest"}
+
+    def _plastics(self) -> None:
+        """A smooth, a textured and a rough one."""
+        bases = [self._color(0.1, 0.9), self.materials["texture0"]["reflectance"] | {"filter": "nearest"}]
+        rough = self._roughness("plastic", 0.6) if "roughness" in self.more else round(self._number(0.1, 0.6), 3)
+        for number, (base, roughness) in enumerate(zip([*bases, bases[0]], (0.0, 0.0, rough), strict=True)):
+            made = {"type": "principled", "base_color": base, "ior": round(self._number(1.2, 1.9), 3)}
+            self.any.append(self._material(f"plastic{number}", {**made, "roughness": roughness}))
+
     def make(self) -> dict[str, Any]:
         closed = self.random.random() < 0.6
         self._room() if closed else self._floor()
@@ -145,7 +174,12 @@ class _Maker:
         position = [self._number(-1.8, 1.8), self._number(-1.0, 1.5), 1.9 if closed else 5.0]
         camera = {"position": position, "target": self._place(0.5), "vertical_fov": round(self._number(45.0, 75.0), 2)}
         # At the end, so that the scene of a seed without them does not change
-        for kind, add in (("spots", self._spots), ("opacity", self._masks), ("skies", self._sky)):
+        for kind, add in (
+            ("spots", self._spots),
+            ("opacity", self._masks),
+            ("skies", self._sky),
+            ("cylinders", self._cylinders),
+        ):
             if kind in self.more and self.random.random() < _MOST:
                 add()
         if closed and not any("emission" in each or each["type"] in ("point", "spot") for each in self._all()):
@@ -158,6 +192,8 @@ class _Maker:
         made = {"camera": camera, "materials": self.materials, "shapes": self.shapes, "lights": self.lights}
         if self.media:
             made["media"] = self.media
+        if "tent" in self.more:
+            made["render"] = {"filter": "tent"}
         return made if self.fog is None else {**made, "fog": self.fog}
 
     def _all(self) -> list[dict[str, Any]]:
@@ -244,6 +280,22 @@ class _Maker:
         scales = {"sun_scale": 0.0, "sky_scale": 0.01}
         self.lights.append({"type": "sun_sky", **sky, **ground, **scales})
 
+    def _cylinders(self) -> None:
+        """Open cylinders; their material is opaque, as they enclose nothing."""
+        _write_cylinder(self.folder / "cylinder.ply")
+        opaque = [name for name in self.any if "glass" not in name] + ["texture0"]
+        for number in range(int(self.random.integers(1, 4))):
+            turn, _ = np.linalg.qr(self.random.normal(size=(3, 3)))
+            turn[:, 0] *= np.linalg.det(turn)
+            radius, size = self.random.uniform([0.1, 0.2], [0.5, 1.5])
+            matrix = np.column_stack([turn * [radius, radius, size], self._place()])
+            shape = {"type": "mesh", "file": "cylinder.ply", "name": f"{_CYLINDER}{number}"}
+            shape |= {"transform": {"matrix": [*matrix.tolist(), [0.0, 0.0, 0.0, 1.0]]}}
+            shape |= {"material": str(self.random.choice(opaque))}
+            if self.random.random() < 0.2:
+                shape |= {"material": "black", "emission": self._color(1.0, 8.0)}
+            self.shapes.append(shape)
+
     def _quad(self, origin: Any, u: Any, v: Any, **more: Any) -> None:
         self.shapes.append({"type": "quad", "origin": list(origin), "edge_u": list(u), "edge_v": list(v), **more})
 
@@ -325,6 +377,29 @@ class _Maker:
         self.lights.append({"type": "environment", "file": "sky.exr"})
 
 
+def _write_cylinder(path: Path) -> None:
+    """A cylinder with texture coordinates as Mitsuba's has them.
+
+    In rows, since the test of a ray and a triangle allows for rounding, by a share of the length of slender triangles.
+    """
+    from clrender.exporters.mitsuba_shapes import write_plain_ply
+    from clrender.importers.shared.meshes import cylinder_mesh
+    from clrender.meshes.data import MeshData
+
+    tube = cylinder_mesh(1.0, 0.0, 1.0)
+    assert tube.uvs is not None and tube.normals is not None
+    rise = np.arange(_ROWS)
+    vertices = np.tile(tube.vertices, (_ROWS, 1, 1))
+    vertices[..., 2] = (vertices[..., 2] + rise[:, None]) / _ROWS
+    uvs = np.tile(tube.uvs, (_ROWS, 1, 1, 1))
+    uvs[..., 1] = (uvs[..., 1] + rise[:, None, None]) / _ROWS
+    triangles = tube.triangles + np.uint32(len(tube.vertices)) * rise.astype(np.uint32)[:, None, None]
+    normals = np.tile(tube.normals, (_ROWS, 1))
+    mesh = MeshData(vertices.reshape(-1, 3), triangles.reshape(-1, 3), normals=normals, uvs=uvs.reshape(-1, 3, 2))
+    with path.open("wb") as file:
+        write_plain_ply(file, mesh, mesh.uvs)
+
+
 def _ball(shape: dict[str, Any]) -> tuple[Any, float]:
     """Centre and radius of a bounding sphere of a sphere or box."""
     size = shape["radius"] if shape["type"] == "sphere" else 0.5 * np.linalg.norm(shape["size"])
@@ -365,6 +440,8 @@ _SPHERES: Final[dict[str, dict[str, Any]]] = {
         f"glass, alpha 0.1 of {name}, met once": {"type": "dielectric", "ior": 1.5, "roughness": 0.316227766, **once}
         for name, once in _ONCE.items()
     },
+    "plastic": {"type": "principled", "base_color": [0.7, 0.3, 0.1], "roughness": 0.0},
+    "rough plastic, alpha 0.16": {"type": "principled", "base_color": [0.7, 0.3, 0.1], "roughness": 0.4},
     # Without smooth parts: Mitsuba's `blendbsdf` adds the probability of a delta to the density of the other part
     "mixture of lambert and gold": {"type": "mix", "materials": ["red", "silk"], "weight": 0.3},
 }
@@ -378,12 +455,20 @@ _OTHERS: Final[dict[str, tuple[dict[str, Any], str]]] = {
         {"type": "dielectric", "ior": 1.5, "roughness": 0.316227766},
         "Mitsuba loses what is scattered more than once",
     ),
-    "plastic": (
+    "Mitsuba's plastic": (
+        {"type": "principled", "base_color": [0.7, 0.3, 0.1], "roughness": 0.0},
+        "Schlick's Fresnel term here, Fresnel's own there",
+    ),
+    "Mitsuba's rough plastic": (
         {"type": "principled", "base_color": [0.7, 0.3, 0.1], "roughness": 0.4},
         "glTF's plastic here, Disney's there",
     ),
 }
 """Spheres of materials with different definitions, and why."""
+
+
+def _folder_name(name: str) -> str:
+    return re.sub("[^a-zA-Z0-9.]+", "_", name)
 
 
 def _lamp(origin: list[float], u: list[float], v: list[float], emission: list[float]) -> dict[str, Any]:
@@ -394,7 +479,7 @@ def _spheres(folder: Path) -> list[Path]:
     """Write the scenes: the sphere nearly fills the image, between two lamps under a constant sky."""
     folders = []
     for name, made in (_SPHERES | {name: made for name, (made, _) in _OTHERS.items()}).items():
-        place = folder / name.replace(",", "").replace(" ", "_")
+        place = folder / _folder_name(name)
         place.mkdir(parents=True, exist_ok=True)
         scene = {
             "camera": {"position": [0.0, 1.0, 3.9], "target": [0.0, 0.0, 0.0], "vertical_fov": 26.0},
@@ -414,11 +499,16 @@ def _spheres(folder: Path) -> list[Path]:
 def _in_mitsuba(folders: list[Path]) -> None:
     """The Mitsuba side: `folder`/scene.xml -> `folder`/mitsuba.npy, (batches, height, width, 3)."""
     import mitsuba
+    import mitsuba_plastic
 
     mitsuba.set_variant("llvm_ad_rgb")
+    mitsuba_plastic.register(mitsuba)
+    others = {_folder_name(name) for name in _OTHERS}
     for number, folder in enumerate(folders):
+        file = folder / "scene.xml"
+        file = file if folder.name in others else mitsuba_plastic.with_plastics(file)
         # Mitsuba 3.9.1 omits merged meshes from the scene's bounding box, and shadow rays to a sky then end too early
-        scene = mitsuba.load_file(str(folder / "scene.xml"), optimize=False)
+        scene = mitsuba.load_file(str(file), optimize=False)
         images = [np.array(mitsuba.render(scene, spp=_SPP, seed=seed)) for seed in _seeds(number)]
         np.save(folder / "mitsuba.npy", np.array(images, np.float32))
         print(folder.name, flush=True)
@@ -431,6 +521,12 @@ def _for_mitsuba(folder: Path) -> None:
 
     settings = {"image.width": _SIDE, "image.height": _SIDE, "render.spp": _SPP}
     write_mitsuba(clrender.load(folder / "scene.json").changed(settings), folder / "scene.xml")
+    tree = ElementTree.parse(folder / "scene.xml")
+    for shape in tree.iter("shape"):
+        if shape.get("id", "").startswith(_CYLINDER):
+            shape.set("type", "cylinder")
+            shape.remove(shape.find("string"))  # type: ignore[arg-type]
+    tree.write(folder / "scene.xml")
 
 
 @dataclass

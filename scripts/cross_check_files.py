@@ -5,7 +5,7 @@
 Writes the scenes of `cross_check.py` with the seeds FIRST to LAST - 1, and what `--with` adds to them there, as
 ``scene.json``, ``scene.xml`` (by `clrender.exporters.write_mitsuba`) and ``scene.pbrt``. Each is rendered by clrender,
 and the XML by Mitsuba, six times; means and tiles are compared as there: clrender's XML with Mitsuba's, and clrender's
-pbrt with clrender's JSON, without what pbrt has not: skies, and pictures of opacity.
+pbrt with clrender's JSON, without what pbrt has not: skies, plastics, and pictures of opacity and of roughness.
 """
 
 from __future__ import annotations
@@ -35,11 +35,14 @@ def _write(folder: Path, seed: int, more: frozenset[str]) -> None:
 
 def _in_mitsuba(folders: list[Path]) -> None:
     import mitsuba
+    import mitsuba_plastic
 
     mitsuba.set_variant("llvm_ad_rgb")
+    mitsuba_plastic.register(mitsuba)
     for number, folder in enumerate(folders):
         # Mitsuba 3.9.1 omits merged meshes from the scene's bounding box, and shadow rays to a sky then end too early
-        scene = mitsuba.load_file(str(folder / "scene.xml"), optimize=False)
+        file = mitsuba_plastic.with_plastics(folder / "scene.xml")
+        scene = mitsuba.load_file(str(file), optimize=False)
         images = [np.array(mitsuba.render(scene, spp=_SPP, seed=seed)) for seed in _seeds(number)]
         np.save(folder / "mitsuba_xml.npy", np.array(images, np.float32))
         print(folder.name, flush=True)
@@ -49,7 +52,7 @@ def _ours(session: Any, path: Path, number: int) -> Any:
     import clrender
 
     scene = clrender.load(path)
-    images = [session.render(scene, spp=_SPP, size=(_SIDE, _SIDE), seed=seed, filter="box") for seed in _seeds(number)]
+    images = [session.render(scene, spp=_SPP, size=(_SIDE, _SIDE), seed=seed) for seed in _seeds(number)]
     return np.array([image.linear for image in images])
 
 

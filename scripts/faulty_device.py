@@ -21,6 +21,8 @@ _T = TypeVar("_T")
 CALLS: Final = ("build", "allocate", "write", "launch", "read", "finish")
 """Kinds of driver calls."""
 
+_PATIENCE: Final = 120.0
+"""Seconds that a device waits for the first lie of another; a unit takes less than one."""
 _SAYS: Final = {
     "build": "clBuildProgram failed: OUT_OF_HOST_MEMORY",
     "allocate": "clCreateBuffer failed: MEM_OBJECT_ALLOCATION_FAILURE",
@@ -102,15 +104,22 @@ class Lie:
 
     def __post_init__(self) -> None:
         self._random = random.Random(self.seed)
+        self._first = threading.Event()
+
+    def wait(self) -> None:
+        """Wait for the first wrong read."""
+        if not self._first.wait(_PATIENCE):
+            raise TimeoutError("no wrong results were read")
 
     def change(self, array: npt.NDArray[Any]) -> None:
         """Corrupt sums, (slots, 3, 4) uint32; leave other arrays unchanged."""
-        if array.ndim != 3 or array.shape[1:] != (3, 4):
+        if not _holds_sums(array):
             return
         self._seen += 1
         if self._seen <= self.after or self._random.random() >= self.share:
             return
         self.told += 1
+        self._first.set()
         blocks = len(array) // 16
         chosen = range(blocks)
         if self.blocks < 1.0:
@@ -118,6 +127,10 @@ class Lie:
         for block in chosen:
             slot = 16 * block + (3 if self.constant else self._random.randrange(16))
             array[slot, 1, 2] ^= np.uint32(1 if self.constant else 1 << self._random.randrange(8))
+
+
+def _holds_sums(array: npt.NDArray[Any]) -> bool:
+    return array.ndim == 3 and array.shape[1:] == (3, 4)
 
 
 class FaultyDevice(Device):
@@ -129,13 +142,17 @@ class FaultyDevice(Device):
     *faults : Fault or Lie
     name : str, optional
         Name in messages.
+    waits_for : Lie, optional
+        Another device's, which has to be told before this device returns sums: on a busy machine one of several
+        devices may otherwise have no work left.
     """
 
-    def __init__(self, device: Device, *faults: Fault | Lie, name: str = "") -> None:
+    def __init__(self, device: Device, *faults: Fault | Lie, name: str = "", waits_for: Lie | None = None) -> None:
         self.__dict__.update(device.__dict__)
         self._programs, self._buffers, self._held_bytes = {}, set(), 0
         self._sentinel = Sentinel()
         self.faults = [each for each in faults if isinstance(each, Fault)]
+        self._waits_for = waits_for
         self.lies = [each for each in faults if isinstance(each, Lie)]
         if name:
             self.info = replace(device.info, name=name)
@@ -152,5 +169,7 @@ class FaultyDevice(Device):
     def read(self, buffer: Buffer, array: npt.NDArray[Any]) -> None:
         """Read as from the real device, and then apply the silent errors."""
         super().read(buffer, array)
+        if self._waits_for is not None and _holds_sums(array):
+            self._waits_for.wait()
         for lie in self.lies:
             lie.change(array)

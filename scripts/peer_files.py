@@ -9,6 +9,7 @@ from peer_parts import pbrt_camera, pbrt_interface, pbrt_medium, pbrt_spot, word
 
 __all__ = ["as_pbrt_has_it", "pbrt_text"]
 
+_FILTERS: Final = {"box": '"box"', "tent": '"triangle" "float xradius" 1 "float yradius" 1'}
 _BOX_QUADS: Final = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 
 
@@ -58,6 +59,9 @@ def _pbrt_shape(shape: dict[str, Any]) -> str:
     if kind == "disk":
         matrix = _disk_frame(shape)
         return f'ConcatTransform [{words(matrix.T)}] Shape "disk"'
+    if kind == "mesh":  # `cross_check.py` has no others
+        matrix = np.array(shape["transform"]["matrix"])
+        return f'ConcatTransform [{words(matrix.T)}] Shape "cylinder" "float zmin" 0 "float zmax" 1'
     if kind == "triangle":
         points, uvs, corners = shape["vertices"], ((0, 0), (1, 0), (0, 1)), [[0, 1, 2]]
     elif kind == "box":
@@ -90,14 +94,18 @@ def _pbrt_light(light: dict[str, Any]) -> str:
 def as_pbrt_has_it(scene: dict[str, Any]) -> dict[str, Any]:
     """Replace features of the scene that pbrt, or our importer of it, lacks.
 
-    Mirrors become metals, Beckmann facets GGX, skies and environment maps a constant environment, and textured
-    opacity one half.
+    Mirrors become metals, Beckmann facets GGX, plastics diffuse, textured roughness 0.2, skies and environment maps a
+    constant environment, and textured opacity one half.
     """
     materials = {}
     for name, described in scene["materials"].items():
         if described["type"] == "mirror":
             k = [2.0 * (min(x, 0.9999) / (1.0 - min(x, 0.9999))) ** 0.5 for x in described["reflectance"]]
             described = {"type": "conductor", "eta": [1.0] * 3, "k": k, "roughness": 0.0}
+        if described["type"] == "principled":
+            described = {"type": "lambert", "reflectance": described["base_color"]}
+        if isinstance(described.get("roughness"), dict):
+            described = {**described, "roughness": 0.2}
         if "microfacets" in described:
             described = {**described, "microfacets": "ggx"}
         if "normal_map" in described:  # always interpolated linearly
@@ -137,7 +145,7 @@ def pbrt_text(scene: dict[str, Any], side: int, spp: int) -> str:
         f'Film "rgb" "integer xresolution" {side} "integer yresolution" {side}',
         f'Sampler "independent" "integer pixelsamples" {spp}',
         'Integrator "path" "integer maxdepth" 100000',
-        'PixelFilter "box"',
+        f"PixelFilter {_FILTERS[scene.get('render', {}).get('filter', 'box')]}",
         "WorldBegin",
     ]
     for name, described in materials.items():

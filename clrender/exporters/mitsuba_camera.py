@@ -68,6 +68,9 @@ def _film(target: Target) -> list[Element]:
     image, render = target.scene.image, target.scene.render
     size = [value("integer", "width", image.width), value("integer", "height", image.height)]
     form = [value("string", "pixel_format", "rgb"), _filter(target)]
+    if render.filter != "box" or render.filter_radius not in (None, 0.5):
+        # Else pixels at the image's edge would have no samples from beyond it
+        form.append(value("boolean", "sample_border", True))
     sampler = element("sampler", value("integer", "sample_count", render.spp), type="independent")
     return [element("film", *size, *form, type="hdrfilm"), sampler]
 

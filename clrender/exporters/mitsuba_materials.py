@@ -227,13 +227,13 @@ class MaterialWriter:
 
         Rough plastic is none for others: of white it reflects 74 % at a roughness of 0.5, Disney's model 105 %.
         """
-        if material.ior == 1.0:
+        if material.ior == 1.0 or material.specular == 0.0:
             return self._diffuse(material.base_color, (*at, "base_color"))
         base = self._textures.color("diffuse_reflectance", material.base_color, (*at, "base_color"))
-        tint = self._textures.color(
-            "specular_reflectance", material.specular_color, (*at, "specular_color"), material.specular
-        )
-        indices = [value("float", "int_ior", material.ior), value("float", "ext_ior", 1.0)]
+        tint = self._textures.color("specular_reflectance", material.specular_color, (*at, "specular_color"))
+        # Not by a darker tint: what is not reflected reaches the surface below
+        index = material.ior if material.specular == 1.0 else self._index(material, at)
+        indices = [value("float", "int_ior", index), value("float", "ext_ior", 1.0)]
         return element("bsdf", base, tint, *indices, type="plastic")
 
     def _disney(self, material: Principled, at: _At) -> Element:

@@ -274,6 +274,18 @@ def test_what_materials_lose(tmp_path: Path, material: dict[str, Any], words: st
     assert not (tmp_path / "strict.xml").exists()
 
 
+def test_weaker_plastics_have_a_lower_index(tmp_path: Path) -> None:
+    """At normal incidence they reflect `specular` times as much; what they do not reflect is not lost."""
+    for specular, index in ((0.25, 11.0 / 9.0), (1e-9, 1.001), (0.0, None)):
+        plastic = {"type": "principled", "roughness": 0.0, "ior": 1.5, "specular": specular}
+        again, _ = written(described(materials={"m": plastic}, shapes=[{**BALL, "material": "m"}]), tmp_path)
+        made = again.materials["m"]
+        if index is None:
+            assert made.type == "lambert" and made.reflectance == (1.0, 1.0, 1.0)
+        else:
+            assert made.ior == pytest.approx(index) and made.specular_color == (1.0, 1.0, 1.0)
+
+
 def test_anisotropy(tmp_path: Path) -> None:
     """Both alphas, by the plugins' definitions: Disney's are r^2 / s and r^2 s, where s^2 = 1 - 0.9 anisotropic."""
     brushed = {"roughness": 0.5, "anisotropy": 0.3, "multiple_scattering": False}
@@ -628,3 +640,6 @@ def test_pixel_filters(tmp_path: Path, name: str) -> None:
         lost = name == "blackman-harris" or (name == "mitchell" and radius is not None)
         assert any("pixel filter" in note for note in notes) is lost
         assert again.render.filter_radius == pytest.approx(None if name == "mitchell" else radius)
+        border = xml(tmp_path).find("sensor/film/boolean[@name='sample_border']")
+        assert (border is None) is (name == "box" and radius is None)
+        assert border is None or border.get("value") == "true"

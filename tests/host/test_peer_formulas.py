@@ -600,6 +600,27 @@ def test_mitsuba_3_takes_the_axis_of_a_rotation_as_it_is(tmp_path: Path) -> None
     np.testing.assert_allclose(matrix('x="0" y="0" z="2"', 90.0, "0.6.0"), np.array(long) / [[2], [2], [4]], atol=1e-6)
 
 
+@pytest.mark.parametrize("version", ["0.6.0", "3.0.0"])
+def test_what_shines_reflects_nothing_unless_its_bsdf_says_so(tmp_path: Path, version: str) -> None:
+    inside = ("", AREA, AREA + GREY)
+    scene = mitsuba(tmp_path, "".join(f'<shape type="rectangle">{each}</shape>' for each in inside), version)
+    found = [scene.materials[shape.material or ""].reflectance[0] for shape in scene.shapes]  # type: ignore[union-attr]
+    assert found == [0.5, 0.0, 0.5]
+
+
+@pytest.mark.parametrize("mirrored", ["1", "-1"])
+@pytest.mark.parametrize("flip", [True, False])
+def test_fronts_of_cylinders_are_outside_even_if_they_are_mirrored(tmp_path: Path, mirrored: str, flip: bool) -> None:
+    """As rays see them in Mitsuba 3.9.1: the opposite of its spheres."""
+    steps = f'<transform name="to_world"><scale x="{mirrored}" y="1" z="1"/><translate x="3"/></transform>'
+    flag = f'<boolean name="flip_normals" value="{str(flip).lower()}"/>'
+    scene = mitsuba(tmp_path, f'<shape type="cylinder">{steps}{flag}{GREY}</shape>')
+    arrays = flatten(scene, 8, 8).arrays
+    a, b, c = (arrays["vertices"][arrays["triangles"][:, i]].astype(float) for i in range(3))
+    outward = (np.cross(b - a, c - a) * (a - [3.0, 0.0, 0.0]) * [1.0, 1.0, 0.0]).sum(axis=1)
+    assert ((outward > 0.0) != flip).all()
+
+
 def test_an_area_light_with_a_name_is_not_left_out(tmp_path: Path) -> None:
     scene = mitsuba(
         tmp_path, '<shape type="rectangle"><ref id="lamp"/></shape>' + AREA.replace('"area"', '"area" id="lamp"')

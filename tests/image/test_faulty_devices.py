@@ -213,7 +213,8 @@ def test_a_program_with_a_thread_that_hangs_ends(device: Device, tmp_path: Path)
 def test_a_lying_device_is_found_and_its_work_done_again(
     device: Device, expected: str, constant: bool, places: tuple[int, int]
 ) -> None:
-    liar, honest = FaultyDevice(device, lie := Lie(constant=constant), name="liar"), FaultyDevice(device, name="honest")
+    lie = Lie(constant=constant)
+    liar, honest = FaultyDevice(device, lie, name="liar"), FaultyDevice(device, name="honest", waits_for=lie)
     pair = (liar, honest)
     outcome = share(*(pair[place] for place in places), spp=128)
     truth = share(honest, spp=128).image.stats["image_sha256"]
@@ -228,8 +229,9 @@ def test_a_lying_device_is_found_and_its_work_done_again(
 @pytest.mark.thorough
 def test_a_checkpoint_keeps_nothing_of_a_liar(device: Device, tmp_path: Path) -> None:
     """Nor does what is resumed: the film gives samples back while it is saved."""
-    honest, path = FaultyDevice(device, name="honest"), tmp_path / "a.film"
-    outcome = share(FaultyDevice(device, Lie(), name="liar"), honest, spp=128, checkpoint=path)
+    lie, path = Lie(), tmp_path / "a.film"
+    honest = FaultyDevice(device, name="honest", waits_for=lie)
+    outcome = share(FaultyDevice(device, lie, name="liar"), honest, spp=128, checkpoint=path)
     truth = share(honest, spp=128).image
     assert outcome.states == ["wrong", "ok"]
     saved = Film.load(path)
@@ -238,16 +240,18 @@ def test_a_checkpoint_keeps_nothing_of_a_liar(device: Device, tmp_path: Path) ->
     assert more.stats["resumed_samples"] == saved.ledger.samples
     assert more.stats["image_sha256"] == share(honest, spp=160).image.stats["image_sha256"]
     # And one that lies about what a checkpoint lacks, in parts of tiles
-    liar = FaultyDevice(device, Lie(), name="liar")
-    last = share(liar, honest, spp=256, tile=8, checkpoint=path, resume=True)
+    lie = Lie()
+    late = FaultyDevice(device, name="honest", waits_for=lie)
+    last = share(FaultyDevice(device, lie, name="liar"), late, spp=256, tile=8, checkpoint=path, resume=True)
     assert last.states == ["wrong", "ok"]
     assert last.image.stats["image_sha256"] == share(honest, spp=256).image.stats["image_sha256"]
 
 
 def test_layers_that_a_liar_may_have_made_are_made_again(device: Device) -> None:
     truth = share(FaultyDevice(device), aov=("albedo", "depth")).image
-    liar = FaultyDevice(device, Lie(), name="liar")
-    outcome = share(liar, FaultyDevice(device), aov=("albedo", "depth"))
+    lie = Lie()
+    honest = FaultyDevice(device, waits_for=lie)
+    outcome = share(FaultyDevice(device, lie, name="liar"), honest, aov=("albedo", "depth"))
     assert outcome.states[0] == "wrong"
     for name, layer in truth.aovs.items():
         assert outcome.image.aovs[name].tobytes() == layer.tobytes(), name
@@ -256,15 +260,17 @@ def test_layers_that_a_liar_may_have_made_are_made_again(device: Device) -> None
 def test_two_that_differ_and_pass_the_probe_are_both_refused(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody guesses which image is right."""
     monkeypatch.setattr("clrender.rendering.job_render.passes_probe", lambda device: True)
-    liar = FaultyDevice(device, Lie(constant=True), name="one")
+    lie = Lie(constant=True)
+    liar, honest = FaultyDevice(device, lie, name="one"), FaultyDevice(device, name="two", waits_for=lie)
     with pytest.raises(clrender.RenderError, match="give different results for the same samples, each the same every"):
-        share(liar, FaultyDevice(device, name="two"))
+        share(liar, honest)
 
 
 def test_two_of_one_driver_outvote_a_third(device: Device, expected: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("clrender.rendering.job_render.passes_probe", lambda device: pytest.fail("they need no probe"))
-    liar = FaultyDevice(device, Lie(constant=True), name="liar")
-    outcome = share(FaultyDevice(device, name="a"), liar, FaultyDevice(device, name="b"), spp=256)
+    lie = Lie(constant=True)
+    honest = [FaultyDevice(device, name=name, waits_for=lie) for name in ("a", "b")]
+    outcome = share(honest[0], FaultyDevice(device, lie, name="liar"), honest[1], spp=256)
     assert outcome.states == ["ok", "wrong", "ok"]
 
 

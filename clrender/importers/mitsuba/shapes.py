@@ -155,7 +155,7 @@ class ShapeReader:
             if name is not None:
                 described["material"] = name
         else:
-            described["material"] = self._default()
+            described["material"] = self._default(0.0 if emitters else 0.5)
         if emitters:
             if emitters[0].type not in ("area", "directionalarea"):
                 self._staging.note(f"{emitters[0].label} on a shape is not known and left out")
@@ -177,9 +177,9 @@ class ShapeReader:
             return None
         return described
 
-    def _default(self) -> str:
-        """Name of the diffuse grey material of shapes without a BSDF."""
-        return self._staging.material("default", {"type": "lambert", "reflectance": [0.5] * 3, "two_sided": False})
+    def _default(self, grey: float) -> str:
+        """Name of the diffuse material of shapes without a BSDF: black if they shine."""
+        return self._staging.material("default", {"type": "lambert", "reflectance": [grey] * 3, "two_sided": False})
 
     def _may_be_filled(self, material: str | None) -> bool:
         if material is None:
@@ -226,10 +226,9 @@ class ShapeReader:
         if not (radius > 0.0 and size > 0.0):
             raise plugin.fault("the cylinder has no radius or no length; give it both")
         matrix = product(product(matrix, frame_along(start, end - start)), scaling(radius, radius, size))
-        inside_out = flip != (handedness(plugin.matrix()) < 0.0)
-        self._staging.mesh(
-            {**described, **_flipped(inside_out)}, "cylinder", lambda: cylinder_mesh(1.0, 0.0, 1.0), matrix, plugin.line
-        )
+        # Unlike spheres, mirrored cylinders keep their front outside
+        described = {**described, **_flipped(flip)}
+        self._staging.mesh(described, "cylinder", lambda: cylinder_mesh(1.0, 0.0, 1.0), matrix, plugin.line)
 
     def _file(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
         file = plugin.text("filename")
