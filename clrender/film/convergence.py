@@ -58,6 +58,8 @@ class Convergence:
         Standard errors of the pixels' means, radiance; NaN where unknown.
     intervals : (height, width) float64
         Half-width of the confidence interval of each pixel's luminance.
+    tolerances : (height, width) float64
+        Largest allowed half-widths.
     unconverged : (height, width) bool
         Pixels that exceed their tolerance.
     wanted : float
@@ -66,6 +68,7 @@ class Convergence:
 
     errors: _Floats
     intervals: _Floats
+    tolerances: _Floats
     unconverged: npt.NDArray[np.bool_]
     wanted: float
 
@@ -112,7 +115,7 @@ def judge(film: Film, settings: RenderSettings) -> Convergence:
     intervals = quantile * pooled(own, scale)
     # A variance of zero may mean that no light was found yet, so such pixels are judged by their neighbours
     unconverged = ~(intervals <= tolerances) | ((own == 0.0) & _around(~(quantile * own <= tolerances)))
-    return Convergence(errors, intervals, unconverged, settings.share)
+    return Convergence(errors, intervals, tolerances, unconverged, settings.share)
 
 
 def interval_of_mean(settings: RenderSettings, replicates: int, error: _Floats) -> _Floats:

@@ -63,15 +63,16 @@ def _contents(scene: SceneContents) -> dict[str, bytes]:
     for at, shape in scene.all_shapes():
         if at[0] == "groups":
             content["groups"][at[1]]["shapes"][at[3]].pop("name", None)
-        if isinstance(shape, Mesh):
-            if shape.file is not None:
-                put_at(content, (*at, "file"), scene.mesh_of(at, shape).sha256())
-            _as_in_films(shape, _table_at(content, at))
+        if isinstance(shape, Mesh) and shape.file is not None:
+            put_at(content, (*at, "file"), scene.mesh_of(at, shape).sha256())
+        _as_in_films(shape, _table_at(content, at))
     for name, material in scene.materials.items():
         _as_in_films(material, content["materials"][name])
     for index, instance in scene.instances():
         if instance.file is not None:
             content["shapes"][index]["transforms"] = scene.transforms(index).sha256()
+    for part, table in zip(scene.lights, content["lights"], strict=True):
+        _as_in_films(part, table)
     picture = scene.environment_picture()
     for light in content["lights"]:
         if light["type"] == "environment" and picture is not None:

@@ -15,9 +15,10 @@
 // Of the material of these rows; of materials without rows 1.
 static vfloat opacity_of(const Scene* scene, vmask has_row, vuint material, const Attributes* attributes) {
     vfloat layer[16];
-    lane_rows(scene->material_rows, (has_row ? material : splat_uint(0u)) * 2u + 1u, layer);
+    const vuint of = has_row ? material : splat_uint(0u);    // what has none may have a colour in the place of the number
+    lane_rows(scene->material_rows, of * 2u + 1u, layer);
     const vfloat number = has_row ? layer[LAYER_ROW_OPACITY] : splat(1.0f);
-    const TextureSlots slots = parameter_slots(scene, attributes, material);
+    const TextureSlots slots = parameter_slots(scene, attributes, of);
     const vmask textured = has_row & parameter_textured(attributes, &slots, TEXTURE_OPACITY);
     if (!lane_any(textured)) return number;
     const vfloat value = parameter_number(scene, attributes, &slots, TEXTURE_OPACITY, number);

@@ -78,6 +78,19 @@ def test_a_hidden_sky_is_black_to_the_camera_only(device: Device, integrator: st
         assert (hidden[within] == seen[within]).all() and hidden[within].max() > 0.1
 
 
+def test_a_hidden_surface_with_a_texture_and_no_other_parameters(device: Device) -> None:
+    """Its material has a colour where others have the number of their row."""
+    scene = described(lamp=False)
+    scene["materials"]["checked"] = {"type": "lambert", "reflectance": {"checker": [0.2, 0.9]}}
+    scene["shapes"][LAMP] |= {"material": "checked"}
+    hidden = rendered(device, scene).linear
+    scene["shapes"][LAMP].pop("visible_to_camera")
+    seen = rendered(device, scene).linear
+    within, without = meets(device, described(), LAMP)
+    np.testing.assert_allclose(hidden[within], np.broadcast_to(SKY, hidden[within].shape), rtol=1e-6)
+    assert (hidden[without] == seen[without]).all()
+
+
 def test_a_hidden_sun_and_sky(device: Device) -> None:
     scene = described()
     scene["lights"] = [{"type": "sun_sky", "sun_direction": [0.0, 0.25, -1.0], "scale": 0.01}]

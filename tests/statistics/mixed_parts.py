@@ -228,7 +228,7 @@ def _principled(draw: Draw) -> Json:
         made["emission"] = texture(draw, 0.1, 0.9, number=False) if draw.chance(0.5) else draw.color()
         made |= _optional(draw, emission_strength=lambda: draw.between(0.5, 2.0))
     if not made.keys() & {"transmission", "coat", "sheen_color"}:
-        made |= _optional(draw, microfacets=lambda: "beckmann")
+        made |= _optional(draw, microfacets=lambda: draw.one(("ggx", "beckmann")))
     return made
 
 

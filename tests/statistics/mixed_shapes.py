@@ -118,10 +118,9 @@ class Things:
             self.materials[name] = {"type": "lambert", "reflectance": reflectance}
         else:
             name = self.material(draw.one(("lambert", "oren_nayar", "conductor")))
-            emission = draw.one((draw.color(0.5, 3.0), {"texture": "colors.png", "scale": draw.between(1.0, 4.0)}))
-            emission = draw.one(
-                (emission, {draw.one(("checker", "ramp")): [draw.color(0.5, 3.0), draw.between(0.5, 3.0)]})
-            )
+            picture = {"texture": "colors.png", "scale": draw.between(1.0, 4.0)}
+            made = {draw.one(("checker", "ramp")): [draw.color(0.5, 3.0), draw.between(0.5, 3.0)]}
+            emission = draw.one((draw.color(0.5, 3.0), picture, made))
         shape = self._form(
             white or draw.chance(0.5),
             draw.point(reach),
