@@ -289,7 +289,7 @@ class _Maker:
             turn[:, 0] *= np.linalg.det(turn)
             radius, size = self.random.uniform([0.1, 0.2], [0.5, 1.5])
             matrix = np.column_stack([turn * [radius, radius, size], self._place()])
-            shape = {"type": "mesh", "file": "cylinder.ply", "name": f"{_CYLINDER}{number}"}
+            shape: dict[str, Any] = {"type": "mesh", "file": "cylinder.ply", "name": f"{_CYLINDER}{number}"}
             shape |= {"transform": {"matrix": [*matrix.tolist(), [0.0, 0.0, 0.0, 1.0]]}}
             shape |= {"material": str(self.random.choice(opaque))}
             if self.random.random() < 0.2:
@@ -382,7 +382,7 @@ def _write_cylinder(path: Path) -> None:
 
     In rows, since the test of a ray and a triangle allows for rounding, by a share of the length of slender triangles.
     """
-    from clrender.exporters.mitsuba_shapes import write_plain_ply
+    from clrender.exporters.triangles import write_plain_ply
     from clrender.importers.shared.meshes import cylinder_mesh
     from clrender.meshes.data import MeshData
 

@@ -102,7 +102,7 @@ def register(mi: Any) -> None:
 
     table = mi.Texture2f(mi.TensorXf(_albedos()))
 
-    class Plastic(mi.BSDF):  # type: ignore[misc, name-defined]
+    class Plastic(mi.BSDF):  # type: ignore[misc]
         """A plastic, smooth or rough."""
 
         def __init__(self, properties: Any) -> None:

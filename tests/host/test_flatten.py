@@ -502,8 +502,8 @@ def test_tables_of_beckmann_are_there_where_it_scatters_more_than_once() -> None
             described = {"camera": {"position": (0, 0, 3), "target": (0, 0, 0)}, "materials": {"m": {**kind, **facets}}}
             tables = flatten(scenes.Scene.model_validate(described), 8, 8).arrays["albedo_tables"]
             assert len(tables) == (layout.ALBEDO_TURNED_GLASS if multiple else layout.ALBEDO_END)
-    for facets, end in (("beckmann", layout.ALBEDO_TURNED_GLASS), ("ggx", layout.ALBEDO_END)):
-        plastic = {"type": "principled", "microfacets": facets}
+    for name, end in (("beckmann", layout.ALBEDO_TURNED_GLASS), ("ggx", layout.ALBEDO_END)):
+        plastic = {"type": "principled", "microfacets": name}
         described = {"camera": {"position": (0, 0, 3), "target": (0, 0, 0)}, "materials": {"m": plastic}}
         assert len(flatten(scenes.Scene.model_validate(described), 8, 8).arrays["albedo_tables"]) == end
 

@@ -604,7 +604,7 @@ def test_mitsuba_3_takes_the_axis_of_a_rotation_as_it_is(tmp_path: Path) -> None
 def test_what_shines_reflects_nothing_unless_its_bsdf_says_so(tmp_path: Path, version: str) -> None:
     inside = ("", AREA, AREA + GREY)
     scene = mitsuba(tmp_path, "".join(f'<shape type="rectangle">{each}</shape>' for each in inside), version)
-    found = [scene.materials[shape.material or ""].reflectance[0] for shape in scene.shapes]  # type: ignore[union-attr]
+    found = [dump(scene.materials[shape.material or ""])["reflectance"][0] for shape in scene.plain_shapes]
     assert found == [0.5, 0.0, 0.5]
 
 

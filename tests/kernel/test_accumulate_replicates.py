@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from test_accumulate import HEIGHT, SLOTS, TILE, WIDTH, all_of_float, as_integers, expected, inside, quanta
+from exact_sums import quanta
+from test_accumulate import HEIGHT, SLOTS, TILE, WIDTH, all_of_float, as_integers, expected, inside
 
 from clrender import layout
 from clrender.device.launch import Scratch
