@@ -134,7 +134,14 @@ def test_a_wrong_image_is_found(oracle: Oracle, monkeypatch: pytest.MonkeyPatch)
         return made
 
     monkeypatch.setattr(mixed_oracles, "moved", brighter)
-    lit = Mixed("lit", {**mixed_scene("light", 0).content, "lights": [{"type": "environment", "radiance": [1.0] * 3}]})
+    ball = {"type": "sphere", "radius": 1.0, "material": "grey"}
+    content = {
+        "camera": {"position": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0]},
+        "materials": {"grey": {"type": "lambert", "reflectance": [0.5] * 3}},
+        "shapes": [ball],
+        "lights": [{"type": "environment", "radiance": [1.0] * 3}],
+    }
+    lit = Mixed("lit", content)
     assert {each.way.partition(" ")[0] for each in surprising(list(oracle.judged(lit)), ALARM)} == {"moved"}
     assert surprising(list(oracle.judged(dataclasses.replace(mixed_scene("white", 2), exact=1.02))), ALARM)
     assert surprising(list(oracle.judged(dataclasses.replace(lit, exact=0.0))), ALARM)
