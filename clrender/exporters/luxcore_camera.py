@@ -67,6 +67,8 @@ def settings(target: Target) -> Properties:
         target.leave_out("the radius of the pixel filter", "render", "filter_radius")
     hides_lights(target, can=False)
     depth = path_depth(target)
+    if depth is not None and depth > _DEEPEST:
+        target.leave_out(f"scattering events beyond {_DEEPEST}", "render", "max_depth")
     depth = _DEEPEST if depth is None else min(depth, _DEEPEST)
     values: Properties = {
         "renderengine.type": "PATHCPU",

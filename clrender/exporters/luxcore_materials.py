@@ -133,6 +133,8 @@ class MaterialWriter:
         if material.normal_map is not None:
             if material.bump_map is not None:
                 self._target.leave_out("the bump map beside a normal map", *at, "bump_map")
+            sentence = "the balance of normal maps, with which LuxCore's images are 1 to 2 % darker"
+            self._target.leave_out(sentence, *at, "normal_map")
             return {"bumptex": self._textures.normal_map(material.normal_map, (*at, "normal_map"))}
         if material.bump_map is not None:
             return {"bumptex": self._textures.bump_map(material.bump_map, (*at, "bump_map"))}

@@ -325,6 +325,8 @@ def test_maps(picture: Path) -> None:
         ("grazing angles", {"materials": {"m": METAL}}),
         ("the exposure", {"camera": {**CAMERA, "f_stop": 8.0, "shutter": 0.01}}),
         ("the integrator photon", {"render": {"integrator": "photon"}}),
+        ("scattering events beyond 1000", {"render": {"max_depth": 1001}}),
+        ("the balance of normal maps", {"materials": {"m": {**GREY, "normal_map": {"texture": "a.png"}}}}),
         ("the radius of the pixel filter", {"render": {"filter": "mitchell", "filter_radius": 1.0}}),
         ("the camera does not see it", {"shapes": [{**QUAD, "visible_to_camera": False}]}),
         (

@@ -158,6 +158,13 @@ def test_hide_emitters_of_mitsuba(tmp_path: Path) -> None:
     assert not any("camera does not see" in note for note in notes)
     again = clrender.load(tmp_path / "b.xml")
     assert [shape.visible_to_camera for shape in again.plain_shapes] == [True, False]
+    turn = '<transform name="to_world"><rotate x="1" angle="-90"/></transform>'
+    sky = text.replace('<emitter type="constant"/>', f'<emitter type="sunsky">{turn}</emitter>')
+    glass = '<bsdf type="principled"><float name="spec_trans" value="0.5"/></bsdf><emitter type="area">'
+    (tmp_path / "d.xml").write_text(sky.replace('<emitter type="area">', glass))
+    other = clrender.load(tmp_path / "d.xml")
+    assert other.sky is not None and not other.sky.visible_to_camera
+    assert other.plain_shapes[1].visible_to_camera and any("a light with an inside" in note for note in other.notes)
     mixed = scene.changed({"shapes[0].visible_to_camera": False, "shapes[1].visible_to_camera": True})
     notes = write_mitsuba(mixed, tmp_path / "c.xml")
     assert any("camera does not see" in note for note in notes)

@@ -91,13 +91,14 @@ class _Settings:
         materials = description["materials"]
         for shape in description["shapes"]:
             material = materials.get(shape.get("material"), {})
-            solid = material.get("type") in ("dielectric", "subsurface") and not material.get("thin")
+            passes = material.get("type") in ("dielectric", "subsurface") or material.get("transmission", 0.0) != 0.0
+            solid = passes and not material.get("thin")
             if "emission" in shape and (solid or "interior" in shape):
                 self._staging.note("a light with an inside is seen although the file hides lights")
             elif "emission" in shape:
                 shape["visible_to_camera"] = False
         for light in description["lights"]:
-            if light["type"] == "environment":
+            if light["type"] in ("environment", "sun_sky"):
                 light["visible_to_camera"] = False
 
     def _tell_unused(self, plugin: Plugin) -> None:
