@@ -11,7 +11,7 @@ import pytest
 from cases import for_each
 from click.testing import CliRunner
 
-from clrender.cli.tonemap import tonemap
+from clrender.cli import main
 from clrender.errors import SceneError, UsageError
 from clrender.film import Film
 from clrender.image.display import open_display
@@ -115,7 +115,9 @@ def test_tonemap_exposes_as_the_image_says_unless_it_is_told(tmp_path: Path) -> 
     write_image(tmp_path / "a.exr", np.full((2, 3, 3), radiance, np.float32), {"camera_exposure": SUNNY_16})
     for options, value in (([], 0.25), (["--iso", "200"], 0.5), (["--shutter", "1/50", "--exposure", "-2"], 0.125)):
         made = tmp_path / "a.png"
-        done = CliRunner().invoke(tonemap, [str(tmp_path / "a.exr"), "-o", str(made), "--tone-map", "linear", *options])
+        done = CliRunner().invoke(
+            main, ["tonemap", str(tmp_path / "a.exr"), "-o", str(made), "--tone-map", "linear", *options]
+        )
         assert done.exit_code == 0, done.output
         with made.open("rb") as file:
             assert np.asarray(open_display(file)).max() == round(255 * value), options
