@@ -53,7 +53,7 @@ _SHORT_LOOPS: Final = ("rusticl",)
 A work-item then gets only one sample; if even that is not written, it counts as not finite."""
 
 _NO_PREFETCH: Final = ("oclgrind",)
-"""Platforms without a prefetch instruction: an interpreter."""
+"""Platforms of CPUs without a prefetch instruction: an interpreter."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ class DeviceWorker:
             self._slice_seconds = launch.slice_seconds
             platform = device.info.platform.lower()
             self._short_loops = any(name in platform for name in _SHORT_LOOPS)
-            self._prefetches = self._parts and not any(name in platform for name in _NO_PREFETCH)
+            self._prefetches = self._parts and device.is_cpu and not any(name in platform for name in _NO_PREFETCH)
             self._defined = self._defines(launch)
             self._pipeline = pipeline
             self._program = device.program(pipeline.entry, {**self._defined, "PACKETS": self._packets})

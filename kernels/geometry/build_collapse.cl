@@ -108,11 +108,10 @@ static uint collapse_node(__global const float* node_boxes, __global const uint*
 }
 
 // Where in blocks of their own the packs of one kind among the children go: the largest first, each into the first block that has
-// room. Returns how many blocks. With NONE a child is something else.
+// room. Returns how many blocks. `places` of other children stay as they are.
 static uint collapse_places(const Child child[8], uint count, uint kind, uint places[8]) {
     uint taken[8];
     uint blocks = 0;
-    for (uint i = 0; i < count; ++i) places[i] = NONE;
     for (uint size = 8; size > 0; --size) {
         for (uint i = 0; i < count; ++i) {
             if (child[i].members != (kind | size)) continue;
@@ -158,9 +157,9 @@ __kernel void build_next_tasks(COLLAPSE_PARAMETERS, __global const uint* inner, 
         if (!cost_fits_leaf(child[i].members)) next_tasks[next++] = child[i].nodes[0];
 }
 
-// The units below the nodes that become a pack, in order.
+// Writes the units below the nodes that become a pack, in order, and returns how many there are.
 static uint collapse_units(__global const uint2* children, __global const uint* order, uint leaf_count, const Child* child,
-                           uint units[8]) {
+                           __global uint* columns) {
     uint count = 0;
     for (uint k = 0; k < child->count; ++k) {
         uint stack[8];
@@ -169,7 +168,7 @@ static uint collapse_units(__global const uint2* children, __global const uint* 
         while (top > 0) {
             const uint at = stack[--top];
             if (at < leaf_count) {
-                units[count++] = order[at];
+                columns[count++] = order[at];
             } else {
                 stack[top++] = children[at].y;
                 stack[top++] = children[at].x;
@@ -189,6 +188,9 @@ static void collapse_put(__global float* node, uint place, Box b, uint reference
 
 // Writes the nodes of a level, what the columns of its packs hold, and the tasks of the next level. `first_*`: how many of each exist from
 // earlier levels.
+//
+// The children's places are one array and units are written where they belong: an array of units beside two of places shared memory with
+// one of these in what NVIDIA's compiler made of it (driver 580).
 __kernel void build_collapse(COLLAPSE_PARAMETERS, __global const uint* inner, __global const uint* triangle_offsets,
                              __global const uint* analytic_offsets, __global const uint* order, __global const uint* instances,
                              uint primitive_units, uint leaf_count, uint first_node,
@@ -198,12 +200,12 @@ __kernel void build_collapse(COLLAPSE_PARAMETERS, __global const uint* inner, __
     if (task >= task_count) return;
     __global float* node = nodes + (size_t)(first_node + task) * BVH_NODE_WORDS;
     Child child[8];
-    uint next = inner[task], triangle_places[8], analytic_places[8];
+    uint next = inner[task], places[8];
     const uint count = COLLAPSE_CHILDREN(child);
     const uint first_triangle = (first_triangle_block + triangle_offsets[task]) * 8;
     const uint first_analytic = (first_analytic_block + analytic_offsets[task]) * 8;
-    const uint triangle_blocks = collapse_places(child, count, MEMBERS_TRIANGLE, triangle_places);
-    const uint analytic_blocks = collapse_places(child, count, MEMBERS_ANALYTIC, analytic_places);
+    const uint triangle_blocks = collapse_places(child, count, MEMBERS_TRIANGLE, places);
+    const uint analytic_blocks = collapse_places(child, count, MEMBERS_ANALYTIC, places);
     for (uint k = 0; k < triangle_blocks * 8; ++k) triangle_columns[first_triangle + k] = NONE;
     for (uint k = 0; k < analytic_blocks * 8; ++k) analytic_columns[first_analytic + k] = NONE;
     for (uint i = 0; i < 8; ++i) {
@@ -213,16 +215,12 @@ __kernel void build_collapse(COLLAPSE_PARAMETERS, __global const uint* inner, __
         if (i < count && !cost_fits_leaf(child[i].members)) {
             reference = first_node + task_count + next;
             next_tasks[next++] = child[i].nodes[0];
+        } else if (i < count && child[i].members & MEMBERS_INSTANCE) {
+            reference = BVH_INSTANCE | instances[order[child[i].nodes[0]] - primitive_units];
         } else if (i < count) {
-            uint units[8];
-            const uint size = collapse_units(children, order, leaf_count, &child[i], units);
-            if (child[i].members & MEMBERS_INSTANCE) {
-                collapse_put(node, i, b, BVH_INSTANCE | instances[units[0] - primitive_units]);
-                continue;
-            }
-            const int analytic = triangle_places[i] == NONE;
-            const uint place = analytic ? first_analytic + analytic_places[i] : first_triangle + triangle_places[i];
-            for (uint k = 0; k < size; ++k) (analytic ? analytic_columns : triangle_columns)[place + k] = units[k];
+            const int analytic = (child[i].members & MEMBERS_ANALYTIC) != 0;
+            const uint place = (analytic ? first_analytic : first_triangle) + places[i];
+            const uint size = collapse_units(children, order, leaf_count, &child[i], (analytic ? analytic_columns : triangle_columns) + place);
             reference = BVH_LEAF | (analytic ? BVH_ANALYTIC : 0u) | (size - 1u) << BVH_COUNT | place;
         }
         collapse_put(node, i, b, reference);
