@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import platform
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -23,7 +24,7 @@ from faulty_device import CALLS, Fault, FaultyDevice
 from image_support import SCENES, Cutting, render
 
 import clrender
-from clrender.bench import measure, summary, write_scene
+from clrender.bench import measure, write_scene
 from clrender.bench.peers import SEGMENTS, Peer, Task
 from clrender.drivers import inventory, select
 from clrender.drivers.diagnose import diagnose
@@ -103,7 +104,7 @@ def main() -> int:
     options.output.mkdir(parents=True, exist_ok=True)
     check = Check(options.output, options.seconds)
     check.say(f"# GPU check of clrender {clrender.__version__}, {time.strftime('%Y-%m-%d %H:%M')}")
-    check.step("Machine", 0.0, _machine)
+    check.step("Machine", 0.0, _machine, check)
     check.step("Drivers", 0.0, _drivers, check)
     try:
         devices = select([options.device], notify=_say)
@@ -144,13 +145,14 @@ def _options() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _machine() -> dict[str, Any]:
+def _machine(check: Check) -> dict[str, Any]:
     """Description of the machine; with the output of NVIDIA's tool, if installed."""
     query = ["nvidia-smi", "--query-gpu=name,driver_version,memory.total,power.limit", "--format=csv,noheader"]
     try:
         told = subprocess.run(query, capture_output=True, text=True, check=False, timeout=20.0).stdout.splitlines()
     except (OSError, subprocess.TimeoutExpired):
         told = []
+    check.say(f"- {platform.platform()}, Python {platform.python_version()}", *(f"- {line}" for line in told))
     return {"machine": platform.platform(), "python": platform.python_version(), "nvidia_smi": told}
 
 
@@ -261,14 +263,16 @@ def _speed(check: Check, device: Device, scene: str, task: Task, repeats: int) -
             raise
         check.say(f"Without a peer: {error}", "")
         runs = measure([scene], [], task, repeats, device.info.name)
-    walls: dict[str, list[float]] = {}
+    rates: dict[str, list[float]] = {}
     for run in runs:
-        walls.setdefault(run.renderer, []).append(run.paths / run.wall_seconds / 1e6)
+        rates.setdefault(run.renderer, []).append(run.paths / run.wall_seconds / 1e6)
     check.say("| renderer | Mpaths/s of elapsed time | lowest | highest |", "|---|---|---|---|")
-    for renderer, rates in walls.items():
-        middle = sorted(rates)[len(rates) // 2]
-        check.say(f"| {renderer} | {middle:.2f} | {min(rates):.2f} | {max(rates):.2f} |")
-    return summary(runs)
+    rows = []
+    for renderer, each in rates.items():
+        row = {"mpaths_per_second": statistics.median(each), "lowest": min(each), "highest": max(each)}
+        check.say(f"| {renderer} | " + " | ".join(f"{rate:.2f}" for rate in row.values()) + " |")
+        rows.append({"scene": scene, "renderer": renderer, "runs": len(each), **row})
+    return rows
 
 
 def _say(line: str) -> None:
