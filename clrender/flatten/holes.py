@@ -53,7 +53,8 @@ def hole_rows(scene: Scene, surfaces: FlatSurfaces, textures: FlatTextures) -> N
     -------
     (N, 64) uint32
         Cell (i, j), where the weights of B and C begin at i / 32 and j / 32, is bit 32 j + i. In the first half of a
-        row the bit means that the cell is fully transparent, in the second that it is fully opaque. Row 0 has no bits.
+        row the bit means that the cell is fully transparent, in the second that it is fully opaque. Row 0 has no bits;
+        triangles have it whose side BC is much the shortest, because the BVH stores them as B C A.
     """
     rows = [np.zeros((1, 2 * _WORDS), np.uint32)]
     made = 1
@@ -74,11 +75,18 @@ def hole_rows(scene: Scene, surfaces: FlatSurfaces, textures: FlatTextures) -> N
         corners, of = _different(surfaces.attributes[triangles, first : first + 6])
         corners = corners[: max(0, _MOST_ROWS - made)]
         bits = _masks(means, scene.materials[name].opacity_cutoff, corners.reshape(-1, 3, 2).astype(np.float64))
-        row = np.where(of < len(corners), of + made, 0).astype(np.uint32)
+        known = (of < len(corners)) & ~_turned(surfaces.vertices[surfaces.triangles[triangles]])
+        row = np.where(known, of + made, 0).astype(np.uint32)
         surfaces.attributes[triangles, _COLUMN] = row.view(np.float32)
         rows.append(bits)
         made += len(bits)
     return np.concatenate(rows)
+
+
+def _turned(corners: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Which triangles, (N, 3, 3), the BVH may store with other vertices first (``kernels/geometry/triangle.h``)."""
+    ab, bc, ca = (np.abs(corners - np.roll(corners, -1, axis=1)).max(axis=2)).T
+    return np.asarray(bc * np.float32(3.9) < np.maximum(ab, ca))
 
 
 def _different(rows: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:

@@ -267,11 +267,16 @@ __kernel void build_triangle_columns(__global const uint* columns, uint count, _
         vec3 corner[6];
         for (uint k = 0; k < (unit & BVH_PAIR ? 6u : 3u); ++k)
             corner[k] = build_vertex(vertices, triangles, (size_t)(unit & ~BVH_PAIR) * 3 + k);
-        Triangle t = triangle_of(corner[0], corner[1], corner[2]);
-        if (unit & BVH_PAIR) t = triangle_pair_of(corner[0], corner[1], corner[2], corner[5]);
+        Triangle t;
+        if (unit & BVH_PAIR)
+            t = triangle_pair_of(corner[0], corner[1], corner[2], corner[5]);
+        else if (triangle_turns(corner[0], corner[1], corner[2]))
+            t = triangle_of(corner[1], corner[2], corner[0]);
+        else
+            t = triangle_of(corner[0], corner[1], corner[2]);
         const vec3 vectors[4] = {t.a, t.ab, t.ca, t.normal};
         for (uint k = 0; k < 4; ++k) rows[k * 3] = vectors[k].x, rows[k * 3 + 1] = vectors[k].y, rows[k * 3 + 2] = vectors[k].z;
-        rows[12] = t.size, rows[13] = t.unsure, rows[14] = t.diagonal;
+        rows[12] = t.size_ab, rows[13] = t.unsure, rows[14] = t.size_ca;
         rows[TRIANGLE_ID / 8] = as_float(unit | BVH_NUMBER);
     }
     for (uint k = 0; k < TRIANGLE_BLOCK_WORDS / 8; ++k) column[k * 8] = rows[k];

@@ -3,7 +3,8 @@
 #include "geometry/build.h"
 
 // Whether triangle i and the next are the halves A B C and A C D of a parallelogram, to within the rounding of its corners, which is
-// tested at the price of one triangle. Only every second triangle of a shape is asked, so that none is in two pairs.
+// tested at the price of one triangle. Of a slender one, the rounding counts by how slender it is, since its ends are found by the long
+// sides; but not where it is square to an axis, which is tested in another way. Only every second triangle of a shape is asked, so that none is in two pairs.
 static int build_is_pair(__global const float* vertices, __global const uint* triangles, __global const uint* primitive_shape,
                          __global const Shape* shapes, uint triangle_count, uint i) {
     if (i + 1 >= triangle_count || primitive_shape[i] != primitive_shape[i + 1]) return 0;
@@ -15,7 +16,11 @@ static int build_is_pair(__global const float* vertices, __global const uint* tr
     if (largest_size(other) != 0.0f || largest_size(again) != 0.0f) return 0;
     const float coordinate = greater(greater(largest_size(a), largest_size(b)), greater(largest_size(c), largest_size(d)));
     const vec3 normal = outer(sub(b, a), sub(d, a));
-    return largest_size(normal) > 0.0f && parallelogram_gap(a, b, c, d) <= coordinate * (8.0f * EPSILON);
+    if (!(largest_size(normal) > 0.0f)) return 0;
+    const float size_ab = largest_size(sub(b, a)), size_ad = largest_size(sub(d, a)), size = greater(size_ab, size_ad);
+    const float slender = lesser(size_ab, size_ad) * inverse_scale(vec3_of(size, size, size)) * 16.0f;
+    const float allowed = slender < 1.0f && build_rectangle_axis(a, b, c, d) == 3 ? slender : 1.0f;
+    return parallelogram_gap(a, b, c, d) <= coordinate * (8.0f * EPSILON) * allowed;
 }
 
 // For each triangle whether something begins with it: not with the second of a pair.

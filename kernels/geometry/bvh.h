@@ -21,8 +21,8 @@
 #define BVH_HIGH 24
 #define BVH_CHILD 48
 
-// Rows of a block of triangles, as triangle.h prepares them: a, ab, ca, normal, three axes each, size, unsure, diagonal; then the
-// primitives' numbers. With BVH_PAIR the primitive and the next one are a parallelogram.
+// Rows of a block of triangles, as triangle.h prepares them: a, ab, ca, normal, three axes each, size_ab, unsure, size_ca; then
+// the primitives' numbers. With BVH_PAIR the primitive and the next one are a parallelogram.
 #define TRIANGLE_BLOCK_WORDS 128
 #define TRIANGLE_ID 120
 #define BVH_PAIR 0x80000000u

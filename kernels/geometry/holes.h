@@ -2,7 +2,7 @@
 // (Gruen, Benthin and Woop, "Sub-triangle opacity masks for faster ray tracing of transparent objects", HPG 2020).
 //
 // The host leaves out cells that rounding might shift a hit out of (clrender/flatten/holes.py). So the bits change no image: what they
-// do not say, the texture does (geometry/find.h).
+// do not say, the texture does (geometry/find.h). Nor has it bits for triangles that the tree turns (triangle.h), whose weights are others'.
 //
 // Built only where a scene has such triangles (-D HOLES).
 #ifndef GEOMETRY_HOLES_H

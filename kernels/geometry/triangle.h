@@ -4,7 +4,7 @@
 
 #include "core/exact.h"
 
-#define TRIANGLE_SLACK (10.0f * EPSILON)
+#define TRIANGLE_SLACK (5.0f * EPSILON)
 
 // No determinant so small is told from zero: on zero's sign, and on what is smaller than a normal number, drivers do not agree.
 #define TRIANGLE_EDGE_ON 1.0e-36f
@@ -12,9 +12,9 @@
 typedef struct {
     vec3 a, ab, ca;      // the vertex A, B − A, A − C
     vec3 normal;         // (B − A) × (C − A)
-    vfloat size;         // the largest component of the edges
+    vfloat size_ab;      // the largest component of B − A
     vfloat unsure;       // twice the error of the determinant, for a direction whose largest component is 1, over TRIANGLE_SLACK
-    vfloat diagonal;     // 1; 0 for a parallelogram, the two triangles A B C and A C D as one: D stands for C in the above
+    vfloat size_ca;      // of A − C; negative for a parallelogram, the two triangles A B C and A C D as one: D stands for C in the above
 } Triangle;
 
 // What rounding took away from b − a, exactly (Knuth's two-sum), but for its sign.
@@ -40,9 +40,10 @@ static Triangle triangle_of(vec3 a, vec3 b, vec3 c) {
     t.a = a;
     t.ab = sub(b, a);
     t.ca = sub(a, c);
-    t.size = greater(largest_size(t.ab), largest_size(t.ca));
-    t.diagonal = splat(1.0f);
-    const vfloat up = inverse_scale(vec3_of(t.size, t.size, t.size)), down = inverse_scale(vec3_of(up, up, up));
+    t.size_ab = largest_size(t.ab);
+    t.size_ca = largest_size(t.ca);
+    const vfloat size = greater(t.size_ab, t.size_ca);
+    const vfloat up = inverse_scale(vec3_of(size, size, size)), down = inverse_scale(vec3_of(up, up, up));
     const vec3 ab = scale(t.ab, up), ca = scale(t.ca, up), normal = outer(ca, ab);
     // Each component of the normal is off by two roundings of its own, and by the edges' errors times the other edge, twice; the
     // three products of the determinant by three roundings.
@@ -61,11 +62,17 @@ static vfloat parallelogram_gap(vec3 a, vec3 b, vec3 c, vec3 d) {
     return (absolute(gap.x) + absolute(gap.y) + absolute(gap.z)) * 1.000001f + lost * 3.0f;
 }
 
+// Whether the triangle had better be B C A: beside a side that is much shorter than the two others rays are told apart best where that side is
+// not the third, whose error has the others' in it.
+static vmask triangle_turns(vec3 a, vec3 b, vec3 c) {
+    return largest_size(sub(c, b)) * 4.0f < greater(largest_size(sub(b, a)), largest_size(sub(a, c)));
+}
+
 // The triangles A B C and A C D as one. A gap moves the weights by no more than 2 m size gap.
 static Triangle triangle_pair_of(vec3 a, vec3 b, vec3 c, vec3 d) {
     Triangle t = triangle_of(a, b, d);
-    t.unsure = t.unsure + parallelogram_gap(a, b, c, d) * t.size * (2.0f / TRIANGLE_SLACK);
-    t.diagonal = splat(0.0f);
+    t.unsure = t.unsure + parallelogram_gap(a, b, c, d) * greater(t.size_ab, t.size_ca) * (2.0f / TRIANGLE_SLACK);
+    t.size_ca = -t.size_ca;
     return t;
 }
 

@@ -82,6 +82,7 @@ def _relative(points: npt.NDArray[np.float32], rays: Rays) -> Floats:
 def triangles(rays: Rays, corners: npt.NDArray[np.float32]) -> Candidates:
     """Candidates of (t, 3, 3) triangles."""
     d = rays.directions.astype(np.float64)[:, None]
+    corners = _turned(corners)
     vertices = corners.astype(np.float64)
     ab, ac = vertices[:, 1] - vertices[:, 0], vertices[:, 2] - vertices[:, 0]
     normal = np.cross(ab, ac)
@@ -91,24 +92,31 @@ def triangles(rays: Rays, corners: npt.NDArray[np.float32]) -> Candidates:
     determinant = (normal * d).sum(2)
     sign = np.where(determinant < 0, -1.0, 1.0)
     b, c = (across * ac).sum(2) * sign, -(across * ab).sum(2) * sign
-    least = np.minimum(np.minimum(b, c), np.abs(determinant) - b - c)
+    rest = np.abs(determinant) - b - c
 
     ab, ac, gap = _tested(vertices)
-    size = np.maximum(np.abs(ab), np.abs(ac)).max(1)
+    size_ab, size_ac = np.abs(ab).max(1), np.abs(ac).max(1)
     lost = [np.abs(edge - edge.astype(np.float32)).max(1) for edge in (ab, ac)]
-    edges = 2 * (lost[0] * np.abs(ac).max(1) + lost[1] * np.abs(ab).max(1))
+    edges = 2 * (lost[0] * size_ac + lost[1] * size_ab)
     unsure = (3 * edges + 5 * EPS * np.abs(normal).sum(1)) * main
-    edge_on = (2.125 * unsure + 2 * gap * size * main) * (1 + 16 * EPS) + 1e-36
-    unsure = unsure + 2 * gap * size * main
-    allowed = (10 * EPS * main * size * (away + 6 * size) + edge_on) * np.where(gap > 0, 2, 1)
+    moved = 2 * gap * np.maximum(size_ab, size_ac) * main
+    edge_on = (2.125 * unsure + moved) * (1 + 16 * EPS) + 1e-36
+    unsure = unsure + moved
+    # Of a parallelogram both weights reach over the whole: a half's may be those of the other side as well.
+    reach = 5 * EPS * (main * away + 1.5 * np.abs(across).sum(2))
+    allowed_b, allowed_c = (
+        (reach * np.where(gap > 0, np.maximum(size_ab, size_ac), size) + edge_on) * np.where(gap > 0, 2, 1)
+        for size in (size_ac, size_ab)
+    )
     with np.errstate(all="ignore"):
         distance = (to * normal).sum(2) / determinant
         flat_error = edges * away + 6 * EPS * (np.abs(to) * np.abs(normal)).sum(2) + gap * np.abs(normal).sum(1)
         error = (flat_error + np.abs(distance) * unsure) / (np.abs(determinant) - unsure)
         tolerance = error + 8 * EPS * np.abs(distance) + 1e-37
-    inside = least >= 0
+    inside = (b >= 0) & (c >= 0) & (rest >= 0)
     sure = inside & (np.abs(determinant) - unsure > edge_on) & (distance > tolerance)
-    possible = (least >= -2 * allowed) & (np.abs(determinant) + unsure > edge_on)
+    near = (b >= -2 * allowed_b) & (c >= -2 * allowed_c) & (rest >= -2 * (allowed_b + allowed_c))
+    possible = near & (np.abs(determinant) + unsure > edge_on)
     nothing = np.zeros_like(distance)
     found = Candidates(sure, possible, distance, tolerance, nothing, nothing + np.inf, ~inside)
     for pair in _rectangles(corners):
@@ -157,6 +165,13 @@ def _rectangle(rays: Rays, pair: npt.NDArray[np.float32], number: int, found: Ca
         found.possible[:, column] = met & (side >= -doubt)
         found.distance[:, column], found.tolerance[:, column] = distance, tolerance
         found.loose[:, column] = ~(met & (beside <= 0).all(1))
+
+
+def _turned(corners: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """The triangles with the vertex first that the kernels have first."""
+    ab, bc, ca = np.abs(corners - np.roll(corners, -1, axis=1)).max(2).T
+    turns = (bc * 4 < np.maximum(ab, ca)) & (_tested(corners.astype(np.float64))[2] == 0)
+    return np.where(turns[:, None, None], np.roll(corners, -1, axis=1), corners)
 
 
 def _tested(vertices: Floats) -> tuple[Floats, Floats, Floats]:

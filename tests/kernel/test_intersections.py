@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import reference
+from cases import for_each
 from kernel_support import (
     FAR,
     Hits,
@@ -340,6 +341,52 @@ def test_of_equally_near_hits_the_first_primitive_counts(device: Device) -> None
         for lanes, single in ((16, False), (1, True)):
             hits = trace(tree, Rays.of(origins, (0.0, 0.0, -1.0)), lanes, single)
             assert (hits.primitives == 0).all()
+
+
+def reach_of(device: Device, corners: Points, faces: list[list[int]], rng: np.random.Generator) -> tuple[float, float]:
+    """Of a slender shape of length 2, from 4 away: how far rays hit it beyond its ends, and the area hit over its own."""
+    world = corners.astype(np.float32)
+    exact = world.astype(np.float64)
+    sides = np.roll(exact, -1, axis=0) - exact
+    along = max(sides, key=lambda side: float(side @ side))
+    along /= np.linalg.norm(along)
+    normal = np.cross(sides[0], sides[1]) / np.linalg.norm(np.cross(sides[0], sides[1]))
+    aside = np.cross(normal, along)
+    middle = (exact.min(0) + exact.max(0)) / 2
+    (low, left), (high, right) = ((f((exact - middle) @ along), f((exact - middle) @ aside)) for f in (np.min, np.max))
+    u, v = rng.uniform(low - 0.2, high + 0.2, 200_000), rng.uniform(left, right, 200_000)
+    eye = np.broadcast_to(middle + 4.0 * normal, (len(u), 3))
+    # Far corners of the pack's box, so that this does not end what the triangles do not.
+    others = middle + np.array(
+        [[6.0, 6, 6], [6.01, 6, 6], [6, 6.01, 6], [-6, -6, -6], [-6.01, -6, -6], [-6, -6.01, -6]]
+    )
+    count = len(world)
+    flat = flat_scene(
+        np.concatenate([world, others]), [*faces, [count, count + 1, count + 2], [count + 3, count + 4, count + 5]]
+    )
+    with tree_on(device, flat) as tree:
+        target = middle + u[:, None] * along + v[:, None] * aside
+        found = trace(tree, Rays.of(eye, target - eye)).primitives != layout.NONE
+    beyond = max(float((np.where(found, u, 0.0) - high).max()), float((low - np.where(found, u, 0.0)).max()))
+    area = sum(np.linalg.norm(np.cross(exact[b] - exact[a], exact[c] - exact[a])) for a, b, c in faces) / 2
+    return beyond, float(found.mean() * (high - low + 0.4) * (right - left) / area)
+
+
+@for_each("width, most_beyond, most_area", [(1e-3, 5e-3, 0.02), (1e-4, 0.05, 0.05)])
+def test_slender_triangles_end_where_they_end(
+    device: Device, width: float, most_beyond: float, most_area: float
+) -> None:
+    """Whichever corner is first, and in a strip. With one error for all sides the ends were 2 and 20 cm off."""
+    rng = np.random.default_rng(27)
+    strip = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, width, 0.0], [0.0, width, 0.0]])
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    shapes = [(np.roll(strip[:3], k, axis=0), [[0, 1, 2]]) for k in range(3)]
+    shapes.append((strip, [[0, 1, 2], [0, 2, 3]]))
+    for corners, faces in shapes:
+        for placed in (corners, corners @ turn.T + 0.3):
+            beyond, area = reach_of(device, placed, faces, rng)
+            assert beyond <= most_beyond
+            assert abs(area - 1.0) <= most_area
 
 
 def test_infinite_and_empty_things(device: Device) -> None:
