@@ -344,7 +344,7 @@ def test_of_equally_near_hits_the_first_primitive_counts(device: Device) -> None
 
 
 def reach_of(device: Device, corners: Points, faces: list[list[int]], rng: np.random.Generator) -> tuple[float, float]:
-    """Of a slender shape of length 2, from 4 away: how far rays hit it beyond its ends, and the area hit over its own."""
+    """Of a slender shape of length 2, from 4 away: how far beyond its ends rays hit it, and the area hit by its own."""
     world = corners.astype(np.float32)
     exact = world.astype(np.float64)
     sides = np.roll(exact, -1, axis=0) - exact
