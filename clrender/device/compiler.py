@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import re
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from clrender.device.driver_settings import driver_settings
 from clrender.device.program_cache import load_binary, store_binary
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from clrender.device.source import Source
 
 __all__ = ["build", "first_errors", "program_key", "store"]
+
+_UNNAMED: Final = re.compile(r"<\w+>:(\d+)")
 
 
 def build(context: cl.Context, handle: cl.Device, info: DeviceInfo, options: str, source: Source) -> cl.Program:
@@ -49,7 +52,7 @@ def build(context: cl.Context, handle: cl.Device, info: DeviceInfo, options: str
         program = _built(program, options, handle)
     except cl.Error as error:
         log = str(program.get_build_info(handle, cl.program_build_info.LOG) or "")
-        reason = first_errors(log) or str(error)
+        reason = first_errors(log, source) or str(error)
         raise DeviceError(f"{info.title} cannot build {source.entry}: {reason}; see `clrender doctor`") from error
     # PoCL compiles every kernel again when asked for a binary, so only the probe does that, not a render.
     if "pocl" not in info.version.lower():
@@ -125,8 +128,12 @@ def program_key(info: DeviceInfo, options: str, source: Source) -> str:
     return hashlib.sha256("\0".join(facts).encode()).hexdigest()
 
 
-def first_errors(log: str, limit: int = 3) -> str:
-    """First error lines of a compiler's log, joined into one line."""
+def first_errors(log: str, source: Source, limit: int = 3) -> str:
+    """First error lines of a compiler's log, joined into one line.
+
+    Places such as ``<kernel>:401``, of compilers that pass over ``#line`` (NVIDIA's), become those in the files.
+    """
+    log = _UNNAMED.sub(lambda found: source.place(int(found[1])), log)
     lines = [line.strip() for line in log.splitlines() if line.strip()]
     errors = [line for line in lines if "error" in line.lower()] or lines
     return " | ".join(errors[:limit])

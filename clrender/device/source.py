@@ -23,6 +23,7 @@ __all__ = ["Source", "expand", "kernels_sha256", "load_source"]
 _DIRECTIVE = re.compile(r"\s*#\s*(\w+)\s*(.*?)\s*$")
 _INCLUDES = re.compile(rb'#[ \t]*include[ \t]*"([^"\n]+)"')
 _DECIDE = ("include", "if", "ifdef", "ifndef", "else", "elif", "endif")
+_LINE = re.compile(r'#line (\d+) "([^"]*)"')
 _COMMENTS = re.compile(r"/\*.*?\*/|//[^\n]*|/\*.*\Z", re.DOTALL)
 
 
@@ -43,6 +44,14 @@ class Source:
     entry: str
     text: str
     sha256: str
+
+    def place(self, line: int) -> str:
+        """File and line, such as ``core/exact.h:12``, of a line of `text`, counted from 1."""
+        file, number = self.entry, 0
+        for each in self.text.splitlines()[: line - 1]:
+            found = _LINE.match(each)
+            file, number = (found[2], int(found[1]) - 1) if found else (file, number + 1)
+        return f"{file}:{number + 1}"
 
 
 def load_source(entry: str | Path, defines: Mapping[str, int | str] | None = None, root: Path | None = None) -> Source:

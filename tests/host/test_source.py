@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from cases import for_each
 
+from clrender.device.compiler import first_errors
 from clrender.device.source import expand, kernels_sha256, load_source
 from clrender.errors import RenderError
 from clrender.files.package_data import kernels_folder
@@ -163,3 +164,16 @@ def test_every_entry_point_of_the_tree_expands() -> None:
     assert entries
     for entry in entries:
         assert "#include" not in expand(entry.relative_to(kernels_folder()).as_posix())
+
+
+def test_places_of_a_compiler_that_passes_over_line_directives(tmp_path: Path) -> None:
+    (tmp_path / "first.h").write_text("float one;\nfloat two;\n")
+    (tmp_path / "main.cl").write_text('int zero;\n#include "first.h"\nint three;\nint four;\n')
+    source = load_source("main.cl", {"LANES": 1}, tmp_path)
+    lines = source.text.splitlines()
+    for text, place in {"zero": "main.cl:1", "one": "first.h:1", "two": "first.h:2", "four": "main.cl:4"}.items():
+        number = next(at for at, line in enumerate(lines, 1) if text in line)
+        assert source.place(number) == place
+        log = f"<kernel>:{number}:5: error: use of undeclared identifier\nmain.cl:7:1: error: another"
+        told = f"{place}:5: error: use of undeclared identifier | main.cl:7:1: error: another"
+        assert first_errors(log, source) == told
