@@ -53,7 +53,7 @@ def meets(device: Device, scene: dict[str, Any], shape: int) -> tuple[Any, Any]:
     return np.logical_and.reduce(around), ~np.logical_or.reduce(around)
 
 
-@pytest.mark.parametrize("integrator", ["path", "direct", "reuse", "photon"])
+@pytest.mark.parametrize("integrator", ["path", "direct", "reuse", pytest.param("photon", marks=pytest.mark.slow)])
 def test_a_hidden_lamp_lights_the_scene_as_before(device: Device, integrator: str) -> None:
     more = {"photons": 512} if integrator == "photon" else {}
     seen, hidden = (rendered(device, described(lamp), integrator=integrator, **more).linear for lamp in (True, False))
@@ -67,7 +67,9 @@ def test_a_hidden_lamp_lights_the_scene_as_before(device: Device, integrator: st
         np.testing.assert_allclose(hidden[without].mean(), seen[without].mean(), rtol=0.02)
 
 
-@pytest.mark.parametrize("integrator", ["path", "direct", "reuse", "photon", "whitted"])
+@pytest.mark.parametrize(
+    "integrator", ["path", "direct", "reuse", "photon", pytest.param("whitted", marks=pytest.mark.slow)]
+)
 def test_a_hidden_sky_is_black_to_the_camera_only(device: Device, integrator: str) -> None:
     more = {"photons": 512} if integrator == "photon" else {}
     seen, hidden = (rendered(device, described(sky=sky), integrator=integrator, **more).linear for sky in (True, False))

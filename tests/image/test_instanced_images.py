@@ -108,7 +108,7 @@ def test_meshes_of_every_material(device: Device, pictures: Path, material: str)
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("material", ["metal", "bumps"])
+@pytest.mark.parametrize("material", [pytest.param("metal", marks=pytest.mark.slow), "bumps"])
 def test_given_tangents(device: Device, pictures: Path, material: str) -> None:
     agree(scene(pictures, ball(material=material), tangents=True), device)
 

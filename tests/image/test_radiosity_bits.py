@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 DISPLAYS = ("constant", "smooth", "gather")
 CUTS: list[dict[str, Any]] = [
-    {"lanes": 4, "tile": 16, "traversal": "single"},
+    pytest.param({"lanes": 4, "tile": 16, "traversal": "single"}, marks=pytest.mark.slow),
     {"lanes": 1, "tile": 24, "work_group": 2, "samples_per_pass": 1},
 ]
 

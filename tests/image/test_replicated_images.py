@@ -37,9 +37,9 @@ def same(a: Film, b: Film) -> bool:
     [
         {},
         {"filter": "mitchell", "shadow_rays": 2},
-        {"indirect_rays": 3, "max_depth": 4},
+        pytest.param({"indirect_rays": 3, "max_depth": 4}, marks=pytest.mark.slow),
         {"integrator": "reuse"},
-        {"integrator": "whitted"},
+        pytest.param({"integrator": "whitted"}, marks=pytest.mark.slow),
     ],
     ids=str,
 )

@@ -139,8 +139,8 @@ def test_every_kind_of_path(all_devices: list[Device], scene: str, settings: dic
         {"integrator": "reuse"},
         {"integrator": "reuse", "reuse": 4, "max_depth": 3},
         {"integrator": "reuse", "filter": "mitchell"},
-        {"integrator": "photon", "photons": 3000},
         {"integrator": "photon", "photons": 500, "max_depth": 3, "seed": 7},
+        pytest.param({"integrator": "photon", "photons": 3000}, marks=pytest.mark.slow),
     ],
     ids=str,
 )
@@ -206,7 +206,7 @@ def test_lamps_that_a_tree_picks(all_devices: list[Device], lanes: int) -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("packets", [1, 3])
+@pytest.mark.parametrize("packets", [pytest.param(1, marks=pytest.mark.slow), 3])
 def test_packets_that_take_turns(all_devices: list[Device], expected: Hashes, packets: int) -> None:
     """Other numbers of them than devices choose, where rays part or paths are sorted by material.
 

@@ -135,7 +135,7 @@ def with_all_features(content: Json) -> Json:
         What a scene file says.
     """
     scene = copy.deepcopy(content)
-    here = iter([0.3 * step, -0.2 * step, _FAR] for step in range(-3, 12))
+    here = iter([0.3 * step, -0.2 * step, _FAR] for step in range(-3, 18))
     made = scene.setdefault("materials", {}).values()
     scatters = "media" in scene or any(each["type"] == "subsurface" for each in made)
     if scatters or any("priority" in each or "attenuation_color" in each for each in made):
@@ -161,7 +161,7 @@ def with_all_features(content: Json) -> Json:
 
 
 def _add_surfaces(scene: Json, here: Iterator[list[float]]) -> None:
-    """Textures, holes, tables of facets, instances, smooth normals, and a tree of more nodes than a small one has."""
+    """Textures, holes, tables of facets, instances, smooth normals, what is hidden, and a tree that is not small."""
     mask = {"texture": "alpha.png", "channel": "a"}
     scene["materials"]["far mask"] = {"type": "lambert", "reflectance": [1.0, 1.0, 1.0], "opacity": mask}
     scene["materials"]["far white"] = {"type": "lambert", "reflectance": [1.0, 1.0, 1.0]}
@@ -173,9 +173,10 @@ def _add_surfaces(scene: Json, here: Iterator[list[float]]) -> None:
     ball = {"type": "mesh", "file": "smooth.obj", "transform": {"translate": next(here), "scale": 0.05}}
     scene["shapes"] += [
         {**quad, "material": "far mask"},
-        {**ball, "material": "far white"},
+        {**quad, "origin": next(here), "material": "far white", "visible_to_camera": False},
+        {**ball, "material": "far white", "shadow_terminator_offset": True},
         {"type": "instance", "group": "far group", "transform": {"translate": next(here)}},
-        *({**box, "center": next(here)} for _ in range(3)),
+        *({**box, "center": next(here)} for _ in range(8)),
     ]
 
 

@@ -204,7 +204,7 @@ def test_a_cloud_is_as_bright_cut_in_two(evidence: Evidence, studio: Studio) -> 
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("integrator", ["path", "photon"])
+@pytest.mark.parametrize("integrator", ["path", pytest.param("photon", marks=pytest.mark.slow)])
 def test_light_passes_a_box_of_index_one(evidence: Evidence, studio: Studio, integrator: str) -> None:
     """Shadow rays of a point light go straight through, and photons do not bring that light again."""
     settings: dict[str, Any] = {"integrator": integrator, "spp": 4}
