@@ -250,7 +250,7 @@ def test_another_seed_or_scene_or_size_is_another_image(all_devices: list[Device
 # --- drivers and devices ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough
+@pytest.mark.slow  # rusticl takes a minute to compile it
 def test_several_rays_on_every_driver(all_devices: list[Device]) -> None:
     """Each shadow ray of a vertex has the sampler that the vertex has, also where a compiler shares parameters."""
     assert len({sha("room", [device], size=(16, 16), spp=2, shadow_rays=3) for device in all_devices}) == 1
