@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from clrender.device import Device
 
 DISPLAYS = ("constant", "smooth", "gather")
-CUTS: list[dict[str, Any]] = [
+CUTS = [
     pytest.param({"lanes": 4, "tile": 16, "traversal": "single"}, marks=pytest.mark.slow),
     {"lanes": 1, "tile": 24, "work_group": 2, "samples_per_pass": 1},
 ]
