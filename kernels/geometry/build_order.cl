@@ -4,7 +4,8 @@
 
 // Whether triangle i and the next are the halves A B C and A C D of a parallelogram, to within the rounding of its corners, which is
 // tested at the price of one triangle. Of a slender one, the rounding counts by how slender it is, since its ends are found by the long
-// sides; but not where it is square to an axis, which is tested in another way. Only every second triangle of a shape is asked, so that none is in two pairs.
+// sides; but not where it is square to an axis, which is tested in another way. Only every second triangle of a shape is asked, so that
+// none is in two pairs.
 static int build_is_pair(__global const float* vertices, __global const uint* triangles, __global const uint* primitive_shape,
                          __global const Shape* shapes, uint triangle_count, uint i) {
     if (i + 1 >= triangle_count || primitive_shape[i] != primitive_shape[i + 1]) return 0;

@@ -62,8 +62,8 @@ static vfloat parallelogram_gap(vec3 a, vec3 b, vec3 c, vec3 d) {
     return (absolute(gap.x) + absolute(gap.y) + absolute(gap.z)) * 1.000001f + lost * 3.0f;
 }
 
-// Whether the triangle had better be B C A: beside a side that is much shorter than the two others rays are told apart best where that side is
-// not the third, whose error has the others' in it.
+// Whether the triangle is taken as B C A, since BC is much shorter than the two other sides: the test allows for errors beyond BC by the
+// lengths of AB and CA, but beyond each of these by its own.
 static vmask triangle_turns(vec3 a, vec3 b, vec3 c) {
     return largest_size(sub(c, b)) * 4.0f < greater(largest_size(sub(b, a)), largest_size(sub(a, c)));
 }

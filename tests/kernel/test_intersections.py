@@ -372,6 +372,7 @@ def reach_of(device: Device, corners: Points, faces: list[list[int]], rng: np.ra
     return beyond, float(found.mean() * (high - low + 0.4) * (right - left) / area)
 
 
+@pytest.mark.thorough
 @for_each("width, most_beyond, most_area", [(1e-3, 5e-3, 0.02), (1e-4, 0.05, 0.05)])
 def test_slender_triangles_end_where_they_end(
     device: Device, width: float, most_beyond: float, most_area: float

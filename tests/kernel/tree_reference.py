@@ -163,7 +163,7 @@ def _check_numbers(words: Words, scene: FlatScene) -> None:
     largest = np.abs(np.stack([a, b, c, d])).max((0, 2))
     assert (gap <= 8 * 2**-24 * largest)[pair].all(), "pairs are parallelograms"
     sides = np.abs(np.stack([b - a, c - b, a - c])).max(2)
-    turned = ~pair & (sides[1] * 4 < np.maximum(sides[0], sides[2]))  # those without a much shorter third side
+    turned = ~pair & (sides[1] * 4 < np.maximum(sides[0], sides[2]))  # where BC is much the shortest
     a, b, c = (np.where(turned[:, None], *two) for two in ((b, a), (c, b), (a, np.where(pair[:, None], d, c))))
     assert np.array_equal(stored[:, 14] < 0, pair & (np.abs(stored[:, 14]) > 0)), "packs tell pairs from triangles"
     assert np.array_equal(stored[:, :3].view(np.uint32), a.view(np.uint32)), "packs hold A to the bit"

@@ -21,7 +21,7 @@ INVARIANTS = {name: int(bit) for name, bit in re.findall(r"#define INVARIANT_(\w
 """The kinds, and the bit that has each of them checked."""
 ALL = {"INVARIANTS": sum(INVARIANTS.values())}
 FEW = (("light", 3), ("light", 18), ("white", 20), ("black", 2))
-"""Of one program."""
+"""Of two programs: without and with an environment."""
 
 
 class DebugBuild(Device):
