@@ -111,10 +111,11 @@ make_venv() {
     "$python" -m venv "$venv" || fail "$python -m venv $venv failed (see above); on Debian and Ubuntu: sudo apt-get install python3-venv"
 }
 
-# Install into the environment, which may have been made without pip, as uv does.
+# Install into the environment, which may have been made without pip, as uv does. Python compiles modules when they are first
+# imported, which most of these never are.
 pip_install() {
     if "$venv/bin/python" -m pip --version >/dev/null 2>&1 || "$venv/bin/python" -m ensurepip >/dev/null 2>&1; then
-        "$venv/bin/python" -m pip install --retries 1 --disable-pip-version-check "$@"
+        "$venv/bin/python" -m pip install --no-compile --retries 1 --disable-pip-version-check "$@"
     elif command -v uv >/dev/null; then
         uv pip install --python "$venv/bin/python" "$@"
     else

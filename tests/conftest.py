@@ -26,17 +26,21 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def cache_folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A cache folder that no other session shares: no verdict or list of before can hide a fault.
 
     But what compilers made is kept from run to run, by hash of source, options and driver, in the user's own cache:
     it takes minutes to make. ``CLRENDER_TEST_COLD=1`` compiles all anew.
+
+    And rusticl takes a third less to compile without LLVM's passes, which the slow tests have it run.
     """
+    slow = "not slow" not in request.config.getoption("markexpr")
     alone, base = "PYTEST_XDIST_WORKER" not in os.environ, tmp_path_factory.getbasetemp()
     folder = (base if alone else base.parent) / "cache"  # one for all workers
     folder.mkdir(exist_ok=True)
     changes = {
         "XDG_CACHE_HOME": str(folder), "POCL_CACHE_DIR": None, **_kept_kernels(folder), **_kept_drivers(folder),
+        **({} if slow or "GALLIVM_PERF" in os.environ else {"GALLIVM_PERF": "nopt"}),
     }  # fmt: skip
     before = {name: os.environ.get(name) for name in changes}
     _set(changes)
@@ -53,12 +57,26 @@ def _kept_kernels(folder: Path) -> dict[str, str | None]:
     kept = cache.cache_folder()
     if kept is None or os.environ.get("CLRENDER_TEST_COLD"):
         return {}
+    _copy_first(kept / "compiled", kept / "tests" / "compiled")
     for name in ("compiled", "mesa"):
         (kept / "tests" / name).mkdir(mode=0o700, parents=True, exist_ok=True)
     (folder / "clrender").mkdir(mode=0o700, exist_ok=True)
     with suppress(FileExistsError):  # of another worker
         (folder / "clrender" / "compiled").symlink_to(kept / "tests" / "compiled")
     return {"MESA_SHADER_CACHE_DIR": os.environ.get("MESA_SHADER_CACHE_DIR", str(kept / "tests" / "mesa"))}
+
+
+def _copy_first(made: Path, kept: Path) -> None:
+    """Begin with what set-up has just compiled to probe the device."""
+    if kept.exists() or not made.is_dir():
+        return
+    kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    part = kept.with_name(f"compiled.{os.getpid()}.part")
+    shutil.copytree(made, part)
+    try:
+        part.rename(kept)
+    except OSError:  # another worker's is there
+        shutil.rmtree(part)
 
 
 def _kept_drivers(folder: Path) -> dict[str, str | None]:

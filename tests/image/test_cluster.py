@@ -221,7 +221,11 @@ def test_an_address_that_is_silent_is_a_failure(monkeypatch: pytest.MonkeyPatch)
     ("preload", "words"),
     [
         ("import clrender.rendering.job\nclrender.rendering.job.__version__ = 'another'\n", "version differ here"),
-        ("import sys\nsys.modules['clrender.cluster.remote'] = None\n", "cannot load clrender ("),
+        pytest.param(
+            "import sys\nsys.modules['clrender.cluster.remote'] = None\n",
+            "cannot load clrender (",
+            marks=pytest.mark.slow,
+        ),
         ("import os\nos.environ['CLRENDER_DEVICE'] = 'none such'\n", "none such"),
     ],
     ids=["version", "no clrender", "no device"],

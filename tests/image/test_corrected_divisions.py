@@ -18,10 +18,9 @@ from clrender.device.device import Device
     [
         ("room", None),
         ("room", 1),
-        ("surfaces", 1),
         *(
             pytest.param(scene, 1, marks=pytest.mark.slow)
-            for scene in ("drink", "haze", "textures", "lamps", "sky", "S4")
+            for scene in ("surfaces", "drink", "haze", "textures", "lamps", "sky", "S4")
         ),
     ],
 )

@@ -114,8 +114,10 @@ def test_given_tangents(device: Device, pictures: Path, material: str) -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("kind", ["ball", "round"])
-@pytest.mark.parametrize("material", ["holes", "faint"])
+@pytest.mark.parametrize(
+    ("material", "kind"),
+    [("holes", "ball"), pytest.param("holes", "round", marks=pytest.mark.slow), ("faint", "ball"), ("faint", "round")],
+)
 def test_opacity(device: Device, pictures: Path, material: str, kind: str) -> None:
     """Which surfaces are there is drawn by the primitives' numbers, which are others: only means are the same."""
     shapes = {

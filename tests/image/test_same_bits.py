@@ -1,7 +1,7 @@
 """The promise: an image is a function of scene, settings and seed, to the bit; not of devices, or of how work is cut.
 
-By default every pair of choices occurs on the first device, and the others take part where their compilers are quick.
-The full product is slow, and `scripts/same_bits` prints it as a table.
+By default every pair of choices occurs on the first device for one scene, and the others take part where their
+compilers are quick. The full product is slow, and `scripts/same_bits` prints it as a table.
 """
 
 from __future__ import annotations
@@ -90,10 +90,12 @@ FEW = ("room", "bumpy", "S4")
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize(
+    "scene", [pytest.param(scene, marks=pytest.mark.slow) if scene != "bumpy" else scene for scene in FEW]
+)
 @pytest.mark.parametrize("cutting", covering(), ids=str)
-def test_every_pair_of_choices(all_devices: list[Device], expected: Hashes, cutting: Cutting) -> None:
-    for scene in FEW:
-        assert sha(scene, all_devices[:1], cutting) == expected[scene], scene
+def test_every_pair_of_choices(all_devices: list[Device], expected: Hashes, scene: str, cutting: Cutting) -> None:
+    assert sha(scene, all_devices[:1], cutting) == expected[scene]
 
 
 @pytest.mark.slow
@@ -125,7 +127,7 @@ def test_every_combination(all_devices: list[Device], expected: Hashes, lanes: i
     ],
     ids=str,
 )
-@pytest.mark.parametrize("scene", ["room", "bumpy"])
+@pytest.mark.parametrize("scene", ["room", pytest.param("bumpy", marks=pytest.mark.slow)])
 def test_every_kind_of_path(all_devices: list[Device], scene: str, settings: dict[str, Any]) -> None:
     """Several rays from a hit, ends by roulette: what lanes do differently at a time must come to the same."""
     one = Cutting(1, "packet", 16, 1, 16, "shuffled")
@@ -138,7 +140,7 @@ def test_every_kind_of_path(all_devices: list[Device], scene: str, settings: dic
     [
         {"integrator": "reuse"},
         {"integrator": "reuse", "reuse": 4, "max_depth": 3},
-        {"integrator": "reuse", "filter": "mitchell"},
+        pytest.param({"integrator": "reuse", "filter": "mitchell"}, marks=pytest.mark.slow),
         {"integrator": "photon", "photons": 500, "max_depth": 3, "seed": 7},
         pytest.param({"integrator": "photon", "photons": 3000}, marks=pytest.mark.slow),
     ],

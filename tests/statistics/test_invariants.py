@@ -20,8 +20,8 @@ TEXT = (kernels_folder() / "core/invariant.h").read_text(encoding="utf-8")
 INVARIANTS = {name: int(bit) for name, bit in re.findall(r"#define INVARIANT_(\w+) (\d+)u\n", TEXT)}
 """The kinds, and the bit that has each of them checked."""
 ALL = {"INVARIANTS": sum(INVARIANTS.values())}
-FEW = (("light", 3), ("light", 18), ("white", 20), ("black", 2))
-"""Of two programs: without and with an environment."""
+FEW = (("light", 18), ("black", 2))
+"""Of one program."""
 
 
 class DebugBuild(Device):

@@ -224,7 +224,8 @@ def test_light_passes_a_box_of_index_one(evidence: Evidence, studio: Studio, int
 
 
 @pytest.mark.thorough
-def test_bits_do_not_depend_on_lanes_and_cuts(device: Device) -> None:
+@pytest.mark.parametrize("lanes", [[1], pytest.param([4, 8], marks=pytest.mark.slow)], ids=str)
+def test_bits_do_not_depend_on_lanes_and_cuts(device: Device, lanes: list[int]) -> None:
     """Beside textures and rough materials, whose paths are sorted."""
     what = in_smoke(lamp=True)
     ball = sphere([1.4, -0.5, 0.5], 0.5, material="gold")
@@ -237,7 +238,7 @@ def test_bits_do_not_depend_on_lanes_and_cuts(device: Device) -> None:
             "materials": {**what.materials, **both.materials},
         }
     )
-    assert len(hashes_by_lanes_and_cuts(device, what)) == 1
+    assert len(hashes_by_lanes_and_cuts(device, what, lanes)) == 1
 
 
 ENDLESS: dict[str, dict[str, Any]] = {
@@ -248,7 +249,15 @@ ENDLESS: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("light", "scatters"), [*((light, True) for light in ENDLESS), ("environment", False)])
+@pytest.mark.parametrize(
+    ("light", "scatters"),
+    [
+        pytest.param("environment", True, marks=pytest.mark.slow),
+        ("directional", True),
+        ("sun_sky", True),
+        ("environment", False),
+    ],
+)
 def test_light_from_infinity_in_fog(evidence: Evidence, studio: Studio, light: str, scatters: bool) -> None:
     """None arrives of the channels that the fog absorbs or scatters, and all of the one that it does not.
 
