@@ -6,19 +6,99 @@ peer_scene.py.
 
 from __future__ import annotations
 
+import json
+import math
 import time
+from dataclasses import dataclass
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from peer_scene import Job, answer, camera_of, job, parts_of, timed
+from peer_scene import Job, answer, job, timed
 
 __all__: list[str] = []
 
 PATHS = 20_000
 OFFSET = 1e-4
+
+
+@dataclass(frozen=True)
+class Part:
+    """Shapes of one material and emission as one mesh, as in an ordinary scene.
+
+    Attributes
+    ----------
+    name : str
+    material : dict
+        As in the scene file.
+    emission : list of float or None
+    vertices, faces : (V, 3) float32, (F, 3) int32
+    """
+
+    name: str
+    material: dict[str, Any]
+    emission: list[float] | None
+    vertices: Any
+    faces: Any
+
+
+def camera_of(one: Job) -> dict[str, Any]:
+    """``position, target, vertical_fov``."""
+    camera: dict[str, Any] = json.loads(one.scene.read_text(encoding="utf-8"))["camera"]
+    return camera
+
+
+def parts_of(one: Job) -> list[Part]:
+    """The scene's meshes, which it has for spheres too."""
+    described = json.loads(one.scene.read_text(encoding="utf-8"))
+    materials = described["materials"]
+    parts = []
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for number, shape in enumerate(described["shapes"]):
+        if shape["type"] == "mesh":
+            mesh = _read_ply(one.scene.parent / shape["file"])
+            parts.append(Part(f"mesh{number}", materials[shape["material"]], None, *mesh))
+        elif shape["type"] != "instance":
+            groups.setdefault(json.dumps([shape["material"], shape.get("emission")]), []).append(shape)
+    for number, (key, shapes) in enumerate(groups.items()):
+        name, emission = json.loads(key)
+        pieces = [_triangles(shape) for shape in shapes]
+        offsets = np.cumsum([0, *(len(vertices) for vertices, _ in pieces[:-1])])
+        vertices = np.concatenate([vertices for vertices, _ in pieces]).astype(np.float32)
+        faces = np.concatenate([faces + offset for (_, faces), offset in zip(pieces, offsets, strict=True)])
+        parts.append(Part(f"group{number}_{name}", materials[name], emission, vertices, faces.astype(np.int32)))
+    return parts
+
+
+def _triangles(shape: dict[str, Any]) -> tuple[Any, Any]:
+    """Vertices and faces of a quad, triangle or turned box."""
+    if shape["type"] == "triangle":
+        return np.array(shape["vertices"]), np.array([[0, 1, 2]])
+    if shape["type"] == "quad":
+        o, u, v = (np.array(shape[key]) for key in ("origin", "edge_u", "edge_v"))
+        return np.array([o, o + u, o + u + v, o + v]), np.array([[0, 1, 2], [0, 2, 3]])
+    transform = shape.get("transform", {"rotate_degrees": [0.0, 0.0, 0.0], "translate": shape.get("center")})
+    turn = math.radians(transform["rotate_degrees"][1])
+    c, s = math.cos(turn), math.sin(turn)
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * shape["size"]
+    corners = corners @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]).T + transform["translate"]
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return corners, np.array([t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))])
+
+
+def _read_ply(path: Path) -> tuple[Any, Any]:
+    """Vertices and faces of a PLY file that clrender.bench.scenes wrote."""
+    raw = path.read_bytes()
+    end = raw.index(b"end_header\n") + len(b"end_header\n")
+    header = raw[:end].decode().split("\n")
+    counts = [int(line.split()[-1]) for line in header if line.startswith("element")]
+    columns = sum(line.startswith("property float") for line in header)
+    points = np.frombuffer(raw, "<f4", counts[0] * columns, end).reshape(-1, columns)
+    rows = np.frombuffer(raw, [("count", "u1"), ("corners", "<i4", 3)], counts[1], end + points.nbytes)
+    return points[:, :3].copy(), rows["corners"].copy()
 
 
 def cosine_directions(random: Any, normals: Any) -> Any:
@@ -44,7 +124,7 @@ def main() -> None:
     begin = time.perf_counter()
     one = job()
     random = np.random.default_rng(1)
-    parts, _ = parts_of(one)
+    parts = parts_of(one)
     mirrors = np.array([part.material["type"] != "lambert" for part in parts])
     scene = EmbreeScene()
     for part in parts:

@@ -37,14 +37,15 @@ class _Kind:
 
 
 _MITSUBA: Final = ("write_mitsuba", ".xml")
+_CYCLES: Final = ("write_cycles", ".py")
 PEERS: Final[Mapping[str, _Kind]] = {
     "mitsuba": _Kind("peer_mitsuba.py", "llvm_ad_rgb", *_MITSUBA),
     "mitsuba-path": _Kind("peer_mitsuba.py", "llvm_ad_rgb:path", *_MITSUBA),
     "mitsuba-scalar": _Kind("peer_mitsuba.py", "scalar_rgb", *_MITSUBA),
     "mitsuba-cuda": _Kind("peer_mitsuba.py", "cuda_ad_rgb", *_MITSUBA),
     "luxcore": _Kind("peer_luxcore.py", "PATHCPU", "write_luxcore", ".scn", spheres=False, no_opencl=True),
-    "cycles": _Kind("peer_cycles.py", "plain", spheres=False),
-    "cycles-tree": _Kind("peer_cycles.py", "tree", spheres=False),
+    "cycles": _Kind("peer_cycles.py", "plain", *_CYCLES, spheres=False),
+    "cycles-tree": _Kind("peer_cycles.py", "tree", *_CYCLES, spheres=False),
     "embree": _Kind("peer_embree.py", "rays", spheres=False),
 }
 """Other renderers by name; ``embree`` only traces rays.

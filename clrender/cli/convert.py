@@ -16,7 +16,7 @@ from clrender.files.access import atomic_write, check_writable
 __all__ = ["convert"]
 
 _OWN: Final = (".toml", ".json")
-_FOREIGN: Final = {".xml": "exported_to_mitsuba", ".scn": "exported_to_luxcore"}
+_FOREIGN: Final = {".xml": "exported_to_mitsuba", ".scn": "exported_to_luxcore", ".py": "exported_to_cycles"}
 """Functions of `clrender.exporters` by the ending of the scene file."""
 
 
@@ -31,8 +31,8 @@ def convert(
     force: bool,
     reading: dict[str, Any],
 ) -> None:
-    """Convert SCENE, in any supported format, to OUTPUT: clrender's format (.toml or .json), Mitsuba 3's (.xml) or
-    LuxCore's (.scn).
+    """Convert SCENE, in any supported format, to OUTPUT: clrender's format (.toml or .json), Mitsuba 3's (.xml),
+    LuxCore's (.scn), or a Python program that builds it in Blender for Cycles (.py).
 
     Meshes, image files and IES files are written to a folder beside it, for example room-files for room.toml. A scene
     in clrender's format renders to the same image, bit for bit. What another program cannot express is noted, and with
@@ -40,7 +40,7 @@ def convert(
     """
     ending = output.suffix.lower()
     if ending not in _OWN and ending not in _FOREIGN:
-        text = f"the ending {output.suffix!r} is not that of a scene file; name a .toml, .json, .xml or .scn."
+        text = f"the ending {output.suffix!r} is not that of a scene file; name a .toml, .json, .xml, .scn or .py."
         raise UsageError(f"{output}: {text}")
     if output.exists() and not force and not output.is_dir():
         raise UsageError(f"{output}: exists already; choose another name, or overwrite it with --force")

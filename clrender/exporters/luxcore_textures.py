@@ -6,10 +6,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from clrender.exact.elementary import degrees_of
-from clrender.exact.matrices import length
 from clrender.exporters.luxcore_text import Properties
-from clrender.exporters.pictures import Bitmap, Curve, PictureFiles, Squares, height_picture, normal_picture
+from clrender.exporters.pictures import (
+    Bitmap,
+    Curve,
+    PictureFiles,
+    Squares,
+    height_picture,
+    normal_picture,
+    scale_turn_offset,
+)
 from clrender.exporters.target import Target
 from clrender.scene.textures import BumpMap, NormalMap, Texture
 
@@ -102,13 +108,9 @@ class TextureWriter:
     def _mapping(self, made: Bitmap | Squares, at: tuple[str | int, ...]) -> Properties:
         """The transform of texture coordinates: a scale, then a rotation, then an offset."""
         flip = isinstance(made, Bitmap)  # v of LuxCore's pictures is 0 at their upper edge
-        (a, b, u), (c, d, v) = made.plane
-        across, along = length([a, c]), length([b, d])
-        if a * d - b * c < 0.0:
-            along = -along
-        if abs(a * b + c * d) > 1e-6 * abs(across * along):
+        (across, along), turn, (u, v), sheared = scale_turn_offset(made.plane)
+        if sheared:
             self._target.leave_out("the shear of a texture", *at)
-        turn = degrees_of(c, a)
         if flip:
             along, turn, v = -along, -turn, 1.0 - v
         # LuxCore turns clockwise

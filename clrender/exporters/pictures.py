@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.exact.angles import sin_cos_degrees
-from clrender.exact.matrices import product
+from clrender.exact.elementary import degrees_of
+from clrender.exact.matrices import length, product
 from clrender.exporters.target import Target
 from clrender.image.exr_write import write_exr
 from clrender.image.pictures import CODED_ENDINGS, Picture, open_picture
@@ -23,7 +24,16 @@ from clrender.image.texel_values import texel_colors, texel_numbers
 from clrender.scene.textures import BumpMap, Checker, ImageTexture, NormalMap, Ramp, Texture, TextureTransform
 from clrender.wording import place
 
-__all__ = ["Bitmap", "Curve", "PictureFiles", "Squares", "height_picture", "normal_picture", "write_picture"]
+__all__ = [
+    "Bitmap",
+    "Curve",
+    "PictureFiles",
+    "Squares",
+    "height_picture",
+    "normal_picture",
+    "scale_turn_offset",
+    "write_picture",
+]
 
 _Floats: TypeAlias = NDArray[np.float64]
 Curve: TypeAlias = Callable[[NDArray[np.floating]], NDArray[np.floating]]
@@ -189,6 +199,17 @@ def height_picture(given: BumpMap) -> ImageTexture:
     """A bump map as a picture of heights, before its factor."""
     picture = ImageTexture(texture=given.texture, color_space="linear", wrap=given.wrap, channel=given.channel)
     return picture.with_checked(uv_set=given.uv_set, transform=given.transform)
+
+
+def scale_turn_offset(plane: _Floats) -> tuple[tuple[float, float], float, tuple[float, float], bool]:
+    """An affine map of the plane, (2, 3), as a scale, then a rotation, degrees, then an offset.
+
+    The fourth is whether it has a shear beside them, which is left out.
+    """
+    (a, b, u), (c, d, v) = plane.tolist()
+    across, along = length([a, c]), length([b, d])
+    sheared = abs(a * b + c * d) > 1e-6 * abs(across * along)
+    return (across, -along if a * d - b * c < 0.0 else along), degrees_of(c, a), (u, v), sheared
 
 
 def write_picture(file: IO[bytes], pixels: NDArray[np.float32]) -> None:

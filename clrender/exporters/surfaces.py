@@ -23,6 +23,7 @@ __all__ = [
     "alphas_of",
     "boundaries",
     "inside_of",
+    "inside_of_subsurface",
     "is_boundary",
     "is_brushed",
     "is_rough",
@@ -89,11 +90,16 @@ def inside_of(scene: Scene, shape: AnyShape) -> Inside | None:
     if isinstance(material, Dielectric | Principled) and material.attenuation_color is not None:
         return Inside(key, wanted, absorption_coefficients(material), (0.0, 0.0, 0.0), 0.0)
     if isinstance(material, Subsurface) and material.ior is not None:
-        shares = np.array([single_scattering(albedo, material.g) for albedo in material.albedo])
-        whole = 1.0 / np.array(material.radius)
-        lost, turned = (tuple(each.tolist()) for each in (whole * (1.0 - shares), whole * shares))
-        return Inside(key, wanted, lost, turned, material.g)
+        return inside_of_subsurface(key, wanted, material)
     return None
+
+
+def inside_of_subsurface(key: str, name: str, material: Subsurface) -> Inside:
+    """The medium in which light walks at random; for `key` and `name` see `Inside`."""
+    shares = np.array([single_scattering(albedo, material.g) for albedo in material.albedo])
+    whole = 1.0 / np.array(material.radius)
+    lost, turned = (tuple(each.tolist()) for each in (whole * (1.0 - shares), whole * shares))
+    return Inside(key, name, lost, turned, material.g)
 
 
 def radiance_of(scene: Scene, at: At, shape: AnyShape) -> tuple[Any, At, float]:

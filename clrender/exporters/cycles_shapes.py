@@ -1,0 +1,121 @@
+"""Shapes as Blender's meshes and objects."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import partial
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.exact.matrices import determinant
+from clrender.exporters.cycles_materials import MaterialWriter
+from clrender.exporters.surfaces import boundaries, tell_of_meshes, tell_of_round, texture_set
+from clrender.exporters.target import Target
+from clrender.exporters.triangles import At, Piece, mirrored_shapes, pieces_of
+from clrender.flatten.emission import emits
+from clrender.meshes.data import MeshData
+from clrender.scene import Scene
+from clrender.scene.groups import Instance
+from clrender.scene.shapes import AnyShape
+
+__all__ = ["ShapeWriter"]
+
+
+class ShapeWriter:
+    """Writes shapes, groups and their instances.
+
+    Parameters
+    ----------
+    target : Target
+    materials : MaterialWriter
+    merge : bool
+        Whether flat shapes of the same surface become one mesh.
+
+    Attributes
+    ----------
+    meshes : dict
+        File and material of each mesh, by name.
+    objects : list
+        Name, mesh, place, and whether the camera sees it.
+    """
+
+    def __init__(self, target: Target, materials: MaterialWriter, merge: bool) -> None:
+        self._target, self._materials, self._merge = target, materials, merge
+        self._apart = boundaries(target.scene)
+        self.meshes: dict[str, list[str]] = {}
+        self.objects: list[Any] = []
+        self._names: dict[tuple[str, str], str] = {}
+
+    def write(self) -> None:
+        """All shapes of the scene."""
+        scene = self._target.scene
+        own = [(("shapes", i), each) for i, each in enumerate(scene.shapes) if not isinstance(each, Instance)]
+        for piece in self._pieces(own + mirrored_shapes(scene)):
+            self._object(piece, np.eye(4))
+        groups: dict[str, list[tuple[str, str, bool]]] = {}
+        for index, instance in scene.instances():
+            name = instance.group
+            if name not in groups:
+                inside = enumerate(scene.groups[name].shapes)
+                groups[name] = self._pieces([(("groups", name, "shapes", i), each) for i, each in inside])
+            for each in scene.transforms(index).maps:
+                if determinant(each[:, :3]) > 0.0:
+                    for piece in groups[name]:
+                        self._object(piece, np.concatenate([each, [[0.0, 0.0, 0.0, 1.0]]]))
+
+    def _pieces(self, shapes: list[tuple[At, AnyShape]]) -> list[tuple[str, str, bool]]:
+        """Of shapes a name for objects, the mesh, and whether the camera sees them."""
+        made = []
+        pieces = pieces_of(self._target.scene, shapes, self._merge, self._apart)
+        self._tell_of_lamps_in_glass(pieces)
+        for piece in pieces:
+            at, shape = piece.at, piece.shape
+            tell_of_meshes(self._target, at, shape)
+            tell_of_round(self._target, at, shape)
+            name = shape.name or shape.material or "shape"
+            made.append((name, self._mesh(name, piece, self._materials.of_shape(at, shape)), shape.visible_to_camera))
+        return made
+
+    def _tell_of_lamps_in_glass(self, pieces: list[Piece]) -> None:
+        """Note lamps whose box is in that of a solid with an index: Cycles has their radiance pass unchanged."""
+        scene = self._target.scene
+        boxes = [(each.mesh.vertices.min(axis=0), each.mesh.vertices.max(axis=0)) for each in pieces]
+        glass = [
+            box for each, box in zip(pieces, boxes, strict=True) if each.at in self._apart and _refracts(scene, each)
+        ]
+        for each, (low, high) in zip(pieces, boxes, strict=True):
+            if emits(scene, each.shape) and any((a <= low).all() and (high <= b).all() for a, b in glass):
+                sentence = "the scaling of radiance by the index of what it leaves, so that lamps in glass are brighter"
+                self._target.leave_out(sentence, *each.at)
+
+    def _mesh(self, wanted: str, piece: Piece, material: str) -> str:
+        """The name of a mesh, which is a file of arrays."""
+        textured = texture_set(self._target, piece.at, piece.shape)
+        uvs = None if textured is None else (piece.mesh.uvs, piece.mesh.uvs_1)[textured]
+        digest = hashlib.sha256(f"{piece.mesh.sha256()} {None if uvs is None else textured}".encode()).hexdigest()
+        if (digest, material) not in self._names:
+            write = partial(_write_arrays, mesh=piece.mesh, uvs=uvs)
+            file = self._target.files.add(self._target.folder, wanted, ".npz", digest, write)
+            name = self._names[digest, material] = self._target.id("mesh", wanted)
+            self.meshes[name] = [file, material]
+        return self._names[digest, material]
+
+    def _object(self, piece: tuple[str, str, bool], matrix: NDArray[np.float64]) -> None:
+        wanted, mesh, visible = piece
+        self.objects.append([self._target.id("object", wanted), mesh, matrix.tolist(), visible])
+
+
+def _refracts(scene: Scene, piece: Piece) -> bool:
+    """Whether a piece's material has an index."""
+    material = None if piece.shape.material is None else scene.materials[piece.shape.material]
+    return (getattr(material, "ior", None) or 1.0) != 1.0
+
+
+def _write_arrays(file: IO[bytes], mesh: MeshData, uvs: NDArray[np.float32] | None) -> None:
+    """Write a mesh, with texture coordinates for each corner."""
+    arrays: dict[str, Any] = {"normals": mesh.normals, "uvs": uvs}
+    given = {name: np.ascontiguousarray(each) for name, each in arrays.items() if each is not None}
+    kept: Any = {"points": mesh.vertices.astype(np.float32), "triangles": mesh.triangles.astype(np.int32), **given}
+    np.savez(file, **kept)
