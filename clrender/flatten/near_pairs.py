@@ -13,6 +13,7 @@ _Boxes = NDArray[np.float64]
 _FAN: Final = 8
 """Boxes that become one on the next level."""
 _CELLS: Final = 1 << 10
+_CHUNK: Final = 1 << 14
 
 
 def near_pairs(first: _Boxes, second: _Boxes, most: int) -> tuple[NDArray[np.intp], NDArray[np.intp]] | None:
@@ -43,16 +44,14 @@ def near_pairs(first: _Boxes, second: _Boxes, most: int) -> tuple[NDArray[np.int
     while len(a) > 1 or len(b) > 1:
         if len(a) >= len(b):
             a.pop()
-            i, j = _children(i, j, len(a[-1]))
+            found = _near_children(i, j, a[-1], b[-1], most)
         else:
             b.pop()
-            j, i = _children(j, i, len(b[-1]))
-        if len(i) > most * _FAN:
+            found = _near_children(j, i, b[-1], a[-1], most)
+            found = None if found is None else found[::-1]
+        if found is None:
             return None
-        near = _overlap(a[-1][i], b[-1][j])
-        i, j = i[near], j[near]
-        if len(i) > most:
-            return None
+        i, j = found
     return of_first[i], of_second[j]
 
 
@@ -91,10 +90,19 @@ def _morton(points: NDArray[np.float64]) -> NDArray[np.int64]:
     return code
 
 
-def _children(
-    parent: NDArray[np.intp], other: NDArray[np.intp], count: int
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The children of nodes, each beside the other node of its parent's pair."""
-    below = (parent[:, None] * _FAN + np.arange(_FAN)).reshape(-1)
-    there = below < count
-    return below[there], np.repeat(other, _FAN)[there]
+def _near_children(
+    parent: NDArray[np.intp], other: NDArray[np.intp], below: _Boxes, beside: _Boxes, most: int
+) -> tuple[NDArray[np.intp], NDArray[np.intp]] | None:
+    """The children of nodes that overlap the other node of their parent's pair, beside it; None: there are too many."""
+    children, others, tested, count = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)], 0, 0
+    for start in range(0, len(parent), _CHUNK):  # eight times as many at once would take gigabytes
+        child = (parent[start : start + _CHUNK, None] * _FAN + np.arange(_FAN)).reshape(-1)
+        there = child < len(below)
+        child, partner = child[there], np.repeat(other[start : start + _CHUNK], _FAN)[there]
+        near = _overlap(below[child], beside[partner])
+        children.append(child[near])
+        others.append(partner[near])
+        tested, count = tested + len(child), count + len(children[-1])
+        if tested > most * _FAN or count > most:
+            return None
+    return np.concatenate(children), np.concatenate(others)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -116,6 +117,15 @@ def test_near_pairs_are_all_pairs(counts: tuple[int, int]) -> None:
         tuple(x) for x in np.argwhere(every).tolist()
     ]
     assert counts[0] < 100 or near_pairs(first, second, 10) is None
+
+
+def test_boxes_that_all_overlap_take_little_memory() -> None:
+    """As those of faces do that are small against the largest coordinate beside them."""
+    boxes = np.tile(np.array([[-1.0, -1.0, -1.0, 1.0, 1.0, 1.0]]), (3000, 1))
+    tracemalloc.start()
+    assert near_pairs(boxes, boxes, 1 << 21) is None
+    assert tracemalloc.get_traced_memory()[1] < 200e6
+    tracemalloc.stop()
 
 
 def test_of_many_triangles_those_that_touch_are_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
