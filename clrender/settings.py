@@ -25,6 +25,7 @@ __all__ = [
     "PIXEL_LIMIT",
     "REPLICATE_SPP",
     "SETTINGS",
+    "SPP_LIMIT",
     "STOP",
     "WORK",
     "RenderSettings",
@@ -51,6 +52,8 @@ REPLICATE_SPP: Final = 16
 """Default samples per replicate if errors are requested but no replicates."""
 FIRST_LOOK: Final = 16
 """Replicates per pixel that are needed before their variance is a usable stopping criterion."""
+SPP_LIMIT: Final = 2**20
+"""Most samples per pixel."""
 ERROR_SPP: Final = 16384
 """Default maximum of samples per pixel if a render stops by its error."""
 
@@ -172,7 +175,7 @@ class RenderSettings:
         When a value, or a combination of values, is not allowed.
     """
 
-    spp: int = _setting(64, Range(1, 2**20, whole=True), "Samples per pixel", group=STOP)
+    spp: int = _setting(64, Range(1, SPP_LIMIT, whole=True), "Samples per pixel", group=STOP)
     width: int = _setting(800, _SIDE, "Image width, pixels", section="image", option=None)
     height: int = _setting(800, _SIDE, "Image height, pixels", section="image", option=None)
     seed: int = _setting(0, Range(0, 2**32 - 1, whole=True), "Seed of the random numbers")

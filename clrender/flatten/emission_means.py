@@ -17,7 +17,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender import layout
+from clrender.flatten.texel_table import wrap_period
 from clrender.flatten.texture_means import MOST_POINTS, SUMMED, TextureMeans
 from clrender.flatten.texture_rows import FlatTextures
 
@@ -136,9 +136,10 @@ class EmissionMeans:
             strict=True,
         ):  # fmt: skip
             low, high = at.min(axis=1) - reach, at.max(axis=1) + reach
-            if wrap == layout.TEXTURE_WRAPS["clamp"]:
+            period = wrap_period(size, wrap)
+            if period is None:
                 low, high = np.clip(low, 0, size - 1), np.clip(high, 0, size - 1)
-            elif wrap == layout.TEXTURE_WRAPS["repeat"]:
+            elif period == size:
                 turns = np.floor(low / size) * size
                 low, high = low - turns, high - turns
             inside = (low >= 0) & (high < size)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender import layout
+from clrender.flatten.texel_table import wrap_period
 from clrender.flatten.texture_means import TextureMeans
 from clrender.scene.shapes import Disk, Sphere
 
@@ -134,7 +135,7 @@ def _summed(texture: TextureMeans, cutoff: float | None, reach: list[float]) -> 
     The image is continued by its repetition, or its mirror image, as far as subdivisions of cells may reach.
     """
     wide, high = (
-        size if wrap == layout.TEXTURE_WRAPS["clamp"] else size * (1 + (wrap == layout.TEXTURE_WRAPS["mirror"])) + more
+        size if (period := wrap_period(size, wrap)) is None else period + more
         for size, wrap, more in zip(
             texture.size, texture.wraps, (min(int(r), s) for r, s in zip(reach, texture.size, strict=True)), strict=True
         )
@@ -164,10 +165,10 @@ def _reached(
         slack = _MARGIN / parts * (np.abs(b) + np.abs(c)) + reach
         begin = np.floor(corner + (np.minimum(b, 0.0) + np.minimum(c, 0.0)) / parts - slack)
         end = np.floor(corner + (np.maximum(b, 0.0) + np.maximum(c, 0.0)) / parts + slack) + 1.0
-        if wrap == layout.TEXTURE_WRAPS["clamp"]:
+        period = wrap_period(size, wrap)
+        if period is None:
             begin, end = np.clip(begin, 0, size - 1), np.clip(end, 1, size)
         else:
-            period = size if wrap == layout.TEXTURE_WRAPS["repeat"] else 2 * size
             shift = np.floor(begin / period) * period
             begin, end = begin - shift, end - shift
         known &= (begin >= 0) & (end <= known_to)

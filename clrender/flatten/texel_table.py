@@ -14,7 +14,7 @@ from clrender.image.texel_tiles import tile_shape
 if TYPE_CHECKING:
     from clrender.flatten.texture_rows import FlatTextures
 
-__all__ = ["TexelTable"]
+__all__ = ["TexelTable", "wrap_period"]
 
 _Floats: TypeAlias = NDArray[np.float64]
 _Ints: TypeAlias = NDArray[np.int64]
@@ -110,12 +110,26 @@ class TexelTable:
         return self.decoding.take(raw) if len(self.decoding) else raw.astype(np.float64)
 
 
+def wrap_period(size: int, wrap: int) -> int | None:
+    """Texels after which an axis repeats itself; None: it goes on as it ends.
+
+    Parameters
+    ----------
+    size : int
+        Texels of the image along it.
+    wrap : int
+        One of `layout.TEXTURE_WRAPS`.
+    """
+    modes = layout.TEXTURE_WRAPS
+    return {modes["repeat"]: size, modes["mirror"]: 2 * size, modes["clamp"]: None}[wrap]
+
+
 class _Axis:
     """Terms of positions along one axis, by column or row."""
 
     def __init__(self, count: int, wrap: int, term: Callable[[_Ints], _Ints]) -> None:
-        self._count, self._clamped = count, wrap == layout.TEXTURE_WRAPS["clamp"]
-        self._period = 2 * count if wrap == layout.TEXTURE_WRAPS["mirror"] else count
+        period = wrap_period(count, wrap)
+        self._count, self._clamped, self._period = count, period is None, period or count
         # Of a clamped axis from -1 on, whose neighbour is the first texel
         at = np.arange(-1 if self._clamped else 0, self._period + 1)
         at = np.clip(at, 0, count - 1) if self._clamped else at % self._period

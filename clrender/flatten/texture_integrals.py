@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender import layout
+from clrender.flatten.texel_table import wrap_period
 from clrender.flatten.texture_means import TextureMeans
 
 __all__ = ["reflectance_means"]
@@ -107,9 +108,9 @@ def _integrals(texture: TextureMeans, x: _Floats, y: _Floats) -> _Floats:
 
 def _turns(least: _Floats, count: int, wrap: int) -> _Floats:
     """Translation that moves triangles close to the image, by multiples of its wrapping period."""
-    if wrap == layout.TEXTURE_WRAPS["clamp"]:
+    period = wrap_period(count, wrap)
+    if period is None:
         return np.zeros(len(least))
-    period = float(count if wrap == layout.TEXTURE_WRAPS["repeat"] else 2 * count)
     moved: _Floats = np.floor(least / period) * period
     return moved
 
@@ -164,7 +165,7 @@ class _Band:
         width = texture.size[0]
         self._first, self._nearest = first, texture.is_nearest
         self._clamped = texture.wraps[0] == layout.TEXTURE_WRAPS["clamp"]
-        self._period = width if self._clamped or texture.wraps[0] == layout.TEXTURE_WRAPS["repeat"] else 2 * width
+        self._period = wrap_period(width, texture.wraps[0]) or width
         columns, rows = np.arange(self._period)[None], np.arange(first, first + count)[:, None]
         self._values = np.clip(texture.texels(columns, rows), 0.0, 1.0)
         self._sums = np.zeros((count, self._period + 1, 3))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Final, Literal, TypeAlias
+from typing import Annotated, Any, Final, Literal, TypeAlias, get_args
 
 from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag, WithJsonSchema
 
@@ -51,7 +51,7 @@ Grey: TypeAlias = Annotated[tuple[Power, Power, Power], BeforeValidator(_triple)
 Wraps: TypeAlias = Annotated[
     tuple[Wrap, Wrap],
     BeforeValidator(_pair),
-    _or_list({"enum": ["repeat", "clamp", "mirror"], "type": "string"}, 2),
+    _or_list({"enum": list(get_args(Wrap)), "type": "string"}, 2),
 ]
 
 

@@ -22,11 +22,11 @@ from clrender.importers.mitsuba.xml_elements import FILE_LIMIT
 from clrender.importers.shared.cameras import camera_keys, vertical_angle
 from clrender.importers.shared.matrices import is_affine
 from clrender.importers.shared.staging import Staging
+from clrender.settings import SPP_LIMIT
 from clrender.wording import quoted
 
 __all__ = ["read"]
 
-_SPP_LIMIT: Final = 2**20
 _FILM_DIAGONAL: Final = math.sqrt(36.0 * 36.0 + 24.0 * 24.0)
 """Diagonal of the film that focal lengths refer to, millimetres."""
 _CAMERAS: Final = ("perspective", "thinlens", "orthographic")
@@ -113,7 +113,7 @@ class _Settings:
         width, height = self._film(plugin)
         for sampler in plugin.children_of("sampler"):
             if sampler.has("sample_count"):
-                self._render()["spp"] = min(max(sampler.whole("sample_count", 4), 1), _SPP_LIMIT)
+                self._render()["spp"] = min(max(sampler.whole("sample_count", 4), 1), SPP_LIMIT)
         if plugin.type not in _CAMERAS:
             self._staging.note(f"{plugin.label} is not known: another camera in its place")
             return

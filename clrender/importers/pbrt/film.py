@@ -17,11 +17,11 @@ from clrender.importers.shared.cameras import camera_keys, vertical_angle
 from clrender.importers.shared.matrices import Matrix
 from clrender.importers.shared.staging import Staging
 from clrender.importers.shared.white_balance import white_balance
+from clrender.settings import SPP_LIMIT
 from clrender.wording import quoted
 
 __all__ = ["Camera", "Exposure", "Settings"]
 
-_SPP_LIMIT: Final = 2**20
 _KELVIN: Final = (1000.0, 25000.0)
 """Range of white balances."""
 _FILTERS: Final = {
@@ -149,7 +149,7 @@ class Settings:
             spp = parameters.whole("xsamples", 4) * parameters.whole("ysamples", 4)
         else:
             spp = parameters.whole("pixelsamples", 16)
-        self._render["spp"] = min(max(spp, 1), _SPP_LIMIT)
+        self._render["spp"] = min(max(spp, 1), SPP_LIMIT)
         parameters.ignore("seed", "randomization", "jitter")
 
     def integrator(self, directive: Directive) -> None:
