@@ -262,7 +262,7 @@ def flatten(
 def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene:
     """The same arrays with the camera of `scene`; all other parts of the scene must be the same.
 
-    The camera's `scene_origin` must be that of the arrays.
+    The camera's `scene_origin` must be that of the arrays, and so must its `camera_reach`.
 
     Raises
     ------

@@ -13,6 +13,7 @@ Where two surfaces are closer than rounding errors, a ray finds either. These ru
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
@@ -40,15 +41,19 @@ from clrender.wording import place
 if TYPE_CHECKING:
     from clrender.flatten.assembly import Assembly
     from clrender.flatten.surface_arrays import FlatSurfaces
+    from clrender.scene.camera import Camera
     from clrender.scene.description import Scene
+    from clrender.scene.values import Vector
 
-__all__ = ["Moves", "moves", "undecided"]
+__all__ = ["Moves", "camera_reach", "moves", "undecided"]
 
 _CURE: Final = "give both a priority and let one reach a little into the other, or keep them apart"
 _CLEAR: Final = 16.0 * ROUNDING
 """Of the way that rays come, along the normal: planes this far apart are met in their order."""
 _REACH: Final = 16.0
 """Rays to the outer copy and to lamps come from within this multiple of a shape's largest coordinate."""
+_CAMERA: Final = 0.25
+"""Part of the way that rays come from the camera, which `_CLEAR` leaves room for."""
 _MOST_SPHERES: Final = 2**18
 _FEW: Final = 2**12
 """Most opaque faces of simple shapes that are searched for coincidences which nothing decides."""
@@ -87,6 +92,20 @@ class Moves:
         return bool(self.first.any() or self.second.any())
 
 
+def camera_reach(camera: Camera, origin: Vector) -> float:
+    """A power of two that no coordinate of the camera is beyond; most camera moves do not change it.
+
+    Parameters
+    ----------
+    camera : Camera
+    origin : (3,) float
+        World space, metres: the origin of coordinates on the device.
+    """
+    most = max(abs(a - b) for a, b in zip(camera.position, origin, strict=True))
+    mantissa, exponent = math.frexp(most)
+    return math.ldexp(1.0, exponent - (mantissa == 0.5)) if most > 0.0 else 0.0
+
+
 def moves(scene: Scene, surfaces: FlatSurfaces, own: int, assembly: Assembly | None) -> Moves:
     """Find what touches, and decide it.
 
@@ -113,10 +132,11 @@ def moves(scene: Scene, surfaces: FlatSurfaces, own: int, assembly: Assembly | N
         placed = placed_faces(surfaces, assembly, kinds)
         result.unknown |= placed is None
     world = np.where(np.arange(len(kinds)) < own, kinds, 0)
+    camera = camera_reach(scene.camera, surfaces.origin)
     if placed is not None:
-        _Space(scene, surfaces, world, result, placed, kinds[placed.shape]).decide()
+        _Space(scene, surfaces, world, result, placed, kinds[placed.shape], camera).decide()
     elif np.count_nonzero(world) > 1:
-        _Space(scene, surfaces, world, result).decide()
+        _Space(scene, surfaces, world, result, camera=camera).decide()
     return result
 
 
@@ -157,6 +177,7 @@ class _Space:
         result: Moves,
         placed: Placed | None = None,
         placed_kinds: NDArray[np.int64] = _NONE,
+        camera: float = 0.0,
     ) -> None:
         self._scene, self._surfaces, self._result = scene, surfaces, result
         self._faces = shape_faces(surfaces, kinds, None if placed is None else placed.faces)
@@ -180,6 +201,8 @@ class _Space:
         if placed is not None:  # a map has to do with all coordinates
             self._own = np.repeat(self._own.max(axis=1, initial=0.0)[:, None], 3, axis=1)
         self._far = np.minimum(_extent(surfaces), _REACH * self._own.max(axis=1, initial=0.0)[:, None])
+        # The camera may be further away; its rays come far along normals, and not only along what the scene is large in
+        self._far = np.maximum(self._far, _CAMERA * (2.0 * camera + self._own.max(axis=1, initial=0.0)[:, None]))
 
     def decide(self) -> None:
         """Write the moves of this space's primitives."""

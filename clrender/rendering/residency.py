@@ -20,6 +20,7 @@ from clrender.device.worker import DeviceWorker
 from clrender.drivers import select
 from clrender.errors import DeviceError, UsageError
 from clrender.flatten.flat_scene import FlatScene, flatten, scene_origin, seen_by
+from clrender.flatten.touching import camera_reach
 from clrender.integrators.descriptor import Pipeline
 from clrender.process.stages import Stages
 from clrender.rendering.job import RenderJob
@@ -192,11 +193,13 @@ class _Geometry:
     compensated: bool
     termination: float | None
     origin: tuple[float, float, float]
+    reach: float
 
     @classmethod
     def of(cls, job: RenderJob) -> _Geometry:
         origin = scene_origin(job.scene.camera)
-        return cls(job.scene, _light_sampler(job), _compensated(job), job.settings.termination, origin)
+        reach = camera_reach(job.scene.camera, origin)
+        return cls(job.scene, _light_sampler(job), _compensated(job), job.settings.termination, origin, reach)
 
     def same(self, other: _Geometry) -> bool:
         a, b = self.scene, other.scene

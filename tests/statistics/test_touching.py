@@ -16,6 +16,7 @@ from clrender.scene.transforms import affine, combined
 if TYPE_CHECKING:
     from stats_support import Evidence
 
+    from clrender.device import Device
     from clrender.scene import Scene
 
 WAYS: dict[str, dict[str, Any]] = {
@@ -282,3 +283,38 @@ def test_haze_that_fills_a_room_is_lossless(evidence: Evidence, studio: Studio, 
         media={"haze": HAZE},
     )
     evidence.mean_is("tiles", studio.tiles(what, range(16), size=24, tiles=2, spp=32), 2.0)
+
+
+@pytest.mark.parametrize("distance", [5.0, 80.0, 2000.0])
+@pytest.mark.parametrize("place", [0.0, 1e-3, 0.25])
+def test_a_lamp_on_a_flat_wall_is_seen_from_any_distance(studio: Studio, place: float, distance: float) -> None:
+    """Nothing else tells how far rays come, and the wall may have no coordinate at all along them."""
+    turn = {"x": ((0, 0, 1), (0, 1, 0), (1, 0, 0)), "slanted": ((0.8, 0.0, -0.6), (0.0, 1.0, 0.0), (0.6, 0.0, 0.8))}
+    for name, axes in turn.items():
+        u, v, n = (np.array(axis, np.float64) for axis in axes)
+        wall = quad((place * n - 2 * u - 2 * v).tolist(), (4 * u).tolist(), (4 * v).tolist(), material="white")
+        lamp = quad((place * n - u - v).tolist(), (2 * u).tolist(), (2 * v).tolist(), emission=1.0)
+        if np.dot(np.cross(u, v), n) < 0.0:
+            wall, lamp = ({**each, "flip_normals": True} for each in (wall, lamp))
+        camera = {
+            "position": (distance * n).tolist(),
+            "target": (place * n).tolist(),
+            "up": v.tolist(),
+            "vertical_fov": math.degrees(2.0 * math.atan(0.9 / distance)),
+        }
+        for shapes in ([wall, lamp], [lamp, wall]):
+            picture = studio.image(scene(shapes, camera=camera, white=lambert(0.5)), 16, spp=4)
+            assert (picture == 1.0).all(), (name, picture.mean())
+
+
+def test_a_camera_that_moves_far_away_leaves_no_bit_of_before(device: Device) -> None:
+    """The same session has the image of a new one: what touches is decided again where the camera comes further."""
+    wall = quad((-2, -2, 0), (4, 0, 0), (0, 4, 0), material="white")
+    lamp = quad((-1, -1, 0), (2, 0, 0), (0, 2, 0), emission=1.0)
+    near = scene([wall, lamp], camera={"position": [0.3, 0.2, 0.5], "target": [0.0, 0.0, 0.0]}, white=lambert(0.5))
+    far = near.changed({"camera.position": [30.0, 20.0, 200.0], "camera.vertical_fov": 1.0})
+    how: dict[str, Any] = {"size": (16, 16), "spp": 4}
+    with clrender.Session([device]) as one, clrender.Session([device]) as other:
+        one.render(near, **how)
+        moved, new = one.render(far, **how), other.render(far, **how)
+    assert moved.stats["image_sha256"] == new.stats["image_sha256"] and (moved.linear > 0.9).any()
