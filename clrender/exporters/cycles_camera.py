@@ -59,8 +59,10 @@ def camera(target: Target) -> dict[str, Any]:
     if given.type == "orthographic":
         values |= {"type": "ORTHO", "ortho_scale": given.height}
     else:
-        lens = _SENSOR / 2.0 / tan_degrees(given.vertical_fov / 2.0)
-        values |= {"type": "PERSP", "lens": lens}
+        tangent = tan_degrees(given.vertical_fov / 2.0)
+        sensor = max(_SENSOR, 2.0 * tangent)  # Blender has no lens below 1 mm
+        lens = sensor / 2.0 / tangent
+        values |= {"type": "PERSP", "lens": lens, "sensor_height": sensor}
         if given.aperture_radius:
             distance = given.focus_distance or length(np.subtract(given.target, given.position))
             stop = 1e-3 * lens / (2.0 * given.aperture_radius)
@@ -81,6 +83,8 @@ def settings(target: Target) -> dict[str, Any]:
     if depth is not None and depth > _DEEPEST:
         target.leave_out(f"scattering events beyond {_DEEPEST}", "render", "max_depth")
     # The last event of a path is where light is added, after which it does not go on
+    if depth == 0:
+        target.leave_out("that surfaces reflect nothing, as they do once at least", "render", "max_depth")
     bounces = _DEEPEST if depth is None else min(max(depth - 1, 0), _DEEPEST)
     kind = _FILTERS.get(render.filter, "GAUSSIAN")
     radius = render.filter_radius or _RADIUS.get(render.filter, 2.0)

@@ -65,6 +65,8 @@ class LightWriter:
         elif isinstance(light, SpotLight):
             if light.cone_degrees > 180.0:
                 self._target.leave_out("the part of cones beyond 180 degrees", *at)
+            if light.cone_degrees < 1.0:
+                self._target.leave_out("cones below 1 degree", *at)
             cone = {"spot_size": math.radians(min(light.cone_degrees, 180.0)), "spot_blend": light.blend}
             self._add("SPOT", light.position, light.direction, light.intensity, flux, **point, **cone)
         elif isinstance(light, DirectionalLight):

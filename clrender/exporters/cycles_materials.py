@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -35,7 +36,7 @@ from clrender.scene.materials import (
     Subsurface,
 )
 from clrender.scene.shapes import AnyShape
-from clrender.scene.textures import ImageTexture
+from clrender.scene.textures import Texture
 
 __all__ = ["MaterialWriter", "volume"]
 
@@ -91,11 +92,9 @@ class MaterialWriter:
         scene = self._target.scene
         shines = self._emission(tree, at, shape) if emits(scene, shape) else None
         if shape.material is None:
-            return tree.node("BsdfTransparent", {"Color": _WHITE}) if through else shines
+            return tree.added(tree.node("BsdfTransparent", {"Color": _WHITE}), shines) if through else shines
         material, place = scene.materials[shape.material], ("materials", shape.material)
         closure = self._surface(tree, material, place)
-        if not getattr(material, "two_sided", True):
-            closure = tree.mixed(tree.behind(), closure, tree.node("BsdfDiffuse", {"Color": _BLACK}))
         closure = tree.added(closure, shines) or closure
         return self._masked(tree, material, place, closure)
 
@@ -106,13 +105,9 @@ class MaterialWriter:
     def _masked(self, tree: NodeTree, material: Material, at: At, closure: Socket) -> Socket:
         if not material.masked:
             return closure
-        cutoff, curve = material.opacity_cutoff, None
-        if cutoff is not None:
-            if isinstance(material.opacity, ImageTexture) and material.opacity.filter == "linear":
-                sentence = "the cutoff of an opacity between texels, whose edges follow the texels"
-                self._target.leave_out(sentence, *at, "opacity_cutoff")
-            curve = lambda x: np.asarray(x >= cutoff, np.float32)  # noqa: E731
-        opacity = self._textures.number(tree, material.opacity, (*at, "opacity"), curve)
+        opacity = self._textures.number(tree, material.opacity, (*at, "opacity"))
+        if material.opacity_cutoff is not None:
+            opacity = tree.math("SUBTRACT", 1.0, tree.math("LESS_THAN", opacity, material.opacity_cutoff))
         return tree.mixed(opacity, tree.node("BsdfTransparent", {"Color": _WHITE}), closure)
 
     def _normal(self, tree: NodeTree, material: Any, at: At) -> Inputs:
@@ -134,6 +129,12 @@ class MaterialWriter:
                 for name in material.materials
             )
             return tree.mixed(self._textures.number(tree, material.weight, (*at, "weight")), first, second)
+        closure = self._both_sides(tree, material, at)
+        if getattr(material, "two_sided", True):
+            return closure
+        return tree.mixed(tree.behind(), closure, tree.node("BsdfDiffuse", {"Color": _BLACK}))
+
+    def _both_sides(self, tree: NodeTree, material: Any, at: At) -> Socket:
         bent = self._normal(tree, material, at)
 
         def color(key: str) -> Any:
@@ -195,6 +196,8 @@ class MaterialWriter:
             if is_rough(material.roughness):
                 self._target.leave_out("the roughness of thin glass", *at)
             return self._thin(tree, index, bent)
+        if index == 1.0:
+            return tree.node("BsdfTransparent", {"Color": _WHITE})
         rough = self._roughness(tree, material, at)
         inputs = {"Color": _WHITE, "Roughness": rough, "IOR": index, **bent}
         return tree.node("BsdfGlass", inputs, distribution=self._facets(material, at))
@@ -221,7 +224,7 @@ class MaterialWriter:
 
         share = material.diffuse_transmission
         if share != 0.0:
-            self._target.leave_out("the gloss of sheets with diffuse transmission", *at, "diffuse_transmission")
+            self._target.leave_out("gloss and metal of sheets with diffuse transmission", *at, "diffuse_transmission")
             kept = tree.node("BsdfDiffuse", {"Color": color("base_color", 1.0 - share), **bent})
             passed = share * np.array(material.diffuse_transmission_color)
             sheet = tree.added(kept, tree.node("BsdfTranslucent", {"Color": passed, **bent}))
@@ -232,14 +235,10 @@ class MaterialWriter:
         if material.microfacets != "ggx":
             self._target.leave_out("the distribution of microfacets, for which there is GGX", *at, "microfacets")
         inputs: Inputs = {
-            "Base Color": color("base_color"),
-            "Metallic": number("metallic"),
             "Roughness": self._roughness(tree, material, at),
             "IOR": 1.0 if material.specular == 0.0 and material.transmission == 0.0 else material.ior,
             "Specular IOR Level": number("specular", lambda x: 0.5 * x),
-            "Specular Tint": color("specular_color"),
             "Diffuse Roughness": self._rough_diffuse(tree, material.diffuse_roughness, (*at, "diffuse_roughness")),
-            "Transmission Weight": number("transmission"),
             "Coat Weight": number("coat"),
             "Coat Roughness": number("coat_roughness"),
             "Coat IOR": _COAT_INDEX,
@@ -249,7 +248,34 @@ class MaterialWriter:
             self._target.leave_out("the balance of sheen, which is another model", *at, "sheen_color")
             sheen = {"Sheen Weight": 1.0, "Sheen Roughness": number("sheen_roughness")}
             inputs |= {**sheen, "Sheen Tint": color("sheen_color")}
-        return tree.node("BsdfPrincipled", inputs, distribution="MULTI_GGX")
+
+        def part(**more: Any) -> Socket:
+            named = {name.replace("_", " "): each for name, each in more.items()}
+            return tree.node("BsdfPrincipled", {**inputs, **named}, distribution="MULTI_GGX")
+
+        def opaque() -> Socket:
+            return part(Base_Color=color("base_color"), Specular_Tint=color("specular_color"))
+
+        def glass() -> Socket:
+            # Cycles colours what passes by the square root
+            squared = textures.color(tree, material.base_color, (*at, "base_color"), curve=np.square)
+            return part(Base_Color=squared, Specular_Tint=color("specular_color"), Transmission_Weight=1.0)
+
+        def metal() -> Socket:
+            return part(Base_Color=color("base_color"), Metallic=1.0)
+
+        def dielectric() -> Socket:
+            return self._between(tree, material.transmission, (*at, "transmission"), opaque, glass)
+
+        return self._between(tree, material.metallic, (*at, "metallic"), dielectric, metal)
+
+    def _between(
+        self, tree: NodeTree, amount: Any, at: At, first: Callable[[], Socket], second: Callable[[], Socket]
+    ) -> Socket:
+        """A mixture of two closures, or one of them."""
+        if not isinstance(amount, Texture) and amount in (0.0, 1.0):
+            return second() if amount else first()
+        return tree.mixed(self._textures.number(tree, amount, at), first(), second())
 
 
 def volume(tree: NodeTree, inside: Inside) -> Socket | None:

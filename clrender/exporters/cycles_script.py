@@ -72,7 +72,7 @@ def mesh_of(name: str, file: str, material: Any, folder: Path) -> Any:
         mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", arrays["uvs"].ravel())
     if "normals" in arrays:
         mesh.shade_smooth()
-        mesh.normals_split_custom_set_from_vertices(arrays["normals"].tolist())
+        mesh.normals_split_custom_set(arrays["normals"].reshape(-1, 3).tolist())
     else:
         mesh.shade_flat()
     mesh.materials.append(material)
@@ -116,7 +116,7 @@ def build(described: dict[str, Any], folder: Path) -> Any:
     folder : Path
         Where its meshes and pictures are looked up.
     """
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     materials = {name: material_of(name, each, folder) for name, each in described["materials"].items()}
     meshes = {
@@ -125,7 +125,7 @@ def build(described: dict[str, Any], folder: Path) -> Any:
     for name, mesh, matrix, visible in described["objects"]:
         made = place(scene, name, meshes[mesh], matrix)
         made.visible_camera = visible
-        made.cycles.shadow_terminator_offset = made.cycles.shadow_terminator_geometry_offset = 0.0
+        apply(made, {f"shadow_terminator_{kind}_offset": 0.0 for kind in ("normal", "geometry")})
     for each in described["lights"]:
         place(scene, each["name"], light_of(each), each["matrix"])
     scene.world = bpy.data.worlds.new("world")

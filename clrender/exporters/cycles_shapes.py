@@ -9,18 +9,22 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.exact.matrices import determinant
+from clrender.exact.matrices import product
 from clrender.exporters.cycles_materials import MaterialWriter
 from clrender.exporters.surfaces import boundaries, tell_of_meshes, tell_of_round, texture_set
 from clrender.exporters.target import Target
-from clrender.exporters.triangles import At, Piece, mirrored_shapes, pieces_of
+from clrender.exporters.triangles import At, Piece, material_parts, mirrors, pieces_of, shapes_of_instances
 from clrender.flatten.emission import emits
+from clrender.flatten.faces import inner
 from clrender.meshes.data import MeshData
 from clrender.scene import Scene
 from clrender.scene.groups import Instance
 from clrender.scene.shapes import AnyShape
 
 __all__ = ["ShapeWriter"]
+
+_EVEN = 1e-6
+"""Relative differences of squared lengths that are rounding."""
 
 
 class ShapeWriter:
@@ -52,7 +56,7 @@ class ShapeWriter:
         """All shapes of the scene."""
         scene = self._target.scene
         own = [(("shapes", i), each) for i, each in enumerate(scene.shapes) if not isinstance(each, Instance)]
-        for piece in self._pieces(own + mirrored_shapes(scene)):
+        for piece in self._pieces(own + shapes_of_instances(scene, self._differs)):
             self._object(piece, np.eye(4))
         groups: dict[str, list[tuple[str, str, bool]]] = {}
         for index, instance in scene.instances():
@@ -61,15 +65,29 @@ class ShapeWriter:
                 inside = enumerate(scene.groups[name].shapes)
                 groups[name] = self._pieces([(("groups", name, "shapes", i), each) for i, each in inside])
             for each in scene.transforms(index).maps:
-                if determinant(each[:, :3]) > 0.0:
+                if not self._differs(name, each):
                     for piece in groups[name]:
                         self._object(piece, np.concatenate([each, [[0.0, 0.0, 0.0, 1.0]]]))
+
+    def _differs(self, group: str, place: NDArray[np.float64]) -> bool:
+        """Whether an instance is another thing in Blender: it has no shear, and its normal maps no uneven scale."""
+        scene, axes = self._target.scene, place[:, :3]
+        if mirrors(group, place):
+            return True
+        square = product(axes.T, axes)
+        sizes = np.diag(square)
+        sheared = np.abs(square - np.diag(sizes)).max() > _EVEN * sizes.max()
+        if sheared or sizes.max() - sizes.min() <= _EVEN * sizes.max():
+            return bool(sheared)
+        names = {shape.material for shape in scene.groups[group].shapes}
+        parts = [part for name in names for part in material_parts(scene, name)]
+        return any(getattr(part, "normal_map", None) is not None for part in parts)
 
     def _pieces(self, shapes: list[tuple[At, AnyShape]]) -> list[tuple[str, str, bool]]:
         """Of shapes a name for objects, the mesh, and whether the camera sees them."""
         made = []
         pieces = pieces_of(self._target.scene, shapes, self._merge, self._apart)
-        self._tell_of_lamps_in_glass(pieces)
+        self._tell_of_insides(pieces)
         for piece in pieces:
             at, shape = piece.at, piece.shape
             tell_of_meshes(self._target, at, shape)
@@ -78,13 +96,18 @@ class ShapeWriter:
             made.append((name, self._mesh(name, piece, self._materials.of_shape(at, shape)), shape.visible_to_camera))
         return made
 
-    def _tell_of_lamps_in_glass(self, pieces: list[Piece]) -> None:
-        """Note lamps whose box is in that of a solid with an index: Cycles has their radiance pass unchanged."""
+    def _tell_of_insides(self, pieces: list[Piece]) -> None:
+        """Note media whose boxes meet, and lamps in solids with an index, which scales no radiance in Cycles."""
         scene = self._target.scene
+        pieces = [each for each in pieces if len(each.mesh.vertices)]
         boxes = [(each.mesh.vertices.min(axis=0), each.mesh.vertices.max(axis=0)) for each in pieces]
-        glass = [
-            box for each, box in zip(pieces, boxes, strict=True) if each.at in self._apart and _refracts(scene, each)
-        ]
+        insides = [i for i, each in enumerate(pieces) if each.at in self._apart]
+        for number, i in enumerate(insides):
+            others = [boxes[j] for j in insides[:number]]
+            if scene.fog is not None or any(_meet(boxes[i], other) for other in others):
+                sentence = "that the innermost medium counts: where media overlap, Cycles adds them"
+                self._target.leave_out(sentence, *pieces[i].at)
+        glass = [boxes[i] for i in insides if _refracts(scene, pieces[i])]
         for each, (low, high) in zip(pieces, boxes, strict=True):
             if emits(scene, each.shape) and any((a <= low).all() and (high <= b).all() for a, b in glass):
                 sentence = "the scaling of radiance by the index of what it leaves, so that lamps in glass are brighter"
@@ -107,15 +130,30 @@ class ShapeWriter:
         self.objects.append([self._target.id("object", wanted), mesh, matrix.tolist(), visible])
 
 
+def _meet(one: tuple[Any, Any], other: tuple[Any, Any]) -> bool:
+    """Whether two boxes overlap."""
+    return bool((one[0] < other[1]).all() and (other[0] < one[1]).all())
+
+
 def _refracts(scene: Scene, piece: Piece) -> bool:
     """Whether a piece's material has an index."""
     material = None if piece.shape.material is None else scene.materials[piece.shape.material]
     return (getattr(material, "ior", None) or 1.0) != 1.0
 
 
+def _corner_normals(mesh: MeshData) -> NDArray[np.float32] | None:
+    """Normals of each corner, (T, 3, 3), on the front of its triangle, as Blender wants them."""
+    if mesh.normals is None:
+        return None
+    a, b, c = (mesh.vertices[mesh.triangles[:, i]].astype(np.float64) for i in range(3))
+    front, normals = np.cross(b - a, c - a), mesh.normals[mesh.triangles]
+    against = inner(normals.astype(np.float64), front[:, None]) < 0.0
+    return np.where(against[..., None], -normals, normals)
+
+
 def _write_arrays(file: IO[bytes], mesh: MeshData, uvs: NDArray[np.float32] | None) -> None:
     """Write a mesh, with texture coordinates for each corner."""
-    arrays: dict[str, Any] = {"normals": mesh.normals, "uvs": uvs}
+    arrays: dict[str, Any] = {"normals": _corner_normals(mesh), "uvs": uvs}
     given = {name: np.ascontiguousarray(each) for name, each in arrays.items() if each is not None}
     kept: Any = {"points": mesh.vertices.astype(np.float32), "triangles": mesh.triangles.astype(np.int32), **given}
     np.savez(file, **kept)

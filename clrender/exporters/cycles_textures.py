@@ -94,10 +94,10 @@ class TextureWriter:
     ) -> Socket:
         made = self.files.resolved(given, at, number, factor, curve)
         scale, turn, offset, sheared = scale_turn_offset(made.plane)
-        if sheared:
-            self._target.leave_out("the shear of a texture", *at)
         uv: Any = tree.node("UVMap", {}, uv_map="UVMap")
-        if (scale, turn, offset) != ((1.0, 1.0), 0.0, (0.0, 0.0)):
+        if sheared:
+            uv = _affine(tree, uv, made.plane)
+        elif (scale, turn, offset) != ((1.0, 1.0), 0.0, (0.0, 0.0)):
             placed = {"Location": (*offset, 0.0), "Rotation": (0.0, 0.0, math.radians(turn)), "Scale": (*scale, 1.0)}
             uv = tree.node("Mapping", {"Vector": uv, **placed}, vector_type="POINT")
         if isinstance(made, Squares):
@@ -108,3 +108,12 @@ class TextureWriter:
             self._target.leave_out("another way of repeating a texture along v; it is that along u", *at)
         filtered = "Closest" if made.nearest else "Linear"
         return tree.node("TexImage", {"Vector": uv}, image=made.file, interpolation=filtered, extension=_WRAPS[wrap])
+
+
+def _affine(tree: NodeTree, uv: Socket, plane: Any) -> Socket:
+    """Texture coordinates under any affine map, (2, 3)."""
+    axes = {}
+    for axis, (a, b, offset) in zip("XY", plane.tolist(), strict=True):
+        along = tree.node("VectorMath", {0: uv, 1: (a, b, 0.0)}, "Value", operation="DOT_PRODUCT")
+        axes[axis] = tree.math("ADD", along, offset)
+    return tree.node("CombineXYZ", {**axes, "Z": 0.0})

@@ -13,7 +13,7 @@ from clrender.exporters.luxcore_materials import MaterialWriter
 from clrender.exporters.luxcore_text import Properties
 from clrender.exporters.surfaces import boundaries, tell_of_meshes, tell_of_round, texture_set
 from clrender.exporters.target import Target
-from clrender.exporters.triangles import At, Piece, mirrored_shapes, pieces_of, write_plain_ply
+from clrender.exporters.triangles import At, Piece, pieces_of, shapes_of_instances, write_plain_ply
 from clrender.scene.groups import Instance
 from clrender.scene.shapes import AnyShape
 
@@ -43,7 +43,7 @@ class ShapeWriter:
         scene = self._target.scene
         shapes = enumerate(scene.shapes)
         own = [(("shapes", i), each) for i, each in shapes if not isinstance(each, Instance)]
-        for piece in self._pieces(own + mirrored_shapes(scene)):
+        for piece in self._pieces(own + shapes_of_instances(scene)):
             self._object(*piece)
         groups: dict[str, list[tuple[str, str, str]]] = {}
         for index, instance in scene.instances():

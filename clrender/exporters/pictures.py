@@ -123,6 +123,7 @@ class PictureFiles:
             file = self.made("ramp", np.asarray(texels if curve is None else curve(texels), np.float32))
             # From the centre of the first texel to that of the last
             plane[0] = plane[0] * ((count - 1) / count) + [0.0, 0.0, 0.5 / count]
+            plane[1] = [-plane[0, 1], plane[0, 0], 0.5]  # any row is the same, and programs have no shear
             return Bitmap(file, True, ("clamp", "clamp"), False, plane)
         file, linear = self._file(given, at, number, factor, curve)
         return Bitmap(file, linear, given.wrap, given.filter == "nearest", plane)

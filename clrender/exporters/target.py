@@ -101,6 +101,8 @@ class Target:
         What ids of the program lack, and so is removed from names.
     between : str
         What separates a name from the number that distinguishes it from others.
+    apart : bool
+        Whether objects of different kinds may have the same id.
     files : NamedFiles
     """
 
@@ -108,8 +110,10 @@ class Target:
     folder: str
     no_id: re.Pattern[str]
     between: str = " "
+    apart: bool = False
     files: NamedFiles = field(default_factory=NamedFiles)
-    _ids: dict[str, str] = field(default_factory=dict)
+    _ids: set[tuple[str, str]] = field(default_factory=set)
+    _numbers: dict[tuple[str, str], int] = field(default_factory=dict)
     _notes: dict[str, list[str]] = field(default_factory=dict)
 
     def id(self, kind: str, wanted: str) -> str:
@@ -122,10 +126,12 @@ class Target:
         wanted : str
         """
         plain = self.no_id.sub("", wanted).strip() or kind
-        made, number = plain, 2
-        while made in self._ids:
+        space = kind if self.apart else ""
+        made, number = plain, self._numbers.get((space, plain), 2)
+        while (space, made) in self._ids:
             made, number = f"{plain}{self.between}{number}", number + 1
-        self._ids[made] = wanted
+        self._ids.add((space, made))
+        self._numbers[space, plain] = number
         return made
 
     def leave_out(self, sentence: str, *at: str | int) -> None:

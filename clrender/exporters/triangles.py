@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import IO, Any, Final, TypeAlias
 
@@ -33,9 +33,10 @@ __all__ = [
     "material_parts",
     "matrix_of",
     "merged",
-    "mirrored_shapes",
+    "mirrors",
     "pieces_of",
     "placed",
+    "shapes_of_instances",
     "sphere_mesh",
     "surface_key",
     "texture_sets",
@@ -206,13 +207,25 @@ def merged(scene: Scene, shapes: Sequence[tuple[At, AnyShape]]) -> MeshData:
     )
 
 
-def mirrored_shapes(scene: Scene) -> list[tuple[At, AnyShape]]:
-    """Shapes of instances that mirror, written out: most programs turn the front of those to the back."""
+def mirrors(_: str, place: _Floats) -> bool:
+    """Whether the map of an instance, (3, 4), mirrors: most programs turn the front of those to the back."""
+    return determinant(place[:, :3]) < 0.0
+
+
+def shapes_of_instances(scene: Scene, chosen: Callable[[str, _Floats], bool] = mirrors) -> list[tuple[At, AnyShape]]:
+    """Shapes of some instances, written out.
+
+    Parameters
+    ----------
+    scene : Scene
+    chosen : callable
+        Whether an instance of a group, by the group's name and its (3, 4) map, is one of them.
+    """
     return [
         (("groups", instance.group, "shapes", i), placed(shape, each))
         for index, instance in scene.instances()
         for each in scene.transforms(index).maps
-        if determinant(each[:, :3]) < 0.0
+        if chosen(instance.group, each)
         for i, shape in enumerate(scene.groups[instance.group].shapes)
     ]
 

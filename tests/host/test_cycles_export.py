@@ -208,6 +208,46 @@ def test_instances_share_a_mesh(tmp_path: Path) -> None:
     assert len(found["meshes"]) == 2
 
 
+@for_each(
+    ("matrix", "material", "shared"),
+    [
+        ([[2, 0, 0], [0, 2, 0], [0, 0, 2]], {}, True),
+        ([[1, 0, 0], [0, 2, 0], [0, 0, 3]], {}, True),
+        ([[1, 0, 0], [0, 2, 0], [0, 0, 3]], {"normal_map": {"texture": "a.png"}}, False),
+        ([[1, 0.8, 0], [0, 1, 0.3], [0, 0, 1]], {}, False),
+    ],
+)
+def test_instances_that_blender_has_not_are_written_out(
+    tmp_path: Path, matrix: Any, material: dict[str, Any], shared: bool
+) -> None:
+    Image.new("RGB", (2, 2), (128, 128, 255)).save(tmp_path / "a.png")
+    place = [[*row, 0.0] for row in matrix] + [[0, 0, 0, 1]]
+    shapes = [{"type": "instance", "group": "g", "transform": {"matrix": place}}]
+    groups = {"g": {"shapes": [{**QUAD, "material": "m"}]}}
+    found = written(tmp_path, materials={"m": {**GREY, **material}}, groups=groups, shapes=shapes)
+    ((_, mesh, whole, _),) = found["objects"]
+    assert near(whole, place if shared else np.eye(4))
+    points = np.load(tmp_path / found["meshes"][mesh][0])["points"] @ np.array(whole)[:3, :3].T
+    assert near(points[0], [0, 0, 0]) and near(points[1], np.array(matrix) @ QUAD["edge_u"])
+
+
+def test_normals_are_on_the_front(tmp_path: Path) -> None:
+    """A mesh whose vertex normals are against its triangles, as many files have them."""
+    (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0.6 -0.8\nf 1//1 2//1 3//1\n")
+    found = written(tmp_path, shapes=[{"type": "mesh", "file": "m.obj", "material": "m"}])
+    mesh = np.load(tmp_path / found["meshes"][found["objects"][0][1]][0])
+    assert near(mesh["normals"], np.broadcast_to([0.0, -0.6, 0.8], (1, 3, 3)))
+
+
+def test_names_of_many_objects_take_no_time_to_find(tmp_path: Path) -> None:
+    """Each kind has its own."""
+    places = [{"translate": [float(x), 0.0, 0.0]} for x in range(3)]
+    shapes = [{"type": "instance", "group": "g", "transform": each} for each in places]
+    found, _ = exported(tmp_path, groups={"g": {"shapes": [{**QUAD, "material": "m"}]}}, shapes=shapes)
+    assert [each[0] for each in found["objects"]] == ["m", "m.2", "m.3"]
+    assert list(found["meshes"]) == list(found["materials"]) == ["m"]
+
+
 # --- materials
 
 
@@ -288,6 +328,7 @@ def test_lamps_shine_on_one_side(tmp_path: Path) -> None:
     [
         ({"opacity": 0.25}, ["BsdfTransparent", "BsdfDiffuse"]),
         ({"two_sided": False}, ["BsdfDiffuse", "BsdfDiffuse"]),
+        ({"opacity": 0.25, "two_sided": False}, ["BsdfTransparent", "MixShader"]),
     ],
 )
 def test_holes_and_black_backs(tmp_path: Path, changes: dict[str, Any], order: list[str]) -> None:
@@ -298,6 +339,61 @@ def test_holes_and_black_backs(tmp_path: Path, changes: dict[str, Any], order: l
     assert amount == 0.25 if "opacity" in changes else nodes.kind(amount) == "NewGeometry"
 
 
+def test_parts_of_a_mixture_have_black_backs(tmp_path: Path) -> None:
+    parts = {"a": {**GREY, "two_sided": False}, "b": {"type": "mirror"}, "m": {"type": "mix", "materials": ["a", "b"]}}
+    found, _ = exported(tmp_path, materials=parts, shapes=[{**QUAD, "material": "m"}])
+    nodes = Nodes(next(iter(found["materials"].values())))
+    first, second = (nodes.input(nodes.end, i) for i in (1, 2))
+    assert (nodes.kind(first), nodes.kind(second)) == ("MixShader", "BsdfAnisotropic")
+    assert near(nodes.input(nodes.input(first, 2), "Color"), [0.0, 0.0, 0.0])
+
+
+def test_a_cutoff_is_after_the_interpolation(picture: Path) -> None:
+    leaf = {**GREY, "opacity": {"texture": "a.png"}, "opacity_cutoff": 0.4}
+    nodes, notes = surface(picture, leaf)
+    present = nodes.input(nodes.end, 0)
+    assert nodes.attributes(present) == {"operation": "SUBTRACT"} and nodes.input(present, 0) == 1.0
+    below = nodes.input(present, 1)
+    assert nodes.attributes(below) == {"operation": "LESS_THAN"} and nodes.input(below, 1) == 0.4
+    assert nodes.kind(nodes.input(below, 0)) == "TexImage" and notes == ()
+
+
+@for_each(
+    ("changes", "kinds"),
+    [
+        ({"transmission": 1.0}, ["BsdfPrincipled"]),
+        ({"transmission": 0.25}, ["MixShader", "BsdfPrincipled", "BsdfPrincipled"]),
+        ({"transmission": 1.0, "metallic": 0.5}, ["MixShader", "BsdfPrincipled", "BsdfPrincipled"]),
+    ],
+)
+def test_what_passes_principled_has_its_colour(tmp_path: Path, changes: dict[str, float], kinds: list[str]) -> None:
+    """Of which Cycles takes the root."""
+    material = {"type": "principled", "base_color": [0.5, 0.25, 1.0], **changes}
+    found, _ = exported(tmp_path, materials={"m": material}, shapes=[{**BALL, "material": "m"}])
+    nodes = Nodes(next(iter(found["materials"].values())))
+    parts = [nodes.input(nodes.end, i) for i in (1, 2)] if len(kinds) > 1 else []
+    assert [nodes.kind(each) for each in (nodes.end, *parts)] == kinds
+    glass = {"transmission": 1, "metallic": 0}["metallic" if "metallic" in changes else "transmission"]
+    passes = parts[glass] if parts else nodes.end
+    assert near(nodes.input(passes, "Base Color"), [0.25, 0.0625, 1.0])
+    assert nodes.input(passes, "Transmission Weight") == 1.0
+    if parts:
+        assert near(nodes.input(parts[1 - glass], "Base Color"), [0.5, 0.25, 1.0])
+
+
+def test_an_index_of_one_is_nothing(tmp_path: Path) -> None:
+    nodes, _ = surface(tmp_path, {"type": "dielectric", "ior": 1.3, "exterior_ior": 1.3})
+    assert nodes.kind(nodes.end) == "BsdfTransparent"
+
+
+def test_an_inside_that_shines(tmp_path: Path) -> None:
+    media = {"smoke": {"scattering": [1.0, 2.0, 4.0]}}
+    shapes = [{**BALL, "interior": "smoke", "emission": [1.0, 1.0, 1.0]}]
+    nodes = Nodes(next(iter(exported(tmp_path, media=media, shapes=shapes)[0]["materials"].values())))
+    assert nodes.kind(nodes.end) == "AddShader"
+    assert [nodes.kind(nodes.input(nodes.end, i)) for i in (0, 1)] == ["BsdfTransparent", "Emission"]
+
+
 def test_sheets_let_light_through(tmp_path: Path) -> None:
     sheet = {"type": "principled", "base_color": [0.8, 0.6, 0.4], "diffuse_transmission": 0.25,
              "diffuse_transmission_color": [0.5, 1.0, 0.1]}  # fmt: skip
@@ -305,7 +401,7 @@ def test_sheets_let_light_through(tmp_path: Path) -> None:
     kept, passed = (nodes.input(nodes.end, i) for i in (0, 1))
     assert near(nodes.input(kept, "Color"), [0.6, 0.45, 0.3])
     assert nodes.kind(passed) == "BsdfTranslucent" and near(nodes.input(passed, "Color"), [0.125, 0.25, 0.025])
-    assert any("gloss of sheets" in note for note in notes)
+    assert any("gloss and metal of sheets" in note for note in notes)
 
 
 # --- textures
@@ -334,6 +430,22 @@ def test_pictures_are_linear_and_placed(picture: Path) -> None:
     assert near(nodes.input(mapping, "Rotation"), [0.0, 0.0, math.radians(30.0)])
     mesh = np.load(picture / found["meshes"][found["objects"][0][1]][0])
     assert mesh["uvs"].shape == (2, 3, 2)
+
+
+def test_any_affine_map_of_a_texture(picture: Path) -> None:
+    """A rotation of squares of unequal sides is no rotation, scale and offset in this order."""
+    checker = {"checker": [[0.1] * 3, [0.4] * 3], "size": [0.5, 0.25], "transform": {"rotate_degrees": 30.0}}
+    nodes, notes = surface(picture, {**GREY, "reflectance": checker})
+    uv = nodes.input(nodes.input(nodes.end, "Color"), "Vector")
+    rows = [nodes.input(nodes.input(nodes.input(uv, axis), 0), 1) for axis in "XY"]
+    sine, cosine = 0.5, math.sqrt(0.75)
+    assert near(rows, [[2.0 * cosine, -2.0 * sine, 0.0], [4.0 * sine, 4.0 * cosine, 0.0]]) and notes == ()
+
+
+def test_a_wide_camera_has_a_large_sensor(tmp_path: Path) -> None:
+    """Blender has no lens below a millimetre."""
+    values = exported(tmp_path, camera={**CAMERA, "vertical_fov": 175.0})[0]["camera"]["values"]
+    assert near(values["lens"], 1.0) and near(values["sensor_height"], 2.0 * math.tan(math.radians(87.5)))
 
 
 def test_checkers_and_normal_maps(picture: Path) -> None:
@@ -366,6 +478,14 @@ def test_checkers_and_normal_maps(picture: Path) -> None:
         ({"camera": {**CAMERA, "mirrored": True}}, "the mirroring of the image"),
         ({"materials": {"m": {"type": "principled", "sheen_color": [0.1, 0.1, 0.1]}},
           "shapes": [{**QUAD, "material": "m"}]}, "the balance of sheen"),
+        ({"media": {"a": {"absorption": [1.0] * 3}}, "fog": "a", "shapes": [{**BALL, "interior": "a"}]},
+         "that the innermost medium counts"),
+        ({"media": {"a": {"absorption": [1.0] * 3}},
+          "shapes": [{**BALL, "interior": "a"}, {**BALL, "radius": 0.5, "interior": "a"}]},
+         "that the innermost medium counts"),
+        ({"lights": [{"type": "spot", "position": [0.0, 1.0, 0.0], "direction": [0.0, -1.0, 0.0],
+                      "intensity": [1.0] * 3, "cone_degrees": 0.5}]}, "cones below 1 degree"),
+        ({"render": {"max_depth": 0}}, "that surfaces reflect nothing"),
     ],
 )  # fmt: skip
 def test_what_is_left_out_is_named_and_with_strict_refused(tmp_path: Path, parts: Any, words: str) -> None:
