@@ -92,6 +92,8 @@ class FlatScene:
     origin : (3,) float
         World space, metres: the origin of all coordinates in the arrays and the camera. `scene_origin` chooses it. It
         changes only when the camera moves far; until then the arrays stay the same.
+    camera_free : float
+        Up to this `clrender.flatten.touching.camera_reach` the arrays do not depend on it.
     """
 
     arrays: Mapping[str, NDArray[Any]]
@@ -107,6 +109,7 @@ class FlatScene:
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     origin: Vector = (0.0, 0.0, 0.0)
+    camera_free: float = math.inf
 
     @property
     def sha256(self) -> str:
@@ -256,13 +259,15 @@ def flatten(
             *_endless(scene, arrays, media, unbounded),
         ),
         origin=origin,
+        camera_free=surfaces.camera_free,
     )
 
 
 def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene:
     """The same arrays with the camera of `scene`; all other parts of the scene must be the same.
 
-    The camera's `scene_origin` must be that of the arrays, and so must its `camera_reach`.
+    The camera's `scene_origin` must be that of the arrays, and so must its `camera_reach`, unless
+    both are at most `camera_free`.
 
     Raises
     ------

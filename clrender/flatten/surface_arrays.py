@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -25,6 +26,8 @@ class FlatSurfaces:
         First primitive and number of primitives of each shape.
     origin : (3,) float
         World space, metres; all coordinates are relative to it.
+    camera_free : float
+        See `clrender.flatten.touching.Moves`.
     attributes : (T + R, 16) float32
         Attributes of textured primitives, such as texture coordinates (`clrender.flatten.attributes`); no rows if there
         are none.
@@ -41,3 +44,4 @@ class FlatSurfaces:
     warnings: tuple[str, ...]
     origin: Vector
     attributes: NDArray[np.float32]
+    camera_free: float = math.inf

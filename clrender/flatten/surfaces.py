@@ -173,7 +173,7 @@ def _apart(scene: Scene, flat: FlatSurfaces, own: int, assembly: Assembly | None
     """The surfaces without any that coincide, as far as rules decide; warnings name those where none does."""
     found = moves(scene, flat, own, assembly)
     warnings = [f"{scene.source}: {text}" for text in undecided(scene, found)]
-    return replace(moved(flat, found), warnings=(*flat.warnings, *warnings))
+    return replace(moved(flat, found), warnings=(*flat.warnings, *warnings), camera_free=found.camera_free)
 
 
 def _is_left_out(shape: Shape, no_boundary: frozenset[Solid]) -> bool:

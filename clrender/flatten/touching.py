@@ -78,6 +78,8 @@ class Moves:
         Opaque shapes, and boundaries of dielectrics or media, that coincide without a rule that decides.
     unknown : bool
         Whether there were too many faces to compare.
+    camera_free : float
+        Up to this `camera_reach` they do not depend on the camera.
     """
 
     first: _Floats
@@ -85,6 +87,7 @@ class Moves:
     undecided: list[tuple[int, int]] = field(default_factory=list)
     boundaries: list[tuple[int, int]] = field(default_factory=list)
     unknown: bool = False
+    camera_free: float = math.inf
 
     @property
     def any(self) -> bool:
@@ -133,10 +136,15 @@ def moves(scene: Scene, surfaces: FlatSurfaces, own: int, assembly: Assembly | N
         result.unknown |= placed is None
     world = np.where(np.arange(len(kinds)) < own, kinds, 0)
     camera = camera_reach(scene.camera, surfaces.origin)
+    outer = None
     if placed is not None:
-        _Space(scene, surfaces, world, result, placed, kinds[placed.shape], camera).decide()
+        outer = _Space(scene, surfaces, world, result, placed, kinds[placed.shape], camera)
     elif np.count_nonzero(world) > 1:
-        _Space(scene, surfaces, world, result, camera=camera).decide()
+        outer = _Space(scene, surfaces, world, result, camera=camera)
+    if outer is not None:
+        outer.decide()
+        if result.any or camera == 0.0:
+            result.camera_free = outer.camera_free
     return result
 
 
@@ -201,8 +209,10 @@ class _Space:
         if placed is not None:  # a map has to do with all coordinates
             self._own = np.repeat(self._own.max(axis=1, initial=0.0)[:, None], 3, axis=1)
         self._far = np.minimum(_extent(surfaces), _REACH * self._own.max(axis=1, initial=0.0)[:, None])
+        own = self._own.max(axis=1, initial=0.0)[:, None]
+        self.camera_free = float(np.min(((self._far / _CAMERA - own) / 2.0)[own[:, 0] > 0.0], initial=math.inf))
         # The camera may be further away; its rays come far along normals, and not only along what the scene is large in
-        self._far = np.maximum(self._far, _CAMERA * (2.0 * camera + self._own.max(axis=1, initial=0.0)[:, None]))
+        self._far = np.maximum(self._far, _CAMERA * (2.0 * camera + own))
 
     def decide(self) -> None:
         """Write the moves of this space's primitives."""

@@ -117,7 +117,7 @@ class Residency:
     def flat(self, job: RenderJob) -> FlatScene:
         """The job's scene as arrays. If only the camera differs from the last job, its arrays are reused."""
         geometry = _Geometry.of(job)
-        if self._flat is None or not self._flat[0].same(geometry):
+        if self._flat is None or not self._flat[0].same(geometry, self._flat[1].camera_free):
             with self.stages.during("flattening"):
                 self._flat = geometry, _flattened(job)
         settings = job.settings
@@ -201,9 +201,12 @@ class _Geometry:
         reach = camera_reach(job.scene.camera, origin)
         return cls(job.scene, _light_sampler(job), _compensated(job), job.settings.termination, origin, reach)
 
-    def same(self, other: _Geometry) -> bool:
+    def same(self, other: _Geometry, camera_free: float) -> bool:
+        """Whether the arrays are the same, which up to a reach do not depend on it."""
         a, b = self.scene, other.scene
-        if dataclasses.replace(self, scene=b) != other:  # all but the scene
+        if self.reach != other.reach and max(self.reach, other.reach) > camera_free:
+            return False
+        if dataclasses.replace(self, scene=b, reach=other.reach) != other:  # all but the scene
             return False
         return a.shares_contents(b) or a.content_sha256() == b.content_sha256()
 
