@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 import clrender
@@ -18,7 +20,7 @@ def test_a_camera_needs_no_comparison_of_contents(monkeypatch: pytest.MonkeyPatc
     scene = clrender.load("room")
     moved = scene.changed({"camera": scene.camera.changed({"vertical_fov": 30.0})})
     monkeypatch.setattr(Scene, "content_sha256", lambda scene: pytest.fail("the contents were hashed"))
-    assert geometry(scene).same(geometry(moved))
+    assert geometry(scene).same(geometry(moved), math.inf)
 
 
 def test_a_scene_with_other_media_is_another_scene() -> None:
@@ -33,6 +35,14 @@ def test_a_scene_with_other_media_is_another_scene() -> None:
             ).media
         }
     )
-    assert geometry(foggy).same(geometry(foggy))
-    assert not geometry(foggy).same(geometry(clear))
-    assert not geometry(foggy).same(geometry(thick))
+    assert geometry(foggy).same(geometry(foggy), math.inf)
+    assert not geometry(foggy).same(geometry(clear), math.inf)
+    assert not geometry(foggy).same(geometry(thick), math.inf)
+
+
+def test_a_camera_far_away_is_another_scene_where_what_touches_depends_on_it() -> None:
+    near = clrender.load("room")
+    far = near.changed({"camera.position": [0.0, 0.0, 1000.0]})
+    assert geometry(near).same(geometry(far), 1024.0)
+    assert not geometry(near).same(geometry(far), 1000.0)
+    assert geometry(near).same(geometry(near), 0.0)
