@@ -72,11 +72,11 @@ def _copy_first(made: Path, kept: Path) -> None:
         return
     kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     part = kept.with_name(f"compiled.{os.getpid()}.part")
-    shutil.copytree(made, part)
     try:
+        shutil.copytree(made, part)
         part.rename(kept)
-    except OSError:  # another worker's is there
-        shutil.rmtree(part)
+    except OSError:  # another worker's is there; or a compiler at work has removed a file meanwhile
+        shutil.rmtree(part, ignore_errors=True)
 
 
 def _kept_drivers(folder: Path) -> dict[str, str | None]:

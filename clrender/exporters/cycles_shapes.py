@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from functools import partial
-from typing import IO, Any
+from typing import IO, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from clrender.exporters.target import Target
 from clrender.exporters.triangles import At, Piece, material_parts, mirrors, pieces_of, shapes_of_instances
 from clrender.flatten.emission import emits
 from clrender.flatten.faces import inner
+from clrender.flatten.near_pairs import near_pairs
 from clrender.meshes.data import MeshData
 from clrender.scene import Scene
 from clrender.scene.groups import Instance
@@ -23,8 +24,10 @@ from clrender.scene.shapes import AnyShape
 
 __all__ = ["ShapeWriter"]
 
-_EVEN = 1e-6
+_EVEN: Final = 1e-6
 """Relative differences of squared lengths that are rounding."""
+_MOST: Final = 2**20
+"""Pairs of media beyond which all are taken to overlap."""
 
 
 class ShapeWriter:
@@ -51,6 +54,7 @@ class ShapeWriter:
         self.meshes: dict[str, list[str]] = {}
         self.objects: list[Any] = []
         self._names: dict[tuple[str, str], str] = {}
+        self._mapped: dict[str, bool] = {}
 
     def write(self) -> None:
         """All shapes of the scene."""
@@ -79,9 +83,11 @@ class ShapeWriter:
         sheared = np.abs(square - np.diag(sizes)).max() > _EVEN * sizes.max()
         if sheared or sizes.max() - sizes.min() <= _EVEN * sizes.max():
             return bool(sheared)
-        names = {shape.material for shape in scene.groups[group].shapes}
-        parts = [part for name in names for part in material_parts(scene, name)]
-        return any(getattr(part, "normal_map", None) is not None for part in parts)
+        if group not in self._mapped:
+            names = {shape.material for shape in scene.groups[group].shapes}
+            parts = [part for name in names for part in material_parts(scene, name)]
+            self._mapped[group] = any(getattr(part, "normal_map", None) is not None for part in parts)
+        return self._mapped[group]
 
     def _pieces(self, shapes: list[tuple[At, AnyShape]]) -> list[tuple[str, str, bool]]:
         """Of shapes a name for objects, the mesh, and whether the camera sees them."""
@@ -100,16 +106,26 @@ class ShapeWriter:
         """Note media whose boxes meet, and lamps in solids with an index, which scales no radiance in Cycles."""
         scene = self._target.scene
         pieces = [each for each in pieces if len(each.mesh.vertices)]
-        boxes = [(each.mesh.vertices.min(axis=0), each.mesh.vertices.max(axis=0)) for each in pieces]
-        insides = [i for i, each in enumerate(pieces) if each.at in self._apart]
-        for number, i in enumerate(insides):
-            others = [boxes[j] for j in insides[:number]]
-            if scene.fog is not None or any(_meet(boxes[i], other) for other in others):
-                sentence = "that the innermost medium counts: where media overlap, Cycles adds them"
-                self._target.leave_out(sentence, *pieces[i].at)
-        glass = [boxes[i] for i in insides if _refracts(scene, pieces[i])]
-        for each, (low, high) in zip(pieces, boxes, strict=True):
-            if emits(scene, each.shape) and any((a <= low).all() and (high <= b).all() for a, b in glass):
+        boxes = np.zeros((len(pieces), 6))
+        for box, each in zip(boxes, pieces, strict=True):
+            box[:3], box[3:] = each.mesh.vertices.min(axis=0), each.mesh.vertices.max(axis=0)
+        insides = np.array([i for i, each in enumerate(pieces) if each.at in self._apart], np.intp)
+        some = boxes[insides]
+        met = near_pairs(some, some, _MOST)
+        if scene.fog is not None or met is None:
+            overlapping = insides
+        else:
+            apart = (some[met[0], :3] >= some[met[1], 3:]).any(axis=1) | (some[met[1], :3] >= some[met[0], 3:]).any(
+                axis=1
+            )
+            overlapping = insides[np.unique(met[1][~apart & (met[0] < met[1])])]
+        for i in overlapping.tolist():
+            sentence = "that the innermost medium counts: where media overlap, Cycles adds them"
+            self._target.leave_out(sentence, *pieces[i].at)
+        glass = boxes[[i for i in insides.tolist() if _refracts(scene, pieces[i])]]
+        for each, box in zip(pieces, boxes, strict=True):
+            within = (glass[:, :3] <= box[:3]).all(axis=1) & (box[3:] <= glass[:, 3:]).all(axis=1)
+            if within.any() and emits(scene, each.shape):
                 sentence = "the scaling of radiance by the index of what it leaves, so that lamps in glass are brighter"
                 self._target.leave_out(sentence, *each.at)
 
@@ -128,11 +144,6 @@ class ShapeWriter:
     def _object(self, piece: tuple[str, str, bool], matrix: NDArray[np.float64]) -> None:
         wanted, mesh, visible = piece
         self.objects.append([self._target.id("object", wanted), mesh, matrix.tolist(), visible])
-
-
-def _meet(one: tuple[Any, Any], other: tuple[Any, Any]) -> bool:
-    """Whether two boxes overlap."""
-    return bool((one[0] < other[1]).all() and (other[0] < one[1]).all())
 
 
 def _refracts(scene: Scene, piece: Piece) -> bool:

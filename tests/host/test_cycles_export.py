@@ -496,6 +496,14 @@ def test_what_is_left_out_is_named_and_with_strict_refused(tmp_path: Path, parts
     assert not list(tmp_path.iterdir())
 
 
+def test_media_beside_each_other_are_nothing_to_note(tmp_path: Path) -> None:
+    media = {"a": {"absorption": [1.0] * 3}}
+    boxes = [{"type": "box", "center": [x, 0.0, 0.0], "size": [1.0] * 3, "interior": "a"} for x in (0.0, 1.0, 3.0)]
+    assert exported(tmp_path, media=media, shapes=boxes)[1] == ()
+    _, notes = exported(tmp_path, media=media, shapes=[*boxes, {**boxes[0], "center": [2.6, 0.0, 0.0]}])
+    assert [note.endswith("(shapes[3])") for note in notes] == [True]
+
+
 def test_a_simple_scene_has_nothing_to_note(tmp_path: Path) -> None:
     materials = {"m": GREY, "glass": {"type": "dielectric", "ior": 1.5, "roughness": 0.0}}
     box = {"type": "box", "center": [0.0, 0.0, 0.0], "size": [1.0, 1.0, 1.0], "material": "glass"}
