@@ -6,6 +6,10 @@
 # driver, whose licence is not a free one: each is said first, and installed as root, where CLRENDER_INSTALL=1 or --yes
 # says so, or where somebody at a terminal agrees. CLRENDER_INSTALL=0 forbids it to root too.
 
+# Images of containers set it to stay small. But pip compiles no module here (`pip_install`), and a start that compiles all
+# that it imports takes a second longer, each time.
+unset PYTHONDONTWRITEBYTECODE
+
 venv=${CLRENDER_VENV:-$root/.venv}
 [[ $venv == /* ]] || venv=$PWD/$venv
 
@@ -49,14 +53,19 @@ find_root() {
 }
 
 apt_updated=
+update_package_lists() {
+    [[ -z $apt_updated ]] || return 0
+    apt_updated=1
+    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get update -qq >/dev/null 2>&1 || true
+}
+
+# Waits where another installs at the same time.
 install_packages() {
     find_root && allowed "the system packages $*" || return 1
     say "installing the system packages $*"
-    if [[ -z $apt_updated ]]; then
-        "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get update -qq >/dev/null 2>&1 || true
-        apt_updated=1
-    fi
-    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$@" >/dev/null 2>&1 && return 0
+    update_package_lists
+    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=600 install -y -qq "$@" \
+        >/dev/null 2>&1 && return 0
     say "apt-get could not install $*"
     return 1
 }

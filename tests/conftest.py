@@ -11,18 +11,39 @@ import signal
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
 if TYPE_CHECKING:
+    from xdist.scheduler import Scheduling
+
     from clrender.device import Device
 
 __all__: list[str] = []
 
+PARTS = ("::test_many_mixed_scenes",)
+"""Tests of minutes, which would leave one process with the last file."""
+
 # A shell that starts the tests in the background has them ignore Ctrl-C, and so would the programs they send it to.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Scheduling | None:
+    """Keep files together with ``--dist loadfile``, except the parts of a test that were made to be run side by side."""
+    if config.option.dist != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class Scheduler(LoadFileScheduling):
+        """Test files as they are, and each of the `PARTS` by itself."""
+
+        def _split_scope(self, nodeid: str) -> str:
+            return nodeid if nodeid.partition("[")[0].endswith(PARTS) else super()._split_scope(nodeid)
+
+    return Scheduler(config, log)
 
 
 @pytest.fixture(scope="session", autouse=True)
