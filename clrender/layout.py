@@ -138,6 +138,7 @@ LIGHT_ENVIRONMENT: Final = 5
 LIGHT_SPOT: Final = 6
 LIGHT_IES: Final = 7
 LIGHT_SUN: Final = 8
+LIGHT_PROJECTOR: Final = 9
 
 ROULETTE_NONE: Final = 0
 ROULETTE_THROUGHPUT: Final = 1
@@ -229,7 +230,11 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ),
         ("position", "float4", "at a point: position; directional and sun: unit direction of travel"),
         ("axis", "float4", "lamp: unit, middle of its light; spot: w 1 - cosine of half its cone"),
-        ("zero", "float4", "IES: unit, horizontal angle 0; spot: w one over what its cosine grows by as it falls off"),
+        (
+            "zero",
+            "float4",
+            "unit; IES: horizontal angle 0, projector: right; spot: w one over what the cosine gains in its fall",
+        ),
         ("kind", "uint", "LIGHT_*"),
         ("primitive", "uint", "area lights: the primitive that shines"),
         ("probability", "float", "with which the alias table picks this light"),
@@ -237,7 +242,7 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("alias", "uint", "otherwise take this one"),
         ("place", "uint", "in the tree of lights; NONE where the alias table picks"),
         ("texture", "uint", "number of the texture that it shines as, plus 1; 0: none, it is the same all over"),
-        ("table", "uint", "IES: row of lamp_tables where its own begins"),
+        ("table", "uint", "IES, projector: row of lamp_tables where its own begins"),
     ),
     "Camera": (
         ("origin", "float4", "xyz, metres"),
@@ -414,8 +419,8 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("AXIS", 9, 3, "lamp: unit, the middle of its light"),
         ("SPREAD", 12, 1, "spot: 1 - cosine of half its cone"),
         ("STEEPNESS", 13, 1, "spot: one over what the cosine grows by as it falls off"),
-        ("ZERO", 12, 3, "IES: unit, where horizontal angle 0 is"),
-        ("TABLE", 15, 1, "IES, bits: row of lamp_tables where its own begins"),
+        ("ZERO", 12, 3, "unit; IES: where horizontal angle 0 is, projector: right"),
+        ("TABLE", 15, 1, "IES, projector, bits: row of lamp_tables where its own begins"),
         ("DIRECTION", 6, 3, "directional light, middle of the sun: of travel, unit"),
     ),
     "ENVIRONMENT": (
@@ -436,14 +441,15 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("NEXT_DROP", 5, 1, ""),
     ),
     "LAMP": (
-        ("LINES", 0, 1, "head of the table of an IES file: bits: vertical angles"),
-        ("COLUMNS", 1, 1, "bits: horizontal angles"),
-        ("POLAR", 2, 1, "bits: word where the vertical angles begin, fractions of a turn"),
-        ("AZIMUTH", 3, 1, "bits: the horizontal ones, 0 to 1"),
-        ("VALUE", 4, 1, "bits: intensities over the largest, line by line"),
+        ("LINES", 0, 1, "head of the table of an IES file or a picture: bits: vertical angles, or heights"),
+        ("COLUMNS", 1, 1, "bits: horizontal angles, or places across"),
+        ("LINE", 2, 1, "bits: word where the vertical angles begin, fractions of a turn, or heights over the distance"),
+        ("COLUMN", 3, 1, "bits: the horizontal ones, 0 to 1, or places to the right over the distance"),
+        ("VALUE", 4, 1, "bits: intensities over the largest, line by line; of a picture red, then green, then blue"),
         ("DROP", 5, 1, "bits: 1 - cosine of each vertical angle"),
-        ("BAND", 6, 1, "bits: share of the light before each vertical angle"),
-        ("CELL", 7, 1, "bits: of the light between two vertical angles, share before each horizontal one"),
+        ("BAND", 6, 1, "bits: share of the light before each vertical angle, or height"),
+        ("CELL", 7, 1, "bits: of the light between two of them, share before each horizontal angle, or place"),
+        ("EVEN", 8, 1, "picture, bits: whether it lights a screen evenly, else all of its directions"),
     ),
     "SUN": (
         ("RED", 0, 6, "table of the sun: coefficients of its radiance in the cosine at its surface, constant first"),

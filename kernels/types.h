@@ -88,6 +88,7 @@
 #define LIGHT_SPOT 6u
 #define LIGHT_IES 7u
 #define LIGHT_SUN 8u
+#define LIGHT_PROJECTOR 9u
 #define ROULETTE_NONE 0u
 #define ROULETTE_THROUGHPUT 1u
 #define ROULETTE_CONSTANT 2u
@@ -154,7 +155,7 @@ typedef struct {
     float4 radiance;            // rgb: radiance W/(sr m2), at a point: (largest) intensity W/sr, directional: irradiance W/m2
     float4 position;            // at a point: position; directional and sun: unit direction of travel
     float4 axis;                // lamp: unit, middle of its light; spot: w 1 - cosine of half its cone
-    float4 zero;                // IES: unit, horizontal angle 0; spot: w one over what its cosine grows by as it falls off
+    float4 zero;                // unit; IES: horizontal angle 0, projector: right; spot: w one over what the cosine gains in its fall
     uint kind;                  // LIGHT_*
     uint primitive;             // area lights: the primitive that shines
     float probability;          // with which the alias table picks this light
@@ -162,7 +163,7 @@ typedef struct {
     uint alias;                 // otherwise take this one
     uint place;                 // in the tree of lights; NONE where the alias table picks
     uint texture;               // number of the texture that it shines as, plus 1; 0: none, it is the same all over
-    uint table;                 // IES: row of lamp_tables where its own begins
+    uint table;                 // IES, projector: row of lamp_tables where its own begins
 } Light;
 
 typedef struct {
@@ -318,8 +319,8 @@ typedef struct {
 #define LIGHT_ROW_AXIS 9                // lamp: unit, the middle of its light
 #define LIGHT_ROW_SPREAD 12             // spot: 1 - cosine of half its cone
 #define LIGHT_ROW_STEEPNESS 13          // spot: one over what the cosine grows by as it falls off
-#define LIGHT_ROW_ZERO 12               // IES: unit, where horizontal angle 0 is
-#define LIGHT_ROW_TABLE 15              // IES, bits: row of lamp_tables where its own begins
+#define LIGHT_ROW_ZERO 12               // unit; IES: where horizontal angle 0 is, projector: right
+#define LIGHT_ROW_TABLE 15              // IES, projector, bits: row of lamp_tables where its own begins
 #define LIGHT_ROW_DIRECTION 6           // directional light, middle of the sun: of travel, unit
 
 #define ENVIRONMENT_ROW_WIDTH 0         // head of the environment's picture: bits: pixels
@@ -337,14 +338,15 @@ typedef struct {
 #define BAND_ROW_DROP 4                 // 1 - |cosine| from the nearer pole; in the south, of the band that mirrors it
 #define BAND_ROW_NEXT_DROP 5
 
-#define LAMP_ROW_LINES 0                // head of the table of an IES file: bits: vertical angles
-#define LAMP_ROW_COLUMNS 1              // bits: horizontal angles
-#define LAMP_ROW_POLAR 2                // bits: word where the vertical angles begin, fractions of a turn
-#define LAMP_ROW_AZIMUTH 3              // bits: the horizontal ones, 0 to 1
-#define LAMP_ROW_VALUE 4                // bits: intensities over the largest, line by line
+#define LAMP_ROW_LINES 0                // head of the table of an IES file or a picture: bits: vertical angles, or heights
+#define LAMP_ROW_COLUMNS 1              // bits: horizontal angles, or places across
+#define LAMP_ROW_LINE 2                 // bits: word where the vertical angles begin, fractions of a turn, or heights over the distance
+#define LAMP_ROW_COLUMN 3               // bits: the horizontal ones, 0 to 1, or places to the right over the distance
+#define LAMP_ROW_VALUE 4                // bits: intensities over the largest, line by line; of a picture red, then green, then blue
 #define LAMP_ROW_DROP 5                 // bits: 1 - cosine of each vertical angle
-#define LAMP_ROW_BAND 6                 // bits: share of the light before each vertical angle
-#define LAMP_ROW_CELL 7                 // bits: of the light between two vertical angles, share before each horizontal one
+#define LAMP_ROW_BAND 6                 // bits: share of the light before each vertical angle, or height
+#define LAMP_ROW_CELL 7                 // bits: of the light between two of them, share before each horizontal angle, or place
+#define LAMP_ROW_EVEN 8                 // picture, bits: whether it lights a screen evenly, else all of its directions
 
 #define SUN_ROW_RED 0                   // table of the sun: coefficients of its radiance in the cosine at its surface, constant first
 #define SUN_ROW_GREEN 6

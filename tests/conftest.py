@@ -16,8 +16,6 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from xdist.scheduler import Scheduling
-
     from clrender.device import Device
 
 __all__: list[str] = []
@@ -31,19 +29,16 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 
 
 @pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Scheduling | None:
-    """Keep files together with ``--dist loadfile``, except the parts of a test that were made to be run side by side."""
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Keep files together with ``--dist loadfile``, but not the parts of a test that are to run side by side."""
     if config.option.dist != "loadfile":
         return None
     from xdist.scheduler import LoadFileScheduling
 
-    class Scheduler(LoadFileScheduling):
-        """Test files as they are, and each of the `PARTS` by itself."""
-
-        def _split_scope(self, nodeid: str) -> str:
-            return nodeid if nodeid.partition("[")[0].endswith(PARTS) else super()._split_scope(nodeid)
-
-    return Scheduler(config, log)
+    scheduler = LoadFileScheduling(config, log)
+    file_of = scheduler._split_scope
+    scheduler._split_scope = lambda test: test if test.partition("[")[0].endswith(PARTS) else file_of(test)
+    return scheduler
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -60,7 +55,9 @@ def cache_folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPa
     folder = (base if alone else base.parent) / "cache"  # one for all workers
     folder.mkdir(exist_ok=True)
     changes = {
-        "XDG_CACHE_HOME": str(folder), "POCL_CACHE_DIR": None, **_kept_kernels(folder), **_kept_drivers(folder),
+        "XDG_CACHE_HOME": str(folder), "POCL_CACHE_DIR": None,
+        "CLRENDER_CLUSTER_SECONDS": "120",  # of a scheduler on a machine that other tests keep busy
+        **_kept_kernels(folder), **_kept_drivers(folder),
         **({} if slow or "GALLIVM_PERF" in os.environ else {"GALLIVM_PERF": "nopt"}),
     }  # fmt: skip
     before = {name: os.environ.get(name) for name in changes}

@@ -82,8 +82,7 @@ def scene_files(name: str, scene: Scene) -> list[Path]:
 
     files = [shape.file for _, shape in scene.all_shapes() if isinstance(shape, Mesh) and shape.file is not None]
     files += [instance.file for _, instance in scene.instances() if instance.file is not None]
-    if scene.environment is not None and scene.environment.file is not None:
-        files.append(scene.environment.file)
+    files += [light.file for _, light in scene.pictured_lights() if light.file is not None]
     files += [texture.texture for _, texture in scene.texture_files()]
     files += [light.file for _, light in scene.ies_lights()]
     return [

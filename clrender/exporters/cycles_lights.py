@@ -16,7 +16,7 @@ from clrender.exporters.skies import sky_map
 from clrender.exporters.surfaces import Inside
 from clrender.exporters.target import Target
 from clrender.exporters.triangles import At
-from clrender.scene import DirectionalLight, EnvironmentLight, PointLight, SpotLight, SunSkyLight
+from clrender.scene import DirectionalLight, EnvironmentLight, PointLight, ProjectorLight, SpotLight, SunSkyLight
 
 __all__ = ["LightWriter"]
 
@@ -72,7 +72,8 @@ class LightWriter:
         elif isinstance(light, DirectionalLight):
             self._add("SUN", (0.0, 0.0, 0.0), light.direction, light.irradiance, 1.0, angle=0.0)
         else:
-            self._target.leave_out("the lamps of IES files", *at)
+            what = "projectors" if isinstance(light, ProjectorLight) else "the lamps of IES files"
+            self._target.leave_out(what, *at)
 
     def _add(self, kind: str, position: Any, direction: Any, power: Any, factor: float, **values: Any) -> None:
         most = max(power) or 1.0

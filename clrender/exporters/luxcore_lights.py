@@ -16,7 +16,7 @@ from clrender.exporters.skies import sky_map
 from clrender.exporters.target import Target
 from clrender.exporters.triangles import At
 from clrender.importers.shared.matrices import rotation
-from clrender.scene import DirectionalLight, EnvironmentLight, PointLight, SpotLight, SunSkyLight
+from clrender.scene import DirectionalLight, EnvironmentLight, PointLight, ProjectorLight, SpotLight, SunSkyLight
 
 __all__ = ["LightWriter"]
 
@@ -67,7 +67,8 @@ class LightWriter:
             picture = self._target.scene.environment_picture()
             assert picture is not None
             return self._map("environment", picture.pixels, light.scale, light.rotate_degrees)
-        self._target.leave_out("the lamps of IES files", *at)
+        what = "projectors" if isinstance(light, ProjectorLight) else "the lamps of IES files"
+        self._target.leave_out(what, *at)
         return None
 
     def _spot(self, light: SpotLight, at: At) -> Properties | None:

@@ -18,7 +18,7 @@ from clrender.exporters.target import Target
 from clrender.flatten.sky import scene_sun
 from clrender.importers.shared.matrices import look_at, rotation
 from clrender.scene import DirectionalLight, EnvironmentLight, PointLight, SpotLight, SunSkyLight
-from clrender.scene.light_kinds import IesLight
+from clrender.scene.light_kinds import IesLight, ProjectorLight
 
 __all__ = ["SKY_NANOMETRES", "LightWriter"]
 
@@ -61,6 +61,8 @@ class LightWriter:
             if light.file is None:
                 return element("emitter", value("rgb", "radiance", light.constant), type="constant")
             return self._environment(light)
+        if isinstance(light, ProjectorLight):
+            return self._projector(light, at)
         assert isinstance(light, IesLight)
         self._target.leave_out("the lamps of IES files", *at)
         return None
@@ -104,6 +106,28 @@ class LightWriter:
         name = self._textures.files.made("spot", ratio[..., None].astype(np.float32))
         inside = [value("string", "filename", name), value("boolean", "raw", True)]
         return element("texture", *inside, value("string", "wrap_mode", "clamp"), type="bitmap", name="texture")
+
+    # --- projectors
+
+    def _projector(self, light: ProjectorLight, at: tuple[str | int, ...]) -> Element:
+        """Mitsuba's lights a screen evenly; a picture of directions, and a factor with a colour, go into its pixels."""
+        pixels = self._target.scene.light_picture(self._target.scene.lights.index(light)).pixels
+        height, width, _ = pixels.shape
+        top = tan_degrees(light.vertical_fov / 2.0)
+        factor = np.array(light.scale) / math.pi
+        if not light.even:
+            y, x = (((np.arange(count) + 0.5) / count * 2.0 - 1.0) * top for count in (height, width))
+            squares = 1.0 + (y * y)[:, None] + (x * (width / height) * (x * (width / height)))[None, :]
+            pixels = pixels / (squares * np.sqrt(squares))[..., None]
+            self._target.leave_out("the fall of intensity within the pixels of a projector", *at)
+        name = self._textures.files.made("projector", (pixels * factor).astype(np.float32))
+        inside = [value("string", "filename", name), value("boolean", "raw", True)]
+        picture = element("texture", *inside, value("string", "wrap_mode", "clamp"), type="bitmap", name="irradiance")
+        origin = np.array(light.position)
+        axis = np.array(light.direction) / length(light.direction)
+        place = transform(look_at(origin, origin + axis, np.array(light.up)))
+        field = (value("string", "fov_axis", "y"), value("float", "fov", light.vertical_fov))
+        return element("emitter", place, picture, *field, type="projector")
 
     # --- environments
 

@@ -76,16 +76,16 @@ def exported(scene: Scene, folder: str) -> Export:
             export.description["shapes"][index]["transforms"] = name
     copied: dict[str, str] = {}
     named = [(at, texture.texture) for at, texture in scene.texture_files()]
-    around = scene.environment
-    if around is not None and around.file is not None and Path(around.file).suffix.lower() not in ENDINGS:
+    for index, pictured in scene.pictured_lights():
+        assert pictured.file is not None
+        if Path(pictured.file).suffix.lower() in ENDINGS:
+            named.append((("lights", index, "file"), pictured.file))
+            continue
         # An image that an importer made, which cannot be a file name: it has no image extension
-        picture = scene.environment_picture()
-        assert picture is not None
+        picture = scene.light_picture(index)
         write = partial(_write_radiance, pixels=picture.pixels)
-        name = export.add(folder, Path(around.file).stem, ".exr", picture.sha256(), write)
-        put_at(export.description, ("lights", scene.lights.index(around), "file"), name)
-    elif around is not None and around.file is not None:
-        named.append((("lights", scene.lights.index(around), "file"), around.file))
+        name = export.add(folder, Path(pictured.file).stem, ".exr", picture.sha256(), write)
+        put_at(export.description, ("lights", index, "file"), name)
     for at, name in named:
         if name not in copied:
             copied[name] = _copied(export, scene, folder, name, place(at))

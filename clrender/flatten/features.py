@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clrender import layout
+from clrender.flatten.lamps import LAMP_KINDS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -123,7 +124,7 @@ class Features:
             beckmann=len(arrays["albedo_tables"]) > layout.ALBEDO_END,
             turned_glass=len(arrays["albedo_tables"]) > layout.ALBEDO_TURNED_GLASS,
             environment_map=len(arrays["environment_map"]) > 1,
-            lamps=bool(np.isin(lights["kind"], (layout.LIGHT_SPOT, layout.LIGHT_IES)).any()),
+            lamps=bool(np.isin(lights["kind"], LAMP_KINDS).any()),
             sun=bool((lights["kind"] == layout.LIGHT_SUN).any()),
             interiors=interiors,
             media=interiors and media.scatters,

@@ -20,7 +20,7 @@ from clrender.flatten.features import Features
 from clrender.flatten.holes import hole_rows
 from clrender.flatten.instances import FlatInstances, flat_instances
 from clrender.flatten.interiors import media_around, media_in_box, media_with_lights, open_media, packed
-from clrender.flatten.lamp_tables import lamp_tables
+from clrender.flatten.lamps import lamp_tables
 from clrender.flatten.lights import FlatLights, flat_environment, flat_lights
 from clrender.flatten.material_rows import flat_materials
 from clrender.flatten.media import Media, Solid, scene_media, solid_of
@@ -34,6 +34,7 @@ from clrender.scene.description import (
     EnvironmentLight,
     IesLight,
     PointLight,
+    ProjectorLight,
     Scene,
     SpotLight,
     SunSkyLight,
@@ -330,6 +331,7 @@ def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> list[str]:
         PointLight: "point",
         SpotLight: "spot",
         IesLight: "ies",
+        ProjectorLight: "projector",
     }
     shining = [name for kind, name in kinds.items() if any(isinstance(light, kind) for light in scene.lights)]
     if not glass or not shining:

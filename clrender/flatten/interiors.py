@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.exact.elementary import angles_of
 from clrender.exact.matrices import inner, length, lengths, product, total
+from clrender.flatten.lamps import POINT_KINDS
 
 if TYPE_CHECKING:
     from clrender.flatten.instances import FlatInstances
@@ -210,7 +211,7 @@ def _media_around_lights(
 
 def _shining_points(arrays: _Arrays, triangle_count: int, light: np.void) -> NDArray[np.float64]:
     """(n, 3) points slightly in front of a light's surface; none for infinitely distant lights."""
-    if light["kind"] in (layout.LIGHT_POINT, layout.LIGHT_SPOT, layout.LIGHT_IES):
+    if light["kind"] in POINT_KINDS:
         return np.asarray(light["position"][:3], np.float64)[None]
     if light["kind"] not in (layout.LIGHT_AREA_TRIANGLE, layout.LIGHT_AREA_SPHERE, layout.LIGHT_AREA_DISK):
         return np.zeros((0, 3))

@@ -1,45 +1,43 @@
-"""IES files as the kernels read them: intensities by direction, and the distribution of emitted photons."""
+"""Lamps by direction as the kernels read them: intensities of IES files, and the distribution of emitted photons."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clrender import layout
-from clrender.errors import SceneError
 from clrender.exact.angles import sin_cos_degrees
-from clrender.flatten.sky import Sun, scene_sun
+from clrender.flatten.sky import Sun
 from clrender.scene.ies import IesProfile
 
-if TYPE_CHECKING:
-    from clrender.scene.description import Scene
+__all__ = ["LAMP_ROW", "Key", "LampTable", "LampTables", "lamp_table", "moved_words", "packed_words"]
 
-__all__ = ["LampTable", "LampTables", "lamp_table", "lamp_tables"]
-
-_ROW: Final = 16
-_WORD_LIMIT: Final = 2**28
+LAMP_ROW: Final = 16
+"""Words in a row."""
 _FAINT: Final = 1e-30
 """Fraction of the largest intensity below which single precision is unreliable."""
 _HEAD: Final = {name: at for name, at, _, _ in layout.ROWS["LAMP"]}
 
 _Floats = NDArray[np.float64]
+Key: TypeAlias = tuple[str | float | bool, ...]
+"""What a table depends on: the name of the file first."""
 
 
 @dataclass(frozen=True)
 class LampTable:
-    """One IES file.
+    """One IES file, or the picture of one projector.
 
     Attributes
     ----------
     words : (N,) float32
         Layout of `kernels/light/lamp.h`, with offsets from the table's beginning; whole rows.
     peak : float
-        The largest intensity, candela; 0 if the lamp is dark.
+        The largest intensity, candela, or value of the picture; 0 if the lamp is dark.
     flux : float
         Integral of intensity / `peak` over solid angle, steradians.
     mean : (3,) float64
@@ -58,55 +56,25 @@ class LampTable:
 
 @dataclass(frozen=True)
 class LampTables:
-    """Tables of a scene's IES files, and the sun's, which is the first.
+    """Tables of a scene's IES files and projectors, and the sun's, which is the first.
 
     Attributes
     ----------
     words : (N,) float32
         The tables, concatenated; a single zero if there are none.
     sun : Sun or None
-    row : mapping of str to int
-        Row where each table begins, by file name.
-    table : mapping of str to LampTable
+    row : mapping of (str, ...) to int
+        Row where each table begins, by `key`.
+    table : mapping of (str, ...) to LampTable
     profile : mapping of str to IesProfile
+        By file name.
     """
 
     words: NDArray[np.float32]
     sun: Sun | None
-    row: Mapping[str, int]
-    table: Mapping[str, LampTable]
+    row: Mapping[Key, int]
+    table: Mapping[Key, LampTable]
     profile: Mapping[str, IesProfile]
-
-
-def lamp_tables(scene: Scene) -> LampTables:
-    """The tables of all IES files that a scene names, and of its sun.
-
-    Raises
-    ------
-    SceneError
-        If a file cannot be read.
-    """
-    rows: dict[str, int] = {}
-    tables: dict[str, LampTable] = {}
-    profiles: dict[str, IesProfile] = {}
-    sun = scene_sun(scene)
-    parts: list[NDArray[np.float32]] = [] if sun is None else [sun.words]
-    total = sum(len(words) for words in parts)
-    for index, light in scene.ies_lights():
-        if light.file in tables:
-            continue
-        profile = scene.ies_profile(index)
-        table = lamp_table(profile)
-        if total + len(table.words) > _WORD_LIMIT:
-            raise SceneError(f"{scene.source}: lights[{index}].file: more intensities than fit; name fewer IES files")
-        tables[light.file], profiles[light.file], rows[light.file] = table, profile, total // _ROW
-        words = table.words.copy()
-        head = words[:_ROW].view(np.uint32)
-        for name in ("POLAR", "AZIMUTH", "VALUE", "DROP", "BAND", "CELL"):
-            head[_HEAD[name]] += total
-        parts.append(words)
-        total += len(words)
-    return LampTables(np.concatenate(parts) if parts else np.zeros(1, np.float32), sun, rows, tables, profiles)
 
 
 def lamp_table(profile: IesProfile) -> LampTable:
@@ -138,23 +106,48 @@ def lamp_table(profile: IesProfile) -> LampTable:
     mean = _mean(mass, sines, cosines, turns[1], steps)
 
     arrays = {
-        "POLAR": polar,
-        "AZIMUTH": azimuth,
+        "LINE": polar,
+        "COLUMN": azimuth,
         "VALUE": values,
         "DROP": drops,
         "BAND": sums / flux if flux > 0.0 else sums,
         "CELL": cells,
     }
-    words = np.zeros(-(-(_ROW + sum(array.size for array in arrays.values())) // _ROW) * _ROW, np.float32)
-    head, at = words[:_ROW].view(np.uint32), _ROW
-    head[_HEAD["LINES"]], head[_HEAD["COLUMNS"]] = values.shape
+    words = packed_words(arrays, values.shape)
+    lit = np.flatnonzero((values > 0.0).any(axis=1))
+    first, last = (max(int(lit[0]) - 1, 0), min(int(lit[-1]) + 1, len(polar) - 1)) if len(lit) else (0, len(polar) - 1)
+    return LampTable(words, peak, flux, mean, float(cosines[first]), float(cosines[last]))
+
+
+def packed_words(arrays: Mapping[str, NDArray[Any]], shape: tuple[int, ...], even: bool = False) -> NDArray[np.float32]:
+    """A head of one row, which says where each of the arrays begins, and the arrays, in whole rows.
+
+    Parameters
+    ----------
+    arrays : mapping of str to ndarray
+        By `LAMP_ROW_*`.
+    shape : (int, int)
+        Lines and columns.
+    even : bool
+        See `LAMP_ROW_EVEN`.
+    """
+    words = np.zeros(-(-(LAMP_ROW + sum(array.size for array in arrays.values())) // LAMP_ROW) * LAMP_ROW, np.float32)
+    head, at = words[:LAMP_ROW].view(np.uint32), LAMP_ROW
+    head[_HEAD["LINES"]], head[_HEAD["COLUMNS"]], head[_HEAD["EVEN"]] = *shape, even
     for name, array in arrays.items():
         head[_HEAD[name]] = at
         words[at : at + array.size] = array.reshape(-1)
         at += array.size
-    lit = np.flatnonzero((values > 0.0).any(axis=1))
-    first, last = (max(int(lit[0]) - 1, 0), min(int(lit[-1]) + 1, len(polar) - 1)) if len(lit) else (0, len(polar) - 1)
-    return LampTable(words, peak, flux, mean, float(cosines[first]), float(cosines[last]))
+    return words
+
+
+def moved_words(words: NDArray[np.float32], by: int) -> NDArray[np.float32]:
+    """The words of a table that does not begin at 0, but `by` words later."""
+    moved = words.copy()
+    head = moved[:LAMP_ROW].view(np.uint32)
+    for name in ("LINE", "COLUMN", "VALUE", "DROP", "BAND", "CELL"):
+        head[_HEAD[name]] += by
+    return moved
 
 
 def _weights(angles: _Floats, sines: _Floats, cosines: _Floats) -> tuple[_Floats, _Floats]:

@@ -4,21 +4,32 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clrender import layout
+from clrender.errors import SceneError
 from clrender.exact.angles import sin_cos_degrees
-from clrender.flatten.lamp_tables import LampTables
+from clrender.flatten.lamp_tables import LAMP_ROW, Key, LampTable, LampTables, lamp_table, moved_words
+from clrender.flatten.projected import projector_table
+from clrender.flatten.sky import scene_sun
 from clrender.image.exposure import LUMENS_PER_WATT
-from clrender.scene.light_kinds import IesLight, PointLight, SpotLight
+from clrender.scene.ies import IesProfile
+from clrender.scene.light_kinds import IesLight, PointLight, ProjectorLight, SpotLight
 from clrender.scene.values import Color, Vector, cross, length
 
-__all__ = ["AT_POINT", "Lamp", "lamp_at", "lamp_directions"]
+if TYPE_CHECKING:
+    from clrender.scene.description import Scene
 
-AT_POINT: Final = (PointLight, SpotLight, IesLight)
+__all__ = ["AT_POINT", "LAMP_KINDS", "POINT_KINDS", "Lamp", "lamp_at", "lamp_directions", "lamp_tables"]
+
+AT_POINT: Final = (PointLight, SpotLight, IesLight, ProjectorLight)
+LAMP_KINDS: Final = (layout.LIGHT_SPOT, layout.LIGHT_IES, layout.LIGHT_PROJECTOR)
+"""Of the lights at a point, those that do not shine alike in all directions."""
+POINT_KINDS: Final = (layout.LIGHT_POINT, *LAMP_KINDS)
+_WORD_LIMIT: Final = 2**28
 _STEEPEST: Final = 1e30
 """Slope of the edge of a spotlight without blend."""
 
@@ -56,17 +67,54 @@ class Lamp:
     cone_cosine: float = -1.0
 
 
-def lamp_at(light: PointLight | SpotLight | IesLight, tables: LampTables) -> Lamp:
+def lamp_tables(scene: Scene) -> LampTables:
+    """The tables of all IES files and projectors that a scene names, and of its sun.
+
+    Raises
+    ------
+    SceneError
+        If a file cannot be read.
+    """
+    rows: dict[Key, int] = {}
+    tables: dict[Key, LampTable] = {}
+    profiles: dict[str, IesProfile] = {}
+    sun = scene_sun(scene)
+    parts: list[NDArray[np.float32]] = [] if sun is None else [sun.words]
+    total = sum(len(words) for words in parts)
+    for index, light in enumerate(scene.lights):
+        if not isinstance(light, IesLight | ProjectorLight) or (key := _key(light)) in tables:
+            continue
+        if isinstance(light, IesLight):
+            profiles[light.file] = scene.ies_profile(index)
+            table = lamp_table(profiles[light.file])
+        else:
+            table = projector_table(scene.light_picture(index).pixels, light.vertical_fov, light.even)
+        if total + len(table.words) > _WORD_LIMIT:
+            text = "more intensities than fit; use smaller pictures, or fewer files"
+            raise SceneError(f"{scene.source}: lights[{index}].file: {text}")
+        tables[key], rows[key] = table, total // LAMP_ROW
+        parts.append(moved_words(table.words, total))
+        total += len(table.words)
+    return LampTables(np.concatenate(parts) if parts else np.zeros(1, np.float32), sun, rows, tables, profiles)
+
+
+def _key(light: IesLight | ProjectorLight) -> Key:
+    return (light.file,) if isinstance(light, IesLight) else (light.file, light.vertical_fov, light.even)
+
+
+def lamp_at(light: PointLight | SpotLight | IesLight | ProjectorLight, tables: LampTables) -> Lamp:
     """Parameters of a point-like light for the kernels.
 
     Parameters
     ----------
-    light : PointLight, SpotLight or IesLight
+    light : PointLight, SpotLight, IesLight or ProjectorLight
     tables : LampTables
         Tables of its scene.
     """
     if isinstance(light, PointLight):
         return Lamp(layout.LIGHT_POINT, light.intensity, 4.0 * math.pi)
+    if isinstance(light, ProjectorLight):
+        return _projector(light, tables)
     return _spot(light) if isinstance(light, SpotLight) else _ies(light, tables)
 
 
@@ -94,7 +142,7 @@ def _spot(light: SpotLight) -> Lamp:
 
 
 def _ies(light: IesLight, tables: LampTables) -> Lamp:
-    table, (axis, zero, side) = tables.table[light.file], lamp_directions(light)
+    table, (axis, zero, side) = tables.table[_key(light)], lamp_directions(light)
     profile = tables.profile[light.file]
     tilted = profile.tilt_factor(_tilt(axis)) if profile.tilt.size else 1.0
     watts = table.peak * tilted / LUMENS_PER_WATT
@@ -108,10 +156,30 @@ def _ies(light: IesLight, tables: LampTables) -> Lamp:
         table.flux,
         axis=(*axis, 0.0),
         zero=(*zero, 0.0),
-        table=tables.row[light.file],
+        table=tables.row[_key(light)],
         mean=np.array(zero) * x + np.array(side) * y + np.array(axis) * z,
         cone_axis=np.array(axis) * (1.0 if down else -1.0),
         cone_cosine=table.most if down else -table.least,
+    )
+
+
+def _projector(light: ProjectorLight, tables: LampTables) -> Lamp:
+    table = tables.table[_key(light)]
+    axis = _unit(light.direction)
+    right = _unit(cross(axis, _unit(light.up)))
+    up = cross(right, axis)
+    red, green, blue = (table.peak * s for s in light.scale)
+    x, y, z = table.mean.tolist()
+    return Lamp(
+        layout.LIGHT_PROJECTOR,
+        (red, green, blue),
+        table.flux,
+        axis=(*axis, 0.0),
+        zero=(*right, 0.0),
+        table=tables.row[_key(light)],
+        mean=np.array(right) * x + np.array(up) * y + np.array(axis) * z,
+        cone_axis=np.array(axis),
+        cone_cosine=table.most,
     )
 
 

@@ -18,7 +18,7 @@ from clrender.flatten.emission_means import EmissionMeans
 from clrender.flatten.environment import EnvironmentTable, environment_table
 from clrender.flatten.instances import FlatInstances, box_of
 from clrender.flatten.lamp_tables import LampTables
-from clrender.flatten.lamps import AT_POINT, Lamp, lamp_at
+from clrender.flatten.lamps import AT_POINT, LAMP_KINDS, POINT_KINDS, Lamp, lamp_at
 from clrender.flatten.light_tree import Emitters, LightTree, light_tree
 from clrender.flatten.sky import Sun, sky_picture
 from clrender.flatten.surface_arrays import FlatSurfaces
@@ -253,7 +253,7 @@ def _emitters(
     kind, primitive = lights["kind"], lights["primitive"]
     low, normal = np.zeros((len(lights), 3)), np.zeros((len(lights), 3))
     high = np.zeros((len(lights), 3))
-    points = np.isin(kind, (layout.LIGHT_POINT, layout.LIGHT_SPOT, layout.LIGHT_IES))
+    points = np.isin(kind, POINT_KINDS)
     low[points] = high[points] = lights["position"][points, :3]
     triangles = kind == layout.LIGHT_AREA_TRIANGLE
     corners = surfaces.vertices[surfaces.triangles[primitive[triangles]]].astype(np.float64)
@@ -275,7 +275,7 @@ def _emitters(
     per_power = np.where(infinite, 1.0 / (math.pi * radius * radius), 1.0 / math.pi)
     normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
     cone_axis, cone_cosine = normal.copy(), np.where(flat, 0.0, -1.0)
-    lamps = np.flatnonzero(np.isin(kind, (layout.LIGHT_SPOT, layout.LIGHT_IES)))
+    lamps = np.flatnonzero(np.isin(kind, LAMP_KINDS))
     for number in lamps.tolist():
         lamp = at_point[number]
         normal[number], cone_axis[number], cone_cosine[number] = lamp.mean, lamp.cone_axis, lamp.cone_cosine

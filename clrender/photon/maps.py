@@ -16,7 +16,7 @@ from clrender.device.radix_sort import launch_each, sort
 from clrender.errors import SceneError
 from clrender.flatten.instances import box_of
 from clrender.flatten.interiors import light_inside
-from clrender.flatten.lamp_tables import lamp_tables
+from clrender.flatten.lamps import POINT_KINDS, lamp_tables
 from clrender.flatten.lights import points_that_shine
 
 if TYPE_CHECKING:
@@ -185,7 +185,7 @@ def _light_place(flat: FlatScene, scene: Scene, light: int) -> str:
     lights = flat.arrays["lights"]
     if lights[light]["primitive"] != layout.NONE:
         return f"shapes[{flat.instances.own_places[flat.arrays['primitive_shape'][lights[light]['primitive']]]}]"
-    at_point = np.isin(lights["kind"][:light], (layout.LIGHT_POINT, layout.LIGHT_SPOT, layout.LIGHT_IES))
+    at_point = np.isin(lights["kind"][:light], POINT_KINDS)
     return f"lights[{points_that_shine(scene, lamp_tables(scene))[int(at_point.sum())]}]"
 
 

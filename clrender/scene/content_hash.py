@@ -73,10 +73,8 @@ def _contents(scene: SceneContents) -> dict[str, bytes]:
             content["shapes"][index]["transforms"] = scene.transforms(index).sha256()
     for part, table in zip(scene.lights, content["lights"], strict=True):
         _as_in_films(part, table)
-    picture = scene.environment_picture()
-    for light in content["lights"]:
-        if light["type"] == "environment" and picture is not None:
-            light["file"] = picture.sha256()
+    for index, _ in scene.pictured_lights():
+        content["lights"][index]["file"] = scene.light_picture(index).sha256()
     for index, _ in scene.ies_lights():
         content["lights"][index]["file"] = scene.ies_profile(index).sha256()
     if named := scene.texture_files():

@@ -20,6 +20,7 @@ from clrender.scene.light_kinds import (
     EnvironmentLight,
     IesLight,
     Light,
+    ProjectorLight,
     SunSkyLight,
 )
 from clrender.scene.materials import (
@@ -153,6 +154,12 @@ class SceneContents(Head):
         """The IES lights, each with its index."""
         return [(index, light) for index, light in enumerate(self.lights) if isinstance(light, IesLight)]
 
+    def pictured_lights(self) -> list[tuple[int, EnvironmentLight | ProjectorLight]]:
+        """The lights that name a picture, each with its index."""
+        kinds = (EnvironmentLight, ProjectorLight)
+        found = ((index, light) for index, light in enumerate(self.lights) if isinstance(light, kinds))
+        return [(index, light) for index, light in found if light.file is not None]
+
     def placed_textures(self) -> list[tuple[tuple[str | int, ...], AnyTexture]]:
         """All textures of materials and shapes, each with its location in the description."""
         found: list[tuple[tuple[str | int, ...], AnyTexture]] = []
@@ -248,7 +255,24 @@ class SceneContents(Head):
         light = self.environment
         if light is None or light.file is None:
             return None
-        return self._files.environment(light.file, f"lights[{self.lights.index(light)}].file")
+        return self.light_picture(self.lights.index(light))
+
+    def light_picture(self, index: int) -> EnvironmentPicture:
+        """Picture that `lights[index]` names; its file is read once and cached.
+
+        Parameters
+        ----------
+        index : int
+            Index in `lights`, one of `pictured_lights`.
+
+        Raises
+        ------
+        SceneError
+            If the file cannot be read or is not a usable image.
+        """
+        light = self.lights[index]
+        assert isinstance(light, EnvironmentLight | ProjectorLight) and light.file is not None
+        return self._files.environment(light.file, f"lights[{index}].file")
 
     def ies_profile(self, index: int) -> IesProfile:
         """Profile of the IES light `lights[index]`; its file is read once and cached.
@@ -286,7 +310,12 @@ class SceneContents(Head):
             self.transforms(index)
         if self.texture_files():
             self.textures()
-        self.environment_picture()
+        self.read_lights()
+
+    def read_lights(self) -> None:
+        """Read the files that its lights name. Raises like `read_named`."""
+        for index, _ in self.pictured_lights():
+            self.light_picture(index)
         for index, _ in self.ies_lights():
             self.ies_profile(index)
 

@@ -33,6 +33,7 @@ from clrender.scene.light_kinds import (
     IesLight,
     Light,
     PointLight,
+    ProjectorLight,
     SpotLight,
     SunSkyLight,
 )
@@ -68,6 +69,7 @@ __all__ = [
     "Material",
     "Mirror",
     "PointLight",
+    "ProjectorLight",
     "Render",
     "Scene",
     "SpotLight",

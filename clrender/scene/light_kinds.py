@@ -36,6 +36,7 @@ __all__ = [
     "IesLight",
     "Light",
     "PointLight",
+    "ProjectorLight",
     "SpotLight",
     "SunSkyLight",
 ]
@@ -54,6 +55,10 @@ Time = Annotated[str, BeforeValidator(_time_as_text), Strict(), WithJsonSchema({
 
 _LEAST_CONE: Final = 0.01
 """Degrees; in single precision the edge of a narrower cone is not smooth."""
+
+
+_WIDEST_PICTURE: Final = 170.0
+"""Degrees; a picture of 180 degrees would have no end."""
 
 
 def _check_direction(direction: Vector, key: str = "direction", example: str = "[0, -1, 0]") -> None:
@@ -119,6 +124,39 @@ class IesLight(Part):
             return self.horizontal_zero
         x, y, _ = self.direction
         return (0.0, 0.0, 1.0) if max(abs(x), abs(y)) > 1e-3 * length(self.direction) else (0.0, 1.0, 0.0)
+
+
+class ProjectorLight(Part):
+    """Point light that throws a picture, as a slide projector does: upright and unmirrored on a screen before it."""
+
+    type: Literal["projector"]
+    position: Vector
+    direction: Vector = Field(description="direction of the middle of the picture")
+    up: Vector = Field(
+        (0.0, 1.0, 0.0), description="up direction of the picture; need not be perpendicular to `direction`"
+    )
+    file: FileName = Field(
+        description="the picture: `.exr .hdr .pfm`, or one in sRGB, whose white is 1; interpolated bilinearly"
+    )
+    vertical_fov: Annotated[Finite, Field(gt=0.0, le=_WIDEST_PICTURE)] = Field(
+        30.0, description="angle between the picture's upper and lower edge, degrees"
+    )
+    even: Flag = Field(
+        True,
+        description="whether a white picture lights a screen across `direction` evenly; otherwise it has the same "
+        "radiant intensity in all its directions",
+    )
+    scale: Factor = Field(
+        (1.0, 1.0, 1.0), description="radiant intensity along `direction` where the picture is 1, W/sr"
+    )
+
+    @model_validator(mode="after")
+    def _has_directions(self) -> ProjectorLight:
+        _check_direction(self.direction)
+        _check_direction(self.up, "up", "[0, 1, 0]")
+        if length(cross(self.direction, self.up)) <= 1e-6 * length(self.direction) * length(self.up):
+            raise fault("light", "lies along `direction`; give one across it", "up")
+        return self
 
 
 class DirectionalLight(Part):
@@ -263,10 +301,12 @@ LIGHT_TYPES: Final[Mapping[str, type[Part]]] = {
     "point": PointLight,
     "spot": SpotLight,
     "ies": IesLight,
+    "projector": ProjectorLight,
     "directional": DirectionalLight,
     "environment": EnvironmentLight,
     "sun_sky": SunSkyLight,
 }
 Light: TypeAlias = Annotated[
-    PointLight | SpotLight | IesLight | DirectionalLight | EnvironmentLight | SunSkyLight, Field(discriminator="type")
+    PointLight | SpotLight | IesLight | ProjectorLight | DirectionalLight | EnvironmentLight | SunSkyLight,
+    Field(discriminator="type"),
 ]

@@ -74,9 +74,7 @@ def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) ->
             scene.mesh_of(at, shape)
     for index, _ in scene.instances():
         scene.transforms(index)
-    scene.environment_picture()
-    for index, _ in scene.ies_lights():
-        scene.ies_profile(index)
+    scene.read_lights()
     scene.textures()
     return scene
 

@@ -65,12 +65,10 @@ def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
         put_at(description, at, _PREFIX + stored.sha256)
         if stored.sha256 not in assets:
             assets[stored.sha256] = _packed_texture(stored, store.tiles_of(stored))
-    picture = scene.environment_picture()
-    for light in description.get("lights", []) if picture else []:
-        if light["type"] == "environment":
-            assert picture is not None
-            light["file"] = _PREFIX + picture.sha256()
-            assets[picture.sha256()] = _zipped(pixels=picture.pixels)
+    for index, _ in scene.pictured_lights():
+        picture = scene.light_picture(index)
+        description["lights"][index]["file"] = _PREFIX + picture.sha256()
+        assets[picture.sha256()] = _zipped(pixels=picture.pixels)
     for index, _ in scene.ies_lights():
         profile = scene.ies_profile(index)
         description["lights"][index]["file"] = _PREFIX + profile.sha256()
@@ -111,13 +109,14 @@ def scene_from_portable(description: Mapping[str, Any], assets: Mapping[str, byt
     for index, lamp in scene.ies_lights():
         place = f"{source}: lights[{index}].file"
         profiles[lamp.file] = _unpacked_profile(_hash_in(lamp.file, place), assets, place)
-    scene = scene.with_files(textures=textures, profiles=profiles, transforms=transforms, meshes=meshes)
-    light = scene.environment
-    if light is None or light.file is None:
-        return scene
-    place = f"{source}: lights[{scene.lights.index(light)}].file"
-    picture = _unpacked_picture(_hash_in(light.file, place), assets, place)
-    return scene.with_files(environments={light.file: picture})
+    pictures: dict[str, EnvironmentPicture] = {}
+    for index, light in scene.pictured_lights():
+        assert light.file is not None
+        place = f"{source}: lights[{index}].file"
+        pictures[light.file] = _unpacked_picture(_hash_in(light.file, place), assets, place)
+    return scene.with_files(
+        textures=textures, profiles=profiles, transforms=transforms, meshes=meshes, environments=pictures
+    )
 
 
 def _packed(mesh: MeshData) -> bytes:

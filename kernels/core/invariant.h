@@ -1,6 +1,6 @@
 // Invariants of the structs that the steps of a path hand on. A debug build (-D INVARIANTS, a bit for each kind below that is checked) looks at
 // each of them in `X_violates` of the struct's own file, and a path that violates one delivers no radiance but NaN, which the film counts. So one
-// number says which pixels, and a build for each kind says what (tests/image/test_invariants.py). Other builds have nothing of this.
+// number says which pixels, and a build for each kind says what (tests/statistics/test_invariants.py). Other builds have nothing of this.
 #ifndef CORE_INVARIANT_H
 #define CORE_INVARIANT_H
 

@@ -92,7 +92,7 @@ __kernel void rows_lights(__global const Light* lights, __global const float* ve
         rows_vector(row + LIGHT_ROW_AXIS, l.axis);
     }
     if (l.kind == LIGHT_SPOT) row[LIGHT_ROW_SPREAD] = l.axis.w, row[LIGHT_ROW_STEEPNESS] = l.zero.w;
-    if (l.kind == LIGHT_IES) {
+    if (l.kind == LIGHT_IES || l.kind == LIGHT_PROJECTOR) {
         rows_vector(row + LIGHT_ROW_ZERO, l.zero);
         row[LIGHT_ROW_TABLE] = as_float(l.table);
     }

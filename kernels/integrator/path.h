@@ -17,7 +17,8 @@
 //     back (splits)          no: had them    by MIS                  by flux, + 1        as the first time
 //
 // (1) Where the medium beyond is lit from inside it is diffuse on the other side. (2) Earlier where the medium has no end: medium_survival.
-// (3) With STRAIGHT_SHADOWS; elsewhere in full, because no shadow ray passes. eta: material/index.h; by flux: core/roulette.h.
+// (3) With STRAIGHT_SHADOWS; elsewhere in full, because no shadow ray passes. eta: material/index.h; by flux: core/roulette.h; MIS weighs by the
+// balance heuristic (core/mis.h). "Passes" are the surfaces of subsurface materials (Bsdf.passes).
 //
 // For a reader: path_trace, at the end, is the loop. Everything before it is one of its steps, for all lanes of a packet.
 #ifndef INTEGRATOR_PATH_H
@@ -44,10 +45,10 @@ typedef struct {
     Bsdf bsdf;
     Crossing crossing;       // what the surface is to the path's list of dielectrics
     vmask traced;            // the path's ray came here for the first time
-    vmask found;             // and here is a surface; else the ray has left the scene
+    vmask found;             // and met something; else it has left the scene
     vmask scatters;          // the path may go on from it
     vmask dark;              // no light sample could arrive
-    vmask diffuse;           // and not by a delta alone, so that light sampling makes sense
+    vmask samples_lights;    // here: not from deltas alone, nor in the dark
 } Vertex;
 
 // The paths whose ray has not been where it goes.
@@ -55,7 +56,7 @@ static vmask path_traces(const Path* path) { return path->alive & !split_back(&p
 
 // The surface that each ray met, or the point of a medium where it scatters.
 static void path_vertex(const Scene* scene, Path* path, Hit hit, PoolStats* stats, Vertex* v) {
-    const vmask found = path->alive & (hit.primitive != NONE), on_surface = found & !medium_scatters(hit);
+    const vmask arrived = path->alive & (hit.primitive != NONE), on_surface = arrived & !medium_scatters(hit);
     v->surface = surface_at(scene, &path->ray, hit, on_surface);
     terminator_offset(scene, &v->surface, on_surface);
     surface_random(&v->surface, path->sample.sampler, path->depth);
@@ -63,17 +64,17 @@ static void path_vertex(const Scene* scene, Path* path, Hit hit, PoolStats* stat
     v->crossing = interior_meet(scene, &path->interior, &v->surface, on_surface);
     bsdf_at(scene, &v->surface, path->ray.direction, &v->bsdf);
     v->traced = path_traces(path);
-    v->found = found & v->traced;
+    v->found = arrived & v->traced;
     const vmask straight = interior_straight(&v->crossing);
-    v->scatters = found & ((path->depth < scene->settings->max_depth) | straight);
+    v->scatters = arrived & ((path->depth < scene->settings->max_depth) | straight);
     v->dark = walk_in_the_dark(scene, &path->interior, &v->crossing, &v->bsdf);
-    v->diffuse = v->scatters & !(v->bsdf.specular | straight | v->dark);
+    v->samples_lights = v->scatters & !(v->bsdf.specular | straight | v->dark);
     stats->rays += lane_count(v->traced);
     stats->deepest = pool_deepest(stats->deepest, path->depth, v->traced);
     INVARIANT(path, INVARIANT_SURFACE, terminator_violates(&v->surface, &path->ray, on_surface));
-    INVARIANT(path, INVARIANT_BSDF, bsdf_violates(&v->bsdf, found));
+    INVARIANT(path, INVARIANT_BSDF, bsdf_violates(&v->bsdf, arrived));
 #ifdef MATERIALS
-    INVARIANT(path, INVARIANT_CLOSURE, closure_violates(&v->bsdf.closure, found));
+    INVARIANT(path, INVARIANT_CLOSURE, closure_violates(&v->bsdf.closure, arrived));
 #endif
 }
 
@@ -110,7 +111,7 @@ static void path_travel(const Scene* scene, Path* path, const FreePath* free, Hi
 static void path_count_emission(const Scene* scene, Path* path, const LightRow* light, vec3 emitted, vfloat density, vmask where) {
     const vfloat pdf = density * light_probability(scene, path_last_point(path), path->normal, light);
     const vfloat weight = mis_weight(path->bsdf_samples, path->bsdf_pdf, splat((float)scene->settings->light_samples), pdf);
-    const vec3 counted = scale(mul(path->throughput, emitted), path->specular ? splat(1.0f) : weight);
+    const vec3 counted = scale(mul(path->throughput, emitted), path->counts_in_full ? splat(1.0f) : weight);
     path->radiance = choose(where, add(path->radiance, counted), path->radiance);
 }
 
@@ -182,12 +183,12 @@ static vfloat path_bsdf_samples(const Scene* scene, const Path* path, const Vert
 static vec3 path_direct(const Scene* scene, const Path* path, const Vertex* vertex, const LightSample* light, const Interior* in) {
     __global const Settings* settings = scene->settings;
     vfloat bsdf_pdf;
-    const vec3 f = bsdf_eval(&vertex->bsdf, light->direction, &bsdf_pdf);
+    const vec3 f_cosine = bsdf_eval(&vertex->bsdf, light->direction, &bsdf_pdf);
     const vfloat bsdf_samples = path_bsdf_samples(scene, path, vertex);
     const vfloat weight = mis_weight(splat((float)settings->light_samples), light->pdf, bsdf_samples, bsdf_pdf);
     const vfloat share = (light->delta ? splat(1.0f) : weight) * inverse_or_one(light->pdf * (float)settings->shadow_rays);
     const vec3 left = shadow_straight(scene, in, light, vertex->surface.point);
-    const vec3 arriving = mul(mul(mul(path->throughput, f), light->radiance), left);
+    const vec3 arriving = mul(mul(mul(path->throughput, f_cosine), light->radiance), left);
     return choose(light->pdf > 0.0f, scale(arriving, share), vec3_all(0.0f));
 }
 
@@ -203,7 +204,7 @@ static vmask path_asks(const Direct* direct, uint packet) { return largest(direc
 static void path_sample_light(const Scene* scene, Path* path, const Vertex* vertex, uint m, Direct* direct, PoolStats* stats) {
     LightChoice choice[PACKETS];
     vmask asked[PACKETS];
-    EACH_PACKET(k) asked[k] = vertex[k].diffuse & vertex[k].traced;
+    EACH_PACKET(k) asked[k] = vertex[k].samples_lights & vertex[k].traced;
     path_choose_lights(scene, path, vertex, asked, m, choice);
     EACH_PACKET(k) {
         const Surface* surface = &vertex[k].surface;
@@ -235,7 +236,7 @@ static void path_add_light(const Scene* scene, Path* path, Direct* direct) {
 // Whether any packet samples lights.
 static int path_is_lit(const Scene* scene, const Vertex* vertex) {
     int any = 0;
-    EACH_PACKET(k) any |= lane_any(vertex[k].diffuse & vertex[k].traced);
+    EACH_PACKET(k) any |= lane_any(vertex[k].samples_lights & vertex[k].traced);
     return any && scene->settings->light_count > 0;
 }
 
@@ -267,18 +268,18 @@ static void path_add_direct(const Scene* scene, Path* path, Direct* direct) {
 // Note for the emission that is met next how light sampling could have found it from here: not at all after a delta. And keep the vertex for
 // the other rays that part from it.
 static void path_leave(const Scene* scene, Path* path, const Vertex* vertex, Hit hit) {
-    const vmask straight = interior_straight(&vertex->crossing), passes = shadow_passes(straight);
-    path->specular = passes ? path->specular : vertex->bsdf.specular | straight | vertex->dark;
-    path->bsdf_samples = passes ? path->bsdf_samples : path_bsdf_samples(scene, path, vertex);
+    const vmask straight = interior_straight(&vertex->crossing), shadows_pass = shadow_passes(straight);
+    path->counts_in_full = shadows_pass ? path->counts_in_full : vertex->bsdf.specular | straight | vertex->dark;
+    path->bsdf_samples = shadows_pass ? path->bsdf_samples : path_bsdf_samples(scene, path, vertex);
     split_leave(&path->split, &path->ray, hit, path->interior, &path->throughput, &path->index_squared, &path->sample.sampler, path->depth,
-                vertex->diffuse, scene->settings->indirect_rays);
+                vertex->samples_lights, scene->settings->indirect_rays);
 }
 
 // Sample the BSDF for the direction to go on in, and for the weight of radiance that arrives along it: β ← β f |cosθ| / p. Returns the paths
 // that carry any.
 static vmask path_sample_bsdf(const Scene* scene, Path* path, const Vertex* vertex) {
     const Bsdf* bsdf = &vertex->bsdf;
-    const vmask straight = interior_straight(&vertex->crossing), passes = shadow_passes(straight);
+    const vmask straight = interior_straight(&vertex->crossing), shadows_pass = shadow_passes(straight);
     vuint bits_u, bits_v;
     sampler_bits(path->sample.sampler, sampler_set(path->depth, SET_BSDF), &bits_u, &bits_v);
     BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
@@ -286,16 +287,16 @@ static vmask path_sample_bsdf(const Scene* scene, Path* path, const Vertex* vert
     interior_straighten(&vertex->crossing, path->ray.direction, &next.direction, &next.weight);
     path->throughput = mul(path->throughput, next.weight);
     path->index_squared = straight ? path->index_squared : path->index_squared * bsdf_index_squared(bsdf, next.direction);
-    path->bsdf_pdf = passes ? path->bsdf_pdf : next.pdf;
-    path->normal = choose(passes, path->normal, bsdf_receives(bsdf));
-    path_pass(path, vertex->surface.point, passes);
+    path->bsdf_pdf = shadows_pass ? path->bsdf_pdf : next.pdf;
+    path->normal = choose(shadows_pass, path->normal, bsdf_receives(bsdf));
+    path_pass(path, vertex->surface.point, shadows_pass);
     path->ray = surface_leave(&vertex->surface, next.direction);
     interior_cross(&path->interior, &vertex->crossing, next.direction, bsdf->side);
     vmask goes_on = vertex->scatters & (largest(path->throughput) > 0.0f);
 #if defined(PATH_GATHERS) && defined(MATERIALS)
-    goes_on = goes_on & (path->specular | (vertex->surface.kind != MATERIAL_LAMBERT));
+    goes_on = goes_on & (path->counts_in_full | (vertex->surface.kind != MATERIAL_LAMBERT));
 #else
-    if (scene->settings->indirect_rays == 0) goes_on = goes_on & path->specular;
+    if (scene->settings->indirect_rays == 0) goes_on = goes_on & path->counts_in_full;
 #endif
     return goes_on & interior_goes_on(&path->interior, &vertex->crossing, path->sample.sampler, &path->throughput);
 }

@@ -34,7 +34,7 @@ typedef struct {
     vfloat index_squared;           // of where the ray is, relative to where the path began: refraction divided the throughput by it
     vuint depth;             // scattering events so far
     vec3 normal;             // of the last vertex, for which lights were chosen there (bsdf_receives)
-    vmask specular;          // the ray comes from the camera or a delta: no light sample could have gone its way
+    vmask counts_in_full;    // emission that the ray meets: it comes from the camera or a delta, and no light sample could have gone its way
     vfloat bsdf_samples;     // else: such rays that left the last vertex, as the MIS weights count them
     vfloat bsdf_pdf;         // and the density of the ray's direction, per steradian
     Interior interior;       // the dielectrics that the ray begins in
@@ -51,7 +51,7 @@ typedef struct {
 // No lane has a path. All is set all the same: a lane without one computes along, and must do so without harm.
 static Path path_none(void) {
     Path path;
-    path.alive = path.specular = path.ended = mask_none();
+    path.alive = path.counts_in_full = path.ended = mask_none();
     path.depth = splat_uint(0u);
     path.bsdf_samples = path.bsdf_pdf = splat(0.0f);
     path.index_squared = splat(1.0f);
@@ -70,9 +70,9 @@ static Path path_none(void) {
 }
 
 // It goes straight on at this point: the last vertex stays where it was. Elsewhere this is the next.
-static void path_pass(Path* path, vec3 point, vmask passes) {
+static void path_pass(Path* path, vec3 point, vmask shadows_pass) {
 #ifdef STRAIGHT_SHADOWS
-    path->passed = passes ? path->passed + magnitude(sub(point, path->ray.origin)) : splat(0.0f);
+    path->passed = shadows_pass ? path->passed + magnitude(sub(point, path->ray.origin)) : splat(0.0f);
 #endif
 }
 
@@ -151,7 +151,7 @@ static void path_start(const Scene* scene, CameraRays* rays, Path* path, vmask l
 #ifdef STRAIGHT_SHADOWS
     path->passed = lane ? splat(0.0f) : path->passed;
 #endif
-    path->specular = path->specular | lane;
+    path->counts_in_full = path->counts_in_full | lane;
     interior_start(scene, &path->interior, lane);
 #ifdef CAMERA_CUTS_MEDIA
     path->interior.first = lane ? splat_uint(rays->first[i]) : path->interior.first;

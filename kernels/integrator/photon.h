@@ -157,7 +157,7 @@ static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, Po
         // On a diffuse surface add light straight from the lights, and what the photons brought
         path_sample_direct(scene, path, vertex, &direct, stats);
         path_add_direct(scene, path, &direct);
-        const vmask gathers = vertex->diffuse & disk_receives(&vertex->surface);
+        const vmask gathers = vertex->samples_lights & disk_receives(&vertex->surface);
         if (lane_any(gathers)) {
             const vec3 arriving = photon_irradiance(scene, map, &vertex->surface, path, gathers, stats);
             const vec3 leaving = scale(mul(mul(path->throughput, vertex->bsdf.color), arriving), splat(INV_PI));

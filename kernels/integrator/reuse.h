@@ -53,9 +53,9 @@ static Reuse reuse_none(void) {
 // Where light scatters alike into all directions.
 static vmask reuse_matt(const Vertex* vertex) {
 #ifdef MATERIALS
-    return vertex->diffuse & (vertex->bsdf.kind == MATERIAL_LAMBERT) & !vertex->bsdf.closure.present;
+    return vertex->samples_lights & (vertex->bsdf.kind == MATERIAL_LAMBERT) & !vertex->bsdf.closure.present;
 #else
-    return vertex->diffuse;
+    return vertex->samples_lights;
 #endif
 }
 

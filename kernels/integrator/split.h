@@ -48,8 +48,8 @@ static vfloat split_bsdf_samples(const Split* s, uint samples) { return s->met &
 
 // At a surface that is not a delta, before its BSDF is sampled: where it is the first, remember it. `hit`: what the ray met there.
 static void split_leave(Split* s, const Ray* ray, Hit hit, Interior interior, vec3* throughput, vfloat* index_squared, Sampler* sampler,
-                        vuint depth, vmask diffuse, uint rays) {
-    const vmask opens = diffuse & !s->met;
+                        vuint depth, vmask samples_lights, uint rays) {
+    const vmask opens = samples_lights & !s->met;
     if (lane_any(opens)) {
         ray_replace(&s->ray, *ray, opens);
         interior_replace(&s->interior, interior, opens);
@@ -104,7 +104,7 @@ static vmask split_back(const Split* s) { return mask_none(); }
 static vfloat split_bsdf_samples(const Split* s, uint samples) { return splat((float)samples); }
 static void split_again(const Split* s, Hit* hit) {}
 static void split_leave(Split* s, const Ray* ray, Hit hit, Interior interior, vec3* throughput, vfloat* index_squared, Sampler* sampler,
-                        vuint depth, vmask diffuse, uint rays) {}
+                        vuint depth, vmask samples_lights, uint rays) {}
 static vmask split_resume(Split* s, Ray* ray, Interior* interior, vuint* depth, vmask ended) { return ended; }
 
 #endif

@@ -1,8 +1,9 @@
-// Lights at a point: those that shine alike in all directions, and lamps, which do not: spots, and what IES files say. Lamps are
-// built only where a scene has some (-D LAMPS).
+// Lights at a point: those that shine alike in all directions, and lamps, which do not: spots, what IES files say, and projectors. Lamps
+// are built only where a scene has some (-D LAMPS).
 //
 // A spot's intensity falls off between two cones as a smooth step in the cosine (PBR 4ed, 12.2.2). That of an IES file is linear in both
-// of its angles between the numbers of the file.
+// of its angles between the numbers of the file. A projector's picture is linear in between the middles of its pixels, on a screen at
+// distance 1: its intensity is that of the picture over cos³, which lights such a screen as the picture says, or the picture itself.
 //
 // share: of the largest intensity, in a direction. sample: a direction for a photon, about in proportion to the intensity, and its
 // density, per steradian. It is above 0 wherever the lamp shines.
@@ -16,7 +17,8 @@
 
 #ifdef LAMPS
 
-static vmask lamp_at_point(const LightRow* l) { return (l->kind == LIGHT_POINT) | (l->kind == LIGHT_SPOT) | (l->kind == LIGHT_IES); }
+static vmask lamp_has_table(const LightRow* l) { return (l->kind == LIGHT_IES) | (l->kind == LIGHT_PROJECTOR); }
+static vmask lamp_at_point(const LightRow* l) { return (l->kind == LIGHT_POINT) | (l->kind == LIGHT_SPOT) | lamp_has_table(l); }
 
 static vfloat lamp_spot_share(const LightRow* l, vec3 direction) {
     const vec3 off_axis = sub(direction, vec3_row(l->row, LIGHT_ROW_AXIS));
@@ -31,13 +33,14 @@ static vec3 lamp_spot_sample(const LightRow* l, vfloat u, vfloat v, vfloat* pdf)
     return frame_to_world(frame_around(vec3_row(l->row, LIGHT_ROW_AXIS)), warp_cone(u, v, spread));
 }
 
-// The table of an IES file, LAMP_ROW_* of types.h; `clrender/flatten/lamp_tables.py` writes it. Lanes of other lights take the first words for one of
-// two lines and columns: these may be the table of the sun, whose numbers would lead anywhere.
+// The table of an IES file or of a picture, LAMP_ROW_* of types.h; `clrender/flatten/lamp_tables.py` and `projected.py` write it. Lanes of other lights
+// take the first words for one of two lines and columns: these may be the table of the sun, whose numbers would lead anywhere.
 typedef struct {
-    Frame frame;                     // the middle of its light, horizontal angle 0, and 90
-    vuint last_line, last_column;    // below which angles lie
-    vuint columns;
-    vuint polar, azimuth, value, drop, band, cell;
+    Frame frame;                     // the middle of its light; horizontal angle 0, and 90, or right and up
+    vuint last_line, last_column;    // below which the lines and columns that enclose a place lie
+    vuint lines, columns;
+    vuint line, column, value, drop, band, cell;
+    vmask picture, even;
 } LampTable;
 
 static LampTable lamp_table(const Scene* scene, const LightRow* l, vmask where) {
@@ -48,12 +51,12 @@ static LampTable lamp_table(const Scene* scene, const LightRow* l, vmask where) 
     t.frame.tangent = vec3_row(l->row, LIGHT_ROW_ZERO);
     t.frame.bitangent = outer(t.frame.tangent, t.frame.normal);      // counter-clockwise as seen against the axis
     const vuint two = splat_uint(2u), begin = splat_uint(0u);
-    t.columns = where ? vfloat_bits(head[LAMP_ROW_COLUMNS]) : two;
-    t.last_line = (where ? vfloat_bits(head[LAMP_ROW_LINES]) : two) - 2u;
-    t.last_column = t.columns - 2u;
-    t.polar = where ? vfloat_bits(head[LAMP_ROW_POLAR]) : begin, t.azimuth = where ? vfloat_bits(head[LAMP_ROW_AZIMUTH]) : begin;
+    t.lines = where ? vfloat_bits(head[LAMP_ROW_LINES]) : two, t.columns = where ? vfloat_bits(head[LAMP_ROW_COLUMNS]) : two;
+    t.last_line = t.lines - 2u, t.last_column = t.columns - 2u;
+    t.line = where ? vfloat_bits(head[LAMP_ROW_LINE]) : begin, t.column = where ? vfloat_bits(head[LAMP_ROW_COLUMN]) : begin;
     t.value = where ? vfloat_bits(head[LAMP_ROW_VALUE]) : begin, t.drop = where ? vfloat_bits(head[LAMP_ROW_DROP]) : begin;
     t.band = where ? vfloat_bits(head[LAMP_ROW_BAND]) : begin, t.cell = where ? vfloat_bits(head[LAMP_ROW_CELL]) : begin;
+    t.picture = where & (l->kind == LIGHT_PROJECTOR), t.even = t.picture & (vfloat_bits(head[LAMP_ROW_EVEN]) != 0u);
     return t;
 }
 
@@ -73,54 +76,81 @@ static LampPair lamp_pair(const Scene* scene, vuint at) {
 // How far from the first to the second of two numbers another one lies: 0 to 1.
 static vfloat lamp_part(LampPair p, vfloat at) { return bounded(quotient(at - p.first, p.second - p.first), 0.0f, 1.0f); }
 
-static vfloat lamp_ies_share(const Scene* scene, const LightRow* l, vec3 direction, vmask where) {
-    const LampTable t = lamp_table(scene, l, where);
-    const vec3 seen = frame_to_local(t.frame, direction);
-    const vfloat polar = turn_of(seen.z, root(fma(seen.x, seen.x, seen.y * seen.y)));
-    const vfloat azimuth = turn_of(seen.x, seen.y);
-    const vuint line = search_last(scene->lamp_tables, t.polar, 1u, polar, splat_uint(0u), t.last_line);
-    const vuint column = search_last(scene->lamp_tables, t.azimuth, 1u, azimuth, splat_uint(0u), t.last_column);
-    const LampPair lines = lamp_pair(scene, t.polar + line);
-    const vfloat down = lamp_part(lines, polar), right = lamp_part(lamp_pair(scene, t.azimuth + column), azimuth);
-    const vuint at = t.value + line * t.columns + column;
-    const LampPair upper = lamp_pair(scene, at), lower = lamp_pair(scene, at + t.columns);
-    const vfloat share = lamp_between(lamp_between(upper.first, upper.second, right), lamp_between(lower.first, lower.second, right), down);
-    return (polar >= lines.first) & (polar <= lines.second) ? share : splat(0.0f);
+// The intensities around a place: those of one channel that surround it, linear in between.
+static vfloat lamp_within(const Scene* scene, const LampTable* t, vuint at, vfloat right, vfloat up) {
+    const LampPair first = lamp_pair(scene, at), second = lamp_pair(scene, at + t->columns);
+    return lamp_between(lamp_between(first.first, first.second, right), lamp_between(second.first, second.second, right), up);
 }
 
-// Choose two neighbouring vertical angles by the light between them, then two horizontal ones, and a direction between those, uniformly.
-static vec3 lamp_ies_sample(const Scene* scene, const LightRow* l, vfloat u, vfloat v, vmask where, vfloat* pdf) {
+// 1 / cos³ of a place of a picture, whose screen is at distance 1: what a steradian there covers of the screen, and what lights it evenly.
+static vfloat lamp_spread(vfloat x, vfloat y) {
+    const vfloat distance2 = fma(x, x, fma(y, y, splat(1.0f)));
+    return distance2 * root(distance2);
+}
+
+static vec3 lamp_table_share(const Scene* scene, const LightRow* l, vec3 direction, vmask where) {
+    const LampTable t = lamp_table(scene, l, where);
+    const vec3 seen = frame_to_local(t.frame, direction);
+    const vmask ahead = !t.picture | (seen.z > 0.0f);
+    const vfloat inverse = inverse_or_one(ahead ? seen.z : splat(1.0f)), x = seen.x * inverse, y = seen.y * inverse;
+    const vfloat down = t.picture ? y : turn_of(seen.z, root(fma(seen.x, seen.x, seen.y * seen.y)));
+    const vfloat around = t.picture ? x : turn_of(seen.x, seen.y);
+    const vuint line = search_last(scene->lamp_tables, t.line, 1u, down, splat_uint(0u), t.last_line);
+    const vuint column = search_last(scene->lamp_tables, t.column, 1u, around, splat_uint(0u), t.last_column);
+    const LampPair lines = lamp_pair(scene, t.line + line), columns = lamp_pair(scene, t.column + column);
+    const vfloat up = lamp_part(lines, down), right = lamp_part(columns, around);
+    const vuint at = t.value + line * t.columns + column;
+    const vmask within = ahead & (down >= lines.first) & (down <= lines.second);
+    const vfloat first = lamp_within(scene, &t, at, right, up);
+    vec3 share = vec3_of(first, first, first);
+    vmask shines = within;
+    if (lane_any(t.picture)) {
+        const vuint size = t.picture ? t.lines * t.columns : splat_uint(0u);
+        share.y = lamp_within(scene, &t, at + size, right, up), share.z = lamp_within(scene, &t, at + 2u * size, right, up);
+        share = scale(share, t.even ? lamp_spread(x, y) : splat(1.0f));
+        shines = within & (!t.picture | ((around >= columns.first) & (around <= columns.second)));
+    }
+    return choose(shines, share, vec3_all(0.0f));
+}
+
+// Choose two neighbouring lines by the light between them, then two columns, and a direction between those: uniformly on a sphere, or on the
+// screen of a picture.
+static vec3 lamp_table_sample(const Scene* scene, const LightRow* l, vfloat u, vfloat v, vmask where, vfloat* pdf) {
     const LampTable t = lamp_table(scene, l, where);
     const vuint line = search_last(scene->lamp_tables, t.band, 1u, u, splat_uint(0u), t.last_line);
     const vuint cells = t.cell + line * t.columns;
     const vuint column = search_last(scene->lamp_tables, cells, 1u, v, splat_uint(0u), t.last_column);
     const LampPair band = lamp_pair(scene, t.band + line), cell = lamp_pair(scene, cells + column);
-    const LampPair drops = lamp_pair(scene, t.drop + line), turns = lamp_pair(scene, t.azimuth + column);
-    const vfloat drop = lamp_between(drops.first, drops.second, lamp_part(band, u));
-    const vfloat turn = lamp_between(turns.first, turns.second, lamp_part(cell, v));
+    const LampPair downs = lamp_pair(scene, (t.picture ? t.line : t.drop) + line), arounds = lamp_pair(scene, t.column + column);
+    const vfloat down = lamp_between(downs.first, downs.second, lamp_part(band, u));
+    const vfloat around = lamp_between(arounds.first, arounds.second, lamp_part(cell, v));
+    const vfloat light = (band.second - band.first) * (cell.second - cell.first);
+    const vfloat density = quotient(t.picture ? light : light * (0.5f * INV_PI), (downs.second - downs.first) * (arounds.second - arounds.first));
     vfloat c, s;
-    cos_sin_turn(turn < 1.0f ? turn : splat(0.0f), &c, &s);
-    const vfloat across = root(drop * (splat(2.0f) - drop));
-    *pdf = quotient((band.second - band.first) * (cell.second - cell.first) * (0.5f * INV_PI), (drops.second - drops.first) * (turns.second - turns.first));
-    return frame_to_world(t.frame, vec3_of(across * c, across * s, splat(1.0f) - drop));
+    cos_sin_turn((around < 1.0f) & !t.picture ? around : splat(0.0f), &c, &s);
+    const vfloat across = root(t.picture ? splat(0.0f) : down * (splat(2.0f) - down));
+    const vec3 on_sphere = vec3_of(across * c, across * s, splat(1.0f) - down);
+    *pdf = t.picture ? density * lamp_spread(around, down) : density;
+    return frame_to_world(t.frame, choose(t.picture, unit(vec3_of(around, down, splat(1.0f))), on_sphere));
 }
 
 // What a light at a point sends into a direction, W/sr; of other lights, their radiance.
 static vec3 lamp_intensity(const Scene* scene, const LightRow* l, vec3 direction) {
-    const vmask spot = l->kind == LIGHT_SPOT, ies = l->kind == LIGHT_IES;
+    const vmask spot = l->kind == LIGHT_SPOT, table = lamp_has_table(l);
     vec3 intensity = l->radiance;
     if (lane_any(spot)) intensity = choose(spot, scale(intensity, lamp_spot_share(l, direction)), intensity);
-    if (lane_any(ies)) intensity = choose(ies, scale(intensity, lamp_ies_share(scene, l, direction, ies)), intensity);
+    if (lane_any(table)) intensity = choose(table, mul(intensity, lamp_table_share(scene, l, direction, table)), intensity);
     return intensity;
 }
 
 // A direction for a photon of a lamp, and its density.
-static vec3 lamp_sample(const Scene* scene, const LightRow* l, vfloat u, vfloat v, vmask spot, vmask ies, vfloat* pdf) {
+static vec3 lamp_sample(const Scene* scene, const LightRow* l, vfloat u, vfloat v, vfloat* pdf) {
+    const vmask table = lamp_has_table(l);
     vec3 direction = lamp_spot_sample(l, u, v, pdf);
-    if (lane_any(ies)) {
-        vfloat ies_pdf;
-        direction = choose(ies, lamp_ies_sample(scene, l, u, v, ies, &ies_pdf), direction);
-        *pdf = ies ? ies_pdf : *pdf;
+    if (lane_any(table)) {
+        vfloat table_pdf;
+        direction = choose(table, lamp_table_sample(scene, l, u, v, table, &table_pdf), direction);
+        *pdf = table ? table_pdf : *pdf;
     }
     return direction_again(direction);
 }

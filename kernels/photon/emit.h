@@ -84,12 +84,12 @@ static Emission emission_sample(const Scene* scene, Sampler sampler, float4 boun
     }
 #endif
 #ifdef LAMPS
-    const vmask spot = l.kind == LIGHT_SPOT, ies = l.kind == LIGHT_IES;
-    if (lane_any(spot | ies)) {
+    const vmask lamp = (l.kind == LIGHT_SPOT) | lamp_has_table(&l);
+    if (lane_any(lamp)) {
         vfloat pdf;
-        const vec3 beam = lamp_sample(scene, &l, u2, v2, spot, ies, &pdf);
-        direction = choose(spot | ies, beam, direction);
-        radiance = choose(spot | ies, scale(lamp_intensity(scene, &l, beam), inverse_or_one(pdf) * (0.25f * INV_PI)), radiance);
+        const vec3 beam = lamp_sample(scene, &l, u2, v2, &pdf);
+        direction = choose(lamp, beam, direction);
+        radiance = choose(lamp, scale(lamp_intensity(scene, &l, beam), inverse_or_one(pdf) * (0.25f * INV_PI)), radiance);
     }
 #endif
 #ifdef SUN

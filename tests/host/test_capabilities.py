@@ -20,6 +20,7 @@ PICTURE = {"texture": "p.exr"}
 NET: dict[str, Any] = {"type": "mesh", "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]]}
 SPOT = {"type": "spot", "position": [0, 4, 0], "direction": [0, -1, 0], "intensity": [1, 1, 1], "cone_degrees": 40.0}
 LAMP = {"type": "ies", "position": [0, 4, 0], "file": "p.ies"}
+PROJECTOR = {"type": "projector", "position": [0, 4, 0], "direction": [0, 0, -1], "file": "p.exr"}
 LAMBERT_AND_MIRROR = {"plain": LAMBERT, "shiny": {"type": "mirror"}}
 
 SMOKE = {"media": {"smoke": {"scattering": 1.0}}}
@@ -71,7 +72,7 @@ SCENES: dict[str, list[tuple[Any, ...]]] = {
         ({"m": {"type": "principled", "transmission": 1.0, "attenuation_color": [0.5] * 3,
                 "attenuation_distance": 1.0}},),
     ],
-    "spots and lamps of IES files": [({"m": LAMBERT}, [], [SPOT]), ({"m": LAMBERT}, [], [LAMP])],
+    "spots, lamps of IES files, projectors": [({"m": LAMBERT}, [], [light]) for light in (SPOT, LAMP, PROJECTOR)],
     "sun and sky": [({"m": LAMBERT}, [], [{"type": "sun_sky", "sun_direction": [0, 1, 0]}])],
     "a picture of the environment": [({"m": LAMBERT}, [], [{"type": "environment", "file": "p.exr"}])],
 }  # fmt: skip

@@ -175,6 +175,12 @@ def lamps(folder: Path) -> list[dict[str, Any]]:
         spot = {"cone_degrees": 8.0 + 30.0 * number, "blend": number / 9.0, "intensity": (1, 0.8, 0.6)}
         found.append({"type": "spot", **at, **spot})
         found.append({"type": "ies", **at, "file": ("down.ies", "up.ies")[number % 2], "scale": (1, 2, 0.5)})
+    Image.fromarray(np.arange(90, dtype=np.uint8).reshape(5, 6, 3)).save(folder / "slide.png")
+    for number in range(3):
+        at = {"position": (0.5 * number - 0.5, 1.1, 0.4), "direction": (0.3 * number - 0.4, -1, 0.2)}
+        found.append(
+            {"type": "projector", **at, "file": "slide.png", "even": number > 0, "vertical_fov": 20 + 60 * number}
+        )
     return found
 
 

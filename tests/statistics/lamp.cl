@@ -12,7 +12,7 @@ __kernel void lamp_samples(SCENE_PARAMETERS __global const float* bits, uint num
     const vfloat v = vfloat_of(vint_from_uint(vfloat_bits(lane_load(bits + count + at)) >> 8)) * 5.9604645e-8f;
     const LightRow l = light_at(&scene, splat_uint(number));
     vfloat pdf;
-    const vec3 d = lamp_sample(&scene, &l, u, v, l.kind == LIGHT_SPOT, l.kind == LIGHT_IES, &pdf);
+    const vec3 d = lamp_sample(&scene, &l, u, v, &pdf);
     lane_save(d.x, results + at);
     lane_save(d.y, results + count + at);
     lane_save(d.z, results + (size_t)2 * count + at);

@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["LAMPS", "LUMENS_PER_WATT", "LampFile", "spot_share"]
+from clrender.image.exr_write import write_exr
+
+__all__ = ["LAMPS", "LUMENS_PER_WATT", "LampFile", "Slide", "spot_share"]
 
 Floats = npt.NDArray[np.float64]
 LUMENS_PER_WATT = 683.0
@@ -25,6 +27,54 @@ def spot_share(cosine: npt.ArrayLike, cone_degrees: float, blend: float) -> Floa
     t = np.clip((c - edge) / (blend * (1.0 - edge)), 0.0, 1.0)
     share: Floats = t * t * (3.0 - 2.0 * t)
     return share
+
+
+@dataclass(frozen=True)
+class Slide:
+    """What a projector throws.
+
+    Attributes
+    ----------
+    pixels : (H, W, 3) float32
+    vertical_fov : float
+        Degrees.
+    even : bool
+    """
+
+    pixels: npt.NDArray[np.float32]
+    vertical_fov: float = 40.0
+    even: bool = True
+
+    def light(self, folder: Path, name: str = "slide.exr", **more: Any) -> dict[str, Any]:
+        """A projector whose picture is in a folder."""
+        with (folder / name).open("wb") as file:
+            write_exr(file, self.pixels, {}, {})
+        light = {"type": "projector", "position": [0.0, 0.0, 0.0], "direction": [0.0, 0.0, -1.0]}
+        return {**light, "file": str(folder / name), "vertical_fov": self.vertical_fov, "even": self.even, **more}
+
+    def intensity(self, directions: npt.ArrayLike, axis: Sequence[float], up: Sequence[float]) -> Floats:
+        """W/sr into directions (..., 3), for a scale of 1; (..., 3)."""
+        d, a = np.asarray(directions, np.float64), np.asarray(axis, np.float64)
+        d, a = d / np.linalg.norm(d, axis=-1, keepdims=True), a / np.linalg.norm(a)
+        right = np.cross(a, up)
+        right /= np.linalg.norm(right)
+        cosine = d @ a
+        ahead = cosine > 0.0
+        screen = d / np.where(ahead, cosine, 1.0)[..., None]
+        height, width, _ = self.pixels.shape
+        pixel = 2.0 * math.tan(math.radians(self.vertical_fov / 2.0)) / height
+        x, y = screen @ right / pixel + width / 2.0, height / 2.0 - screen @ np.cross(right, a) / pixel
+        within = ahead & (x >= 0.0) & (x <= width) & (y >= 0.0) & (y <= height)
+        total = np.zeros((*x.shape, 3))
+        left, top = np.floor(x - 0.5), np.floor(y - 0.5)
+        for i in (left, left + 1.0):
+            for j in (top, top + 1.0):
+                share = (1.0 - np.abs(x - 0.5 - i)) * (1.0 - np.abs(y - 0.5 - j))
+                at = np.clip(j, 0, height - 1).astype(int), np.clip(i, 0, width - 1).astype(int)
+                total += share[..., None] * self.pixels[at]
+        spread = 1.0 / cosine**3 if self.even else np.ones_like(cosine)
+        found: Floats = np.where(within[..., None], total * spread[..., None], 0.0)
+        return found
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,7 @@ def moved(content: Json, factor: float, by: list[float]) -> Json:
             part["target"] = _plus(part["target"], by)
         if part.get("type") in ("point", "spot"):
             part["intensity"] = _times(part["intensity"], factor * factor)
-        if part.get("type") == "ies":
+        if part.get("type") in ("ies", "projector"):
             part["scale"] = _times(part.get("scale", 1.0), factor * factor)
     for material in scene.get("materials", {}).values():
         for key in ("radius", "attenuation_distance"):

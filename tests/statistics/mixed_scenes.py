@@ -176,7 +176,7 @@ def _light(draw: Draw, name: str) -> Mixed:
     if draw.chance(0.3):
         walls = things.flat_material("lambert", "oren_nayar")
         things.shapes.append({"type": "box", "size": [2.0 * _REACH] * 3, "material": walls, "flip_normals": True})
-        lights = [light for light in lights if light["type"] in ("point", "spot", "ies")] or [_point(draw)]
+        lights = [light for light in lights if light["type"] in ("point", "spot", "ies", "projector")] or [_point(draw)]
     return Mixed(name, _assembled(things, _camera(draw), lights, **more))
 
 
@@ -199,14 +199,27 @@ def _lights(draw: Draw, things: Things) -> Iterator[Json]:
             spot = {"type": kind, "position": above, "direction": [0.1, -0.1, -1.0], "intensity": draw.color(5.0, 20.0)}
             yield {**spot, "cone_degrees": draw.between(60, 120), **draw.one(({}, {"blend": draw.between(0.2, 1.0)}))}
         elif kind == "ies":
-            lamp = {"type": kind, "position": [0.3, 2.6, 0.2], "file": "lamp.ies", "scale": draw.between(0.5, 2.0)}
-            yield {**lamp, **draw.one(({}, {"direction": [0.2, -1.0, 0.1], "horizontal_zero": draw.direction()}))}
+            lamp: Json = {
+                "type": kind,
+                "position": [0.3, 2.6, 0.2],
+                "file": "lamp.ies",
+                "scale": draw.between(0.5, 2.0),
+            }
+            lamp |= draw.one(({}, {"direction": [0.2, -1.0, 0.1], "horizontal_zero": draw.direction()}))
+            yield lamp if lamp["scale"] < 1.25 else _projector(lamp)
         elif kind == "directional":
             yield {"type": kind, "direction": draw.direction(), "irradiance": draw.color(0.5, 4.0)}
         elif not surrounds:
             surrounds = True
             hidden = {"visible_to_camera": False} if draw.chance(0.15) else {}
             yield (_environment(draw) if kind == "environment" else _sky(draw)) | hidden
+
+
+def _projector(lamp: Json) -> Json:
+    """In the place of a lamp: later choices remain as they are."""
+    to: Json = {"direction": lamp.get("direction", [0.0, 0.0, -1.0])}
+    to |= {"up": lamp["horizontal_zero"], "even": False} if "direction" in lamp else {"vertical_fov": 70.0}
+    return {**to, "type": "projector", "position": lamp["position"], "file": "colors.exr", "scale": lamp["scale"]}
 
 
 def _environment(draw: Draw) -> Json:

@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from lamp_support import LAMPS, LampFile, spot_share
+from lamp_launches import Lamps, around, hammersley
+from lamp_support import LAMPS, LampFile, Slide, spot_share
 from render_support import Studio, lambert, quad, room, scene, sphere, triangle
 from sampling_support import LightTable
 from stats_support import Evidence
 
-from clrender import layout
-from clrender.device.scene_arrays import SceneArrays, scene_array_names
-from clrender.flatten.flat_scene import flatten
-from clrender.scene import IesLight, PointLight, SpotLight
+from clrender.flatten.lamps import POINT_KINDS
+from clrender.scene import IesLight, PointLight, ProjectorLight, SpotLight
 
 if TYPE_CHECKING:
     from clrender.device import Device
@@ -25,9 +24,9 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-SOURCE = Path(__file__).resolve().with_name("lamp.cl")
 SHARE = 0.6
 FLOOR = quad([-50.0, 0.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], material="white")
+SLIDE = Slide(np.random.default_rng(53).uniform(0.1, 2.0, (3, 4, 3)).astype(np.float32))
 AXIS, ZERO = (0.3, -1.0, 0.5), (0.2, 0.1, 1.0)
 
 
@@ -100,34 +99,6 @@ def test_spot_all_over_a_plane(evidence: Evidence, studio: Studio) -> None:
     evidence.mean_is("tiles", studio.tiles(what, range(12), spp=64), tiles, rounding=2e-5)
 
 
-def around(steps: int = 64) -> Floats:
-    """Directions all around, none of them at a line of the files; (2 steps², 3)."""
-    height, turn = (np.arange(steps) + 0.5) / steps * 2.0 - 1.0, (np.arange(2 * steps) + 0.37) / steps * math.pi
-    across = np.sqrt(1.0 - height * height)
-    parts = across[:, None] * np.cos(turn), across[:, None] * np.sin(turn), height[:, None]
-    return np.stack(np.broadcast_arrays(*parts), axis=-1).reshape(-1, 3)
-
-
-class Lamps:
-    """The lights of a scene on a device."""
-
-    def __init__(self, device: Device, what: Scene) -> None:
-        self.device, self.flat = device, flatten(what, 16, 16)
-        self.arrays = SceneArrays(device, self.flat)
-        named = {**self.arrays.buffers, "settings": device.upload(np.zeros(1, layout.dtype("Settings")))}
-        self.scene = [named[name] for name in scene_array_names()]
-
-    def launch(self, kernel: str, numbers: npt.NDArray[Any], number: int, outputs: int) -> Floats:
-        count = numbers.shape[1]
-        buffers = [self.device.upload(np.ascontiguousarray(numbers)), self.device.empty(4 * outputs * count)]
-        arguments: list[Any] = [*self.scene, buffers[0], np.uint32(number), np.uint32(count), buffers[1]]
-        program = self.device.program(SOURCE, {"LANES": 16, "LAMPS": 1})
-        self.device.launch(program, kernel, count // 16, 16, arguments)
-        results = np.empty((outputs, count), np.float32)
-        self.device.read(buffers[1], results)
-        return results.astype(np.float64)
-
-
 @pytest.mark.parametrize("name", LAMPS)
 def test_intensity_of_an_ies_file(device: Device, tmp_path: Path, name: str) -> None:
     """Bilinear in the angles of the file, with every symmetry that a file may leave something out by."""
@@ -169,11 +140,7 @@ def test_photons_start_where_the_lamp_shines(device: Device, tmp_path: Path, nam
         flux = 20.0 * math.pi * (1.0 - math.cos(math.radians(cone / 2.0))) * (1.0 - blend / 2.0)
     else:
         light, flux = ies(tmp_path, LAMPS[name]), LAMPS[name].flux()
-    # Hammersley's points in the place of random ones: means err by a few millionths
-    number = np.arange(2**20, dtype=np.uint32)
-    reversed_ = sum(((number >> np.uint32(k)) & np.uint32(1)) << np.uint32(31 - k) for k in range(20))
-    numbers = np.stack([number << np.uint32(12), np.asarray(reversed_, np.uint32)]) + np.uint32(2**11)
-    x, y, z, pdf, intensity = Lamps(device, lit(light)).launch("lamp_samples", numbers, 0, 5)
+    x, y, z, pdf, intensity = Lamps(device, lit(light)).launch("lamp_samples", hammersley(20), 0, 5)
     np.testing.assert_allclose(x * x + y * y + z * z, 1.0, rtol=1e-6)
     assert (pdf > 0.0).all()
     weights = intensity / pdf
@@ -197,6 +164,7 @@ def lamps_in_a_room(folder: Path) -> Scene:
         spot(70.0, 0.5, position=[-0.8, 0.9, -0.5], direction=[0.5, -1.0, 0.2], intensity=[3.0, 2.0, 1.0]),
         ies(folder, LAMPS["quadrants"], position=[0.6, 0.5, 0.4], scale=[4.0, 3.0, 5.0]),
         {"type": "point", "position": [0.0, -0.5, 0.3], "intensity": [0.2, 0.2, 0.3]},
+        SLIDE.light(folder, position=[0.3, 0.8, 0.8], direction=[-0.4, -0.5, -1.0], scale=2.0),
     ]
     camera = {"position": [0.0, 0.0, 0.9], "target": [0.0, -0.2, -1.0], "vertical_fov": 80.0}
     return lit(*lights, shapes=(room([2.0, 2.0, 2.0], material="white"),), camera=camera)
@@ -215,10 +183,10 @@ def test_integrators_agree_on_lamps(evidence: Evidence, studio: Studio, tmp_path
 
 @pytest.mark.thorough
 def test_whitted_is_direct_where_lights_are_lamps(studio: Studio, tmp_path: Path) -> None:
-    # Light samples choose one of three lights, so that direct light has noise
+    # Light samples choose one of four lights, so that direct light has noise
     what = lamps_in_a_room(tmp_path)
-    whitted = studio.image(what, 32, spp=64, integrator="whitted")
-    direct = studio.image(what, 32, spp=64, integrator="direct", shadow_rays=16)
+    whitted = studio.tiles(what, range(1), spp=64, integrator="whitted")
+    direct = studio.tiles(what, range(8), spp=64, integrator="direct", shadow_rays=16)
     assert direct.mean() == pytest.approx(whitted.mean(), rel=2e-3)
 
 
@@ -234,7 +202,7 @@ def test_radiosity_takes_lamps(studio: Studio, tmp_path: Path) -> None:
 
 
 def many_lamps(folder: Path, count: int = 60, floor: bool = False, alike: bool = False) -> Scene:
-    """Narrow and wide spots, IES files that shine up or down only, triangles, points; and what is infinitely far.
+    """Narrow and wide spots, IES files that shine up or down only, projectors, triangles, points, and what is far.
 
     With `alike` only narrow spots, all of which shine about downwards, so that groups have a direction, and triangles.
     """
@@ -251,6 +219,8 @@ def many_lamps(folder: Path, count: int = 60, floor: bool = False, alike: bool =
             lights.append({**at, "type": "spot", "intensity": [bright] * 3, "cone_degrees": 25.0, "blend": 0.5})
         elif number % 4 == 0:
             lights.append({**at, "type": "ies", "file": str(folder / names[number // 4 % len(names)]), "scale": bright})
+        elif number % 8 == 5:
+            lights.append({**SLIDE.light(folder, f"{number}.exr"), **at, "scale": bright})
         elif number % 4 == 1:
             lights.append({"type": "point", "position": at["position"], "intensity": [bright] * 3})
         else:
@@ -268,8 +238,8 @@ def arriving(flat: Any, what: Scene, point: Floats, normal: Floats) -> Floats:
     """Irradiance from each of the spots and IES files; NaN of other lights."""
     lights = flat.arrays["lights"]
     found = np.full(flat.light_count, np.nan)
-    lamps = [light for light in what.lights if isinstance(light, PointLight | SpotLight | IesLight)]
-    rows = np.flatnonzero(np.isin(lights["kind"], (layout.LIGHT_POINT, layout.LIGHT_SPOT, layout.LIGHT_IES)))
+    lamps = [light for light in what.lights if isinstance(light, PointLight | SpotLight | IesLight | ProjectorLight)]
+    rows = np.flatnonzero(np.isin(lights["kind"], POINT_KINDS))
     for row, light in zip(rows.tolist(), lamps, strict=True):
         if isinstance(light, PointLight):
             continue
@@ -279,6 +249,8 @@ def arriving(flat: Any, what: Scene, point: Floats, normal: Floats) -> Floats:
             axis = np.array(light.direction) / np.linalg.norm(light.direction)
             share = float(spot_share(away @ axis / np.linalg.norm(away), light.cone_degrees, light.blend))
             found[row] = light.intensity[0] * share * cosine
+        elif isinstance(light, ProjectorLight):
+            found[row] = SLIDE.intensity(away, light.direction, light.up)[0] * light.scale[0] * cosine
         else:
             lamp = list(LAMPS.values())[int(Path(light.file).stem)]
             found[row] = float(lamp.intensity(away, light.direction, light.zero)) * light.scale[0] * cosine

@@ -8,9 +8,11 @@ from typing import Any, Final
 
 from clrender.exact.angles import sin_cos
 from clrender.exact.matrices import length, times
+from clrender.importers.mitsuba.fields_of_view import vertical_field
 from clrender.importers.mitsuba.plugins import Plugin
 from clrender.importers.mitsuba.textures import TextureReader
 from clrender.importers.shared.matrices import Matrix, handedness
+from clrender.importers.shared.projectors import projector_keys
 from clrender.importers.shared.sky_maps import picture_from_poles, turn_about_y, turned_picture
 from clrender.importers.shared.spectra import Color
 from clrender.importers.shared.staging import Staging
@@ -45,6 +47,7 @@ class EmitterReader:
         known: dict[str, Callable[[Plugin, Matrix], dict[str, Any] | None]] = {
             "point": self._point,
             "spot": self._spot,
+            "projector": self._projector,
             "directional": self._directional,
             "constant": self._constant,
             "envmap": self._envmap,
@@ -92,6 +95,18 @@ class EmitterReader:
             "cone_degrees": 2.0 * cutoff,
             "blend": min(max((inner - edge) / (1.0 - edge), 0.0), 1.0),
         }
+
+    def _projector(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any] | None:
+        """Its picture is the irradiance, over π, of a screen at distance 1."""
+        picture = plugin.child("irradiance")
+        if picture is None or picture.type != "bitmap" or not picture.text("filename"):
+            self._staging.note(f"{plugin.label} whose irradiance is no bitmap of a file is left out")
+            return None
+        picture.ignore("raw", "filter_type", "wrap_mode", "format", "accel")
+        keys, read = projector_keys(self._staging, picture.text("filename"), picture.line, matrix, rightward=False)
+        height, width, _ = read.pixels.shape
+        field = vertical_field(plugin, width, height)
+        return {**keys, "vertical_fov": field, "scale": [math.pi * plugin.number("scale", 1.0)] * 3}
 
     def _directional(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any]:
         direction = times(matrix[:3, :3], plugin.vector("direction", (0.0, 0.0, 1.0)))

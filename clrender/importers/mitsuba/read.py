@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any, Final
 
-from clrender.exact.angles import angle_of
 from clrender.exact.matrices import length
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.choices import Choices
 from clrender.importers.draft import Draft
 from clrender.importers.mitsuba.emitters import EmitterReader
+from clrender.importers.mitsuba.fields_of_view import vertical_field
 from clrender.importers.mitsuba.materials import MaterialReader
 from clrender.importers.mitsuba.media import MediumReader
 from clrender.importers.mitsuba.plugins import Plugin
@@ -19,7 +18,7 @@ from clrender.importers.mitsuba.shapes import ShapeReader
 from clrender.importers.mitsuba.textures import TextureReader
 from clrender.importers.mitsuba.tree import scene_tree
 from clrender.importers.mitsuba.xml_elements import FILE_LIMIT
-from clrender.importers.shared.cameras import camera_keys, vertical_angle
+from clrender.importers.shared.cameras import camera_keys
 from clrender.importers.shared.matrices import is_affine
 from clrender.importers.shared.staging import Staging
 from clrender.settings import SPP_LIMIT
@@ -27,8 +26,6 @@ from clrender.wording import quoted
 
 __all__ = ["read"]
 
-_FILM_DIAGONAL: Final = math.sqrt(36.0 * 36.0 + 24.0 * 24.0)
-"""Diagonal of the film that focal lengths refer to, millimetres."""
 _CAMERAS: Final = ("perspective", "thinlens", "orthographic")
 _PATHS: Final = frozenset(
     ["path", "volpath", "volpathmis", "prb", "prbvolpath", "bdpt", "ptracer", "mlt", "pssmlt", "erpt"]
@@ -128,7 +125,7 @@ class _Settings:
             size = 2.0 * length(matrix[:3, 1]) * height / width
             camera |= {"type": "orthographic", "height": size}
         else:
-            camera["vertical_fov"] = self._angle(plugin, width, height)
+            camera["vertical_fov"] = vertical_field(plugin, width, height)
         if plugin.type == "thinlens":
             camera["aperture_radius"] = plugin.number("aperture_radius", 0.1)
             camera["focus_distance"] = distance if distance is not None else 1.0
@@ -138,24 +135,6 @@ class _Settings:
             self._staging.draft.description["fog"] = name
         self._staging.draft.description["camera"] = camera
         self._tell_unused(plugin)
-
-    def _angle(self, plugin: Plugin, width: int, height: int) -> float:
-        axis = plugin.text("fov_axis", "x")
-        if axis not in ("x", "y", "diagonal", "smaller", "larger"):
-            raise plugin.fault(f'"fov_axis" is {quoted(axis)}, but must be x, y, diagonal, smaller or larger')
-        degrees = plugin.number("fov", 0.0)
-        if not plugin.has("fov"):
-            text = plugin.text("focal_length", "50mm").removesuffix("mm").strip()
-            try:
-                focal = float(text)
-            except ValueError:
-                focal = 0.0
-            if not 0.0 < focal < math.inf:
-                raise plugin.fault(f'"focal_length" is {quoted(text)}, but must be such as 50mm')
-            axis, degrees = "diagonal", math.degrees(2.0 * angle_of(_FILM_DIAGONAL / (2.0 * focal), 1.0))
-        if not 0.0 < degrees < 180.0:
-            raise plugin.fault(f'"fov" is {degrees:g}, but must be above 0 and below 180 degrees')
-        return vertical_angle(degrees, axis, width, height)
 
     def _film(self, sensor: Plugin) -> tuple[int, int]:
         films = sensor.children_of("film")

@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from clrender.exact.angles import sin_cos
+from clrender.exact.angles import sin_cos, tangent
 from clrender.exact.elementary import sines_cosines
 from clrender.exact.matrices import inner, times, total
 from clrender.importers.pbrt.film import Exposure
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
+from clrender.importers.shared.cameras import vertical_angle
 from clrender.importers.shared.matrices import Matrix
+from clrender.importers.shared.projectors import projector_keys
 from clrender.importers.shared.sky_maps import unfolded_picture
 from clrender.importers.shared.spectra import LUMINANCE
 from clrender.importers.shared.staging import Staging
@@ -48,16 +50,19 @@ class LightReader:
         matrix : (4, 4) float64
             From the light's space to world space.
         """
-        known: dict[str, Callable[[Parameters, Matrix], dict[str, Any]]] = {
+        known: dict[str, Callable[[Parameters, Matrix], dict[str, Any] | None]] = {
             "point": self._point,
             "spot": self._spot,
             "distant": self._distant,
             "infinite": self._infinite,
+            "projection": self._projection,
         }
         if kind not in known:
             self._staging.note(f"a light of type {quoted(kind)} is not known and left out")
             return
         made = known[kind](parameters, matrix)
+        if made is None:
+            return
         for unknown in parameters.unused():
             self._staging.note(
                 f"{quoted(unknown)} of a light of type {quoted(kind)} is not understood and does nothing"
@@ -103,6 +108,25 @@ class LightReader:
         direction = [float(x) for x in times(matrix[:3, :3], end - start)]
         return {"type": "directional", "direction": direction, "irradiance": irradiance}
 
+    def _projection(self, parameters: Parameters, matrix: Matrix) -> dict[str, Any] | None:
+        """Its picture is a radiant intensity, whatever the direction."""
+        file = parameters.text("filename")
+        if not file:
+            self._staging.note('a light of type "projection" without a picture is left out')
+            return None
+        degrees, power = parameters.number("fov", 90.0), parameters.number("power", -1.0)
+        if not 0.0 < degrees < 180.0:
+            raise parameters.fault(f'"fov" is {degrees:g}, but must be above 0 and below 180 degrees', "fov")
+        line, balance = parameters.values["filename"].line, self.exposure.balance
+        factor = None if balance is None else self.exposure.balanced(np.ones(3))
+        keys, picture = projector_keys(self._staging, file, line, matrix, True, factor)
+        height, width, _ = picture.pixels.shape
+        field = vertical_angle(degrees, "smaller", width, height)
+        scale = parameters.number("scale", 1.0) * self.exposure.ratio
+        if power > 0.0:
+            scale *= power / max(_flux(picture, field), 1e-30)
+        return {**keys, "vertical_fov": field, "even": False, "scale": [max(scale, 0.0)] * 3}
+
     def _infinite(self, parameters: Parameters, matrix: Matrix) -> dict[str, Any]:
         lux = parameters.number("illuminance", -1.0)
         if parameters.get("portal") is not None:
@@ -125,6 +149,18 @@ class LightReader:
         scale = parameters.number("scale", 1.0) * factor * self.exposure.ratio
         self._staging.draft.environments[f"{file} (unfolded)"] = picture
         return {"type": "environment", "file": f"{file} (unfolded)", "scale": [max(scale, 0.0)] * 3}
+
+
+def _flux(picture: EnvironmentPicture, vertical_fov: float) -> float:
+    """Flux, as luminance, of a projector whose radiant intensity is its picture."""
+    height, width, _ = picture.pixels.shape
+    top = tangent(math.radians(vertical_fov) / 2.0)
+    y, x = (((np.arange(count) + 0.5) / count * 2.0 - 1.0) * top for count in (height, width))
+    x = x * (width / height)
+    squares = 1.0 + (y * y)[:, None] + (x * x)[None, :]
+    bright = np.array([inner(row, LUMINANCE) for row in picture.pixels])
+    area = (2.0 * top / height) * (2.0 * top / height)
+    return float(total(total(bright / (squares * np.sqrt(squares)) * area)))
 
 
 def _illuminance(pixels: Any) -> float:
