@@ -13,6 +13,7 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 from cases import for_each
+from export_support import BALL, CAMERA, GREY, QUAD, described, near
 from PIL import Image
 
 import clrender
@@ -20,16 +21,6 @@ from clrender.cli import main
 from clrender.errors import SceneError
 from clrender.exporters import exported_to_cycles, write_cycles
 from clrender.image.files import read_image
-from clrender.scene import Scene
-
-CAMERA: dict[str, Any] = {"position": [0.1, 0.2, 5.0], "target": [0.0, 0.0, 0.0]}
-GREY: dict[str, Any] = {"type": "lambert", "reflectance": [0.5, 0.5, 0.5]}
-QUAD: dict[str, Any] = {"type": "quad", "origin": [0.0, 0.0, 0.0], "edge_u": [1.0, 0.0, 0.0], "edge_v": [0.3, 1.0, 0.2]}
-BALL: dict[str, Any] = {"type": "sphere", "center": [0.5, 0.0, 0.0], "radius": 1.0}
-
-
-def described(**parts: Any) -> Any:
-    return Scene.model_validate({"camera": CAMERA, "materials": {"m": GREY}, **parts})
 
 
 def parsed(program: bytes) -> dict[str, Any]:
@@ -74,10 +65,6 @@ def surface(folder: Path, material: Any, **shape: Any) -> tuple[Nodes, tuple[str
     found, notes = exported(folder, materials={"m": material}, shapes=shapes)
     (tree,) = found["materials"].values()
     return Nodes(tree), notes
-
-
-def near(found: Any, expected: Any, tolerance: float = 1e-6) -> bool:
-    return bool(np.allclose(found, expected, rtol=tolerance, atol=tolerance))
 
 
 # --- lights

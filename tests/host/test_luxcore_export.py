@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import for_each
+from export_support import BALL, CAMERA, GREY, QUAD, described, near
 from PIL import Image
 
 import clrender
@@ -18,16 +19,7 @@ from clrender.exporters import exported_to_luxcore, write_luxcore
 from clrender.exporters.triangles import sphere_mesh
 from clrender.image.files import read_image
 from clrender.meshes.read import read_mesh
-from clrender.scene import Scene, Sphere
-
-CAMERA: dict[str, Any] = {"position": [0.1, 0.2, 5.0], "target": [0.0, 0.0, 0.0]}
-GREY: dict[str, Any] = {"type": "lambert", "reflectance": [0.5, 0.5, 0.5]}
-QUAD: dict[str, Any] = {"type": "quad", "origin": [0.0, 0.0, 0.0], "edge_u": [1.0, 0.0, 0.0], "edge_v": [0.3, 1.0, 0.2]}
-BALL: dict[str, Any] = {"type": "sphere", "center": [0.5, 0.0, 0.0], "radius": 1.0}
-
-
-def described(**parts: Any) -> Any:
-    return Scene.model_validate({"camera": CAMERA, "materials": {"m": GREY}, **parts})
+from clrender.scene import Sphere
 
 
 def parsed(text: bytes) -> dict[str, Any]:
@@ -52,10 +44,6 @@ def written(folder: Path, **parts: Any) -> dict[str, Any]:
 
 def mesh(folder: Path, properties: dict[str, Any], name: str) -> Any:
     return read_mesh(properties[f"scene.shapes.{name}.ply"], folder, [], "test")
-
-
-def near(found: Any, expected: Any, tolerance: float = 1e-6) -> bool:
-    return bool(np.allclose(found, expected, rtol=tolerance, atol=tolerance))
 
 
 def normal(one: Any, triangle: int = 0) -> Any:

@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from cases import for_each
+from export_support import BALL, CAMERA, GREY, QUAD, described, near
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -41,14 +42,6 @@ SAME: tuple[str, ...] = (
 SAME += ("haze", "inside-sphere", "mirror-light", "point-plane", "quad-plane", "room-diffuse", "room-glass")
 SAME += ("room-mirror", "room-report", "room", "sky", "slab", "sphere-plane")
 """Scenes without anything that Mitsuba lacks."""
-CAMERA: dict[str, Any] = {"position": [0.1, 0.2, 5.0], "target": [0.0, 0.0, 0.0]}
-GREY: dict[str, Any] = {"type": "lambert", "reflectance": [0.5, 0.5, 0.5]}
-QUAD: dict[str, Any] = {"type": "quad", "origin": [0.0, 0.0, 0.0], "edge_u": [1.0, 0.0, 0.0], "edge_v": [0.3, 1.0, 0.2]}
-BALL: dict[str, Any] = {"type": "sphere", "center": [0.5, 0.0, 0.0], "radius": 1.0}
-
-
-def described(**parts: Any) -> Any:
-    return Scene.model_validate({"camera": CAMERA, "materials": {"m": GREY}, **parts})
 
 
 def written(scene: Scene, folder: Path, **options: Any) -> tuple[Any, tuple[str, ...]]:
@@ -59,10 +52,6 @@ def written(scene: Scene, folder: Path, **options: Any) -> tuple[Any, tuple[str,
 
 def xml(folder: Path) -> Any:
     return ElementTree.parse(folder / "out.xml").getroot()
-
-
-def near(found: Any, expected: Any, tolerance: float = 1e-5) -> bool:
-    return bool(np.allclose(found, expected, rtol=tolerance, atol=tolerance))
 
 
 def of_shapes(arrays: Any, field: str) -> NDArray[Any]:
