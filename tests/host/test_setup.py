@@ -170,3 +170,10 @@ def test_an_extra_that_cannot_be_installed_is_one_clear_error(machine: Machine) 
     assert lines[-1].startswith(
         "error: the packages of the extra view could not be installed: no route to host. Is there"
     )
+
+
+def test_bytecode_is_kept(machine: Machine) -> None:
+    """Else each of them compiles all its modules at each start, for pip has not."""
+    _, lines = machine.run("env >&2", PYTHONDONTWRITEBYTECODE="1")
+    assert any(line.startswith("HOME=") for line in lines)
+    assert not any(line.startswith("PYTHONDONTWRITEBYTECODE") for line in lines)
