@@ -57,5 +57,6 @@ def make_files(folder: Path) -> None:
     (folder / "model.glb").write_bytes(model.glb())
     for name in ("sky.hdr", "tiles.png", "tiles-normal.png", "leaf.png"):
         shutil.copy(_SCENES / name, folder / name)
+    shutil.copy(_SCENES / "tiles.png", folder / "slide.png")
     shutil.copy(_SCENES / "bumpy.ply", folder / "bunny.ply")
     np.save(folder / "warren.npy", np.eye(4)[None])
