@@ -15,7 +15,7 @@ from clrender.exact.angles import sin_cos_degrees
 from clrender.flatten.sky import Sun
 from clrender.scene.ies import IesProfile
 
-__all__ = ["LAMP_ROW", "Key", "LampTable", "LampTables", "lamp_table", "moved_words", "packed_words"]
+__all__ = ["LAMP_ROW", "Key", "LampTable", "LampTables", "lamp_table", "light_shares", "moved_words", "packed_words"]
 
 LAMP_ROW: Final = 16
 """Words in a row."""
@@ -64,7 +64,7 @@ class LampTables:
         The tables, concatenated; a single zero if there are none.
     sun : Sun or None
     row : mapping of (str, ...) to int
-        Row where each table begins, by `key`.
+        Row where each table begins, by the name of its file and what else it depends on.
     table : mapping of (str, ...) to LampTable
     profile : mapping of str to IesProfile
         By file name.
@@ -98,11 +98,7 @@ def lamp_table(profile: IesProfile) -> LampTable:
     steps = np.diff(azimuth.astype(np.float64)) * (2.0 * math.pi)
     pieces = before[:, None] * along[:-1] + after[:, None] * along[1:]
     mass = np.where((np.diff(drops) > 0.0)[:, None], pieces * steps, 0.0)
-    bands = np.cumsum(mass, axis=1)
-    sums = np.append(0.0, np.cumsum(bands[:, -1]))
-    flux = float(sums[-1])
-    cells = np.zeros((len(polar), len(azimuth)))
-    cells[:-1, 1:] = np.divide(bands, bands[:, -1:], out=np.zeros_like(bands), where=bands[:, -1:] > 0.0)
+    bands, cells, flux = light_shares(mass)
     mean = _mean(mass, sines, cosines, turns[1], steps)
 
     arrays = {
@@ -110,13 +106,38 @@ def lamp_table(profile: IesProfile) -> LampTable:
         "COLUMN": azimuth,
         "VALUE": values,
         "DROP": drops,
-        "BAND": sums / flux if flux > 0.0 else sums,
+        "BAND": bands,
         "CELL": cells,
     }
     words = packed_words(arrays, values.shape)
     lit = np.flatnonzero((values > 0.0).any(axis=1))
     first, last = (max(int(lit[0]) - 1, 0), min(int(lit[-1]) + 1, len(polar) - 1)) if len(lit) else (0, len(polar) - 1)
     return LampTable(words, peak, flux, mean, float(cosines[first]), float(cosines[last]))
+
+
+def light_shares(mass: _Floats) -> tuple[_Floats, _Floats, float]:
+    """How the light of the cells between lines and columns is distributed.
+
+    Parameters
+    ----------
+    mass : (H - 1, W - 1) float64
+        Light of each cell.
+
+    Returns
+    -------
+    bands : (H,) float64
+        Share of all light before each line; zeros if there is none.
+    cells : (H, W) float64
+        Of the light from each line to the next, the share before each column. The last line has none.
+    total : float
+        All light.
+    """
+    along = np.cumsum(mass, axis=1)
+    sums = np.append(0.0, np.cumsum(along[:, -1]))
+    total = float(sums[-1])
+    cells = np.zeros((len(mass) + 1, mass.shape[1] + 1))
+    cells[:-1, 1:] = np.divide(along, along[:, -1:], out=np.zeros_like(along), where=along[:, -1:] > 0.0)
+    return (sums / total if total > 0.0 else sums), cells, total
 
 
 def packed_words(arrays: Mapping[str, NDArray[Any]], shape: tuple[int, ...], even: bool = False) -> NDArray[np.float32]:

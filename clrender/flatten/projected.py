@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.exact.angles import tan_degrees
-from clrender.flatten.lamp_tables import LampTable, packed_words
+from clrender.flatten.lamp_tables import LampTable, light_shares, packed_words
 
 __all__ = ["projector_table"]
 
@@ -51,11 +51,7 @@ def projector_table(pixels: NDArray[np.float32], vertical_fov: float, even: bool
     mass = light * np.diff(down)[:, None] * np.diff(right)[None, :]
     if not even:
         mass = mass * (cosine * cosine * cosine)
-    bands = np.cumsum(mass, axis=1)
-    sums = np.append(0.0, np.cumsum(bands[:, -1]))
-    flux = float(sums[-1])
-    cells = np.zeros((len(lines), len(columns)))
-    cells[:-1, 1:] = np.divide(bands, bands[:, -1:], out=np.zeros_like(bands), where=bands[:, -1:] > 0.0)
+    bands, cells, flux = light_shares(mass)
     aimed = mass * cosine
     parts = (aimed * x[None, :], aimed * y[:, None], aimed)
     mean = np.array([float(np.cumsum(part)[-1]) for part in parts]) / (flux if flux > 0.0 else 1.0)
@@ -64,7 +60,7 @@ def projector_table(pixels: NDArray[np.float32], vertical_fov: float, even: bool
             "LINE": lines,
             "COLUMN": columns,
             "VALUE": np.moveaxis(shares, 2, 0),
-            "BAND": sums / flux if flux > 0.0 else sums,
+            "BAND": bands,
             "CELL": cells,
         },
         (len(lines), len(columns)),
