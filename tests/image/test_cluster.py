@@ -171,7 +171,7 @@ def test_a_session_wants_a_cluster_that_is_open() -> None:
 
 
 def test_nobody_at_an_address(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dask_cluster, "CONNECT_SECONDS", 1.0)
+    monkeypatch.setenv("CLRENDER_CLUSTER_SECONDS", "1")
     with pytest.raises(RenderError, match="no Dask scheduler answers there"), open_cluster("tcp://127.0.0.1:9"):
         pass
 

@@ -102,7 +102,9 @@ def agree(what: Scene, device: Device, **settings: Any) -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("material", ["lambert", "glass", "picture", "bumps", "wax"])
+@pytest.mark.parametrize(
+    "material", ["lambert", "glass", "picture", "bumps", pytest.param("wax", marks=pytest.mark.slow)]
+)
 def test_meshes_of_every_material(device: Device, pictures: Path, material: str) -> None:
     agree(scene(pictures, ball(material=material)), device)
 
@@ -116,7 +118,12 @@ def test_given_tangents(device: Device, pictures: Path, material: str) -> None:
 @pytest.mark.thorough
 @pytest.mark.parametrize(
     ("material", "kind"),
-    [("holes", "ball"), pytest.param("holes", "round", marks=pytest.mark.slow), ("faint", "ball"), ("faint", "round")],
+    [
+        ("holes", "ball"),
+        pytest.param("holes", "round", marks=pytest.mark.slow),
+        pytest.param("faint", "ball", marks=pytest.mark.slow),
+        ("faint", "round"),
+    ],
 )
 def test_opacity(device: Device, pictures: Path, material: str, kind: str) -> None:
     """Which surfaces are there is drawn by the primitives' numbers, which are others: only means are the same."""
@@ -221,17 +228,18 @@ def test_layers_tell_instances_apart(device: Device, pictures: Path) -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("rusticl", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_one_hash_on_every_device_and_cut(all_devices: list[Device], pictures: Path, rusticl: bool) -> None:
+@pytest.mark.parametrize("thoroughly", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_one_hash_on_every_device_and_cut(all_devices: list[Device], pictures: Path, thoroughly: bool) -> None:
     """Rusticl takes two minutes to compile what a plain scene needs, and more for `avenue` with holes and glass."""
     plain = scene(pictures, ball(material="lambert"), {"type": "box", "size": [0.9, 0.2, 0.9], "material": "lambert"})
     for what, slow in ((plain, True), (clrender.load("avenue"), False)):
         hashes = set()
         for each in all_devices:
             one_lane = "rusticl" in each.info.platform.lower()
-            if one_lane and not (slow and rusticl):
+            if one_lane and not (slow and thoroughly):
                 continue
-            cuts: list[dict[str, Any]] = [{}] if one_lane else [{}, {"lanes": 1}, {"lanes": 8}, {"traversal": "single"}]
+            more: list[dict[str, Any]] = [{"lanes": 8}, {"traversal": "single"}] if thoroughly else []
+            cuts: list[dict[str, Any]] = [{}] if one_lane else [{}, {"lanes": 1}, *more]
             hashes |= {render(what, each, size=(40, 30), spp=4, **cut).tobytes() for cut in cuts}
         assert len(hashes) == 1
 
