@@ -31,6 +31,7 @@ from clrender.scene.values import (
 
 __all__ = [
     "LIGHT_TYPES",
+    "WIDEST_PICTURE",
     "DirectionalLight",
     "EnvironmentLight",
     "IesLight",
@@ -57,7 +58,7 @@ _LEAST_CONE: Final = 0.01
 """Degrees; in single precision the edge of a narrower cone is not smooth."""
 
 
-_WIDEST_PICTURE: Final = 170.0
+WIDEST_PICTURE: Final = 170.0
 """Degrees; a picture of 180 degrees would have no end."""
 
 
@@ -138,7 +139,7 @@ class ProjectorLight(Part):
     file: FileName = Field(
         description="the picture: `.exr .hdr .pfm`, or one in sRGB, whose white is 1; interpolated bilinearly"
     )
-    vertical_fov: Annotated[Finite, Field(gt=0.0, le=_WIDEST_PICTURE)] = Field(
+    vertical_fov: Annotated[Finite, Field(gt=0.0, le=WIDEST_PICTURE)] = Field(
         30.0, description="angle between the picture's upper and lower edge, degrees"
     )
     even: Flag = Field(

@@ -145,3 +145,25 @@ def test_pbrt_fields_that_are_none(folder: Path, fov: float) -> None:
     (folder / "a.pbrt").write_text(PBRT.replace("60", str(fov)).format("", ""))
     with pytest.raises(SceneError, match=r'"fov" is .*line|line.*"fov" is'):
         clrender.load(folder / "a.pbrt")
+
+
+@pytest.mark.parametrize(
+    ("format_", "fault"),
+    [*((each, fault) for each in ("xml", "pbrt") for fault in ("missing", "damaged", "wide")), ("xml", "flat")],
+)
+def test_one_that_cannot_shine_is_left_out(folder: Path, format_: str, fault: str) -> None:
+    """And the rest is drawn; with ``strict`` the file is refused."""
+    text = MITSUBA.format("<scale x='0'/>" if fault == "flat" else "") if format_ == "xml" else PBRT.format("", "")
+    if fault == "missing":
+        (folder / "slide.exr").unlink()
+    elif fault == "damaged":
+        (folder / "slide.exr").write_bytes(b"no picture")
+    elif fault == "wide":
+        text = text.replace("60", "179")
+    text = text.replace("</scene>", '<shape type="sphere"/></scene>') + ('Shape "sphere"' if format_ == "pbrt" else "")
+    (folder / f"a.{format_}").write_text(text)
+    scene = clrender.load(folder / f"a.{format_}")
+    assert not [light for light in scene.lights if isinstance(light, ProjectorLight)]
+    assert "left out" in " ".join(scene.notes)
+    with pytest.raises(SceneError):
+        clrender.load(folder / f"a.{format_}", strict=True)

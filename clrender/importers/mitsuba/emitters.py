@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 from typing import Any, Final
 
 from clrender.exact.angles import sin_cos
@@ -102,11 +104,14 @@ class EmitterReader:
         if picture is None or picture.type != "bitmap" or not picture.text("filename"):
             self._staging.note(f"{plugin.label} whose irradiance is no bitmap of a file is left out")
             return None
-        picture.ignore("raw", "filter_type", "wrap_mode", "format", "accel")
-        keys, read = projector_keys(self._staging, picture.text("filename"), picture.line, matrix, rightward=False)
-        height, width, _ = read.pixels.shape
-        field = vertical_field(plugin, width, height)
-        return {**keys, "vertical_fov": field, "scale": [math.pi * plugin.number("scale", 1.0)] * 3}
+        if picture.flag("raw", False) and Path(picture.text("filename")).suffix.lower() not in (".exr", ".hdr", ".pfm"):
+            self._staging.note(f"the picture of {plugin.label} is read as sRGB, though it is said to be linear")
+        picture.ignore("filter_type", "wrap_mode", "format", "accel")
+        for name in picture.unused():
+            self._staging.note(f"{quoted(name)} of the picture of {plugin.label} is not understood and does nothing")
+        file, scale = picture.text("filename"), [math.pi * plugin.number("scale", 1.0)] * 3
+        made = projector_keys(self._staging, file, picture.line, matrix, False, partial(vertical_field, plugin))
+        return None if made is None else {**made[0], "scale": scale}
 
     def _directional(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any]:
         direction = times(matrix[:3, :3], plugin.vector("direction", (0.0, 0.0, 1.0)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -119,13 +120,16 @@ class LightReader:
             raise parameters.fault(f'"fov" is {degrees:g}, but must be above 0 and below 180 degrees', "fov")
         line, balance = parameters.values["filename"].line, self.exposure.balance
         factor = None if balance is None else self.exposure.balanced(np.ones(3))
-        keys, picture = projector_keys(self._staging, file, line, matrix, True, factor)
-        height, width, _ = picture.pixels.shape
-        field = vertical_angle(degrees, "smaller", width, height)
+        made = projector_keys(
+            self._staging, file, line, matrix, True, partial(vertical_angle, degrees, "smaller"), factor
+        )
+        if made is None:
+            return None
+        keys, picture = made
         scale = parameters.number("scale", 1.0) * self.exposure.ratio
         if power > 0.0:
-            scale *= power / max(_flux(picture, field), 1e-30)
-        return {**keys, "vertical_fov": field, "even": False, "scale": [max(scale, 0.0)] * 3}
+            scale *= power / max(_flux(picture, keys["vertical_fov"]), 1e-30)
+        return {**keys, "even": False, "scale": [max(scale, 0.0)] * 3}
 
     def _infinite(self, parameters: Parameters, matrix: Matrix) -> dict[str, Any]:
         lux = parameters.number("illuminance", -1.0)

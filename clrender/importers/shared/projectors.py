@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from clrender.errors import OutOfMemory, SceneError
 from clrender.exact.matrices import length
-from clrender.importers.shared.matrices import Matrix, handedness
+from clrender.files.named import allowed_file
+from clrender.importers.shared.matrices import Matrix, handedness, is_affine
 from clrender.importers.shared.staging import Staging
 from clrender.scene.environment import EnvironmentPicture
+from clrender.scene.light_kinds import WIDEST_PICTURE
+from clrender.wording import quoted
 
 __all__ = ["projector_keys"]
 
+Field: TypeAlias = Callable[[int, int], float]
+
 
 def projector_keys(
-    staging: Staging, file: str, line: int, matrix: Matrix, rightward: bool, factor: Any = None
-) -> tuple[dict[str, Any], EnvironmentPicture]:
+    staging: Staging, file: str, line: int, matrix: Matrix, rightward: bool, field: Field, factor: Any = None
+) -> tuple[dict[str, Any], EnvironmentPicture] | None:
     """Place, directions and picture of a projector that looks along its own +z, with +y up.
 
     Parameters
@@ -31,6 +38,8 @@ def projector_keys(
         From the projector's space to world space.
     rightward : bool
         Whether the picture's right is at +x.
+    field : callable
+        Gives the vertical field of view, degrees, for the width and height of the picture.
     factor : (3,) float64, optional
         For the picture's colours.
 
@@ -38,21 +47,37 @@ def projector_keys(
     -------
     keys : dict
     picture : EnvironmentPicture
+        Or None in the place of both, where the projector is left out for a fault.
 
     Raises
     ------
     SceneError
-        The picture cannot be read.
+        The picture is in a folder that is not allowed, or too large for this machine; or there is another fault, and
+        the files are strict.
     """
     files, place = staging.files, f"line {line}"
     name = files.name(file, place)
-    picture = EnvironmentPicture.read(name, files.folder, files.allow_paths, f"{files.source}: {place}")
+    label = f"{files.source}: {place}"
+    allowed_file(name, files.folder, files.allow_paths, f"{label}: {quoted(name)}")
+    try:
+        if not is_affine(matrix):
+            raise staging.fault(line, "the projector's transform cannot be inverted; give it another")
+        picture = EnvironmentPicture.read(name, files.folder, files.allow_paths, label)
+        height, width, _ = picture.pixels.shape
+        if (degrees := field(width, height)) > WIDEST_PICTURE:
+            sentence = f"the picture of the projector is {degrees:g} degrees high; at most {WIDEST_PICTURE:g} is known"
+            raise staging.fault(line, sentence)
+    except OutOfMemory:
+        raise
+    except SceneError as fault:
+        staging.draft.leave_out(fault, files.source, files.strict)
+        return None
     # Our right is forward x up = z x y, which is -x of a right-handed projector
     mirrored = (handedness(matrix) > 0.0) == rightward
     if mirrored or factor is not None:
         pixels = picture.pixels[:, ::-1] if mirrored else picture.pixels
         pixels = pixels if factor is None else pixels * np.asarray(factor, np.float32)
-        picture = EnvironmentPicture.checked(np.ascontiguousarray(pixels), f"{files.source}: {place}")
+        picture = EnvironmentPicture.checked(np.ascontiguousarray(pixels), label)
         name = f"{file} ({'mirrored' if mirrored else 'balanced'})"
         staging.draft.environments[name] = picture
     keys = {
@@ -61,5 +86,6 @@ def projector_keys(
         "direction": [float(x) for x in matrix[:3, 2] / length(matrix[:3, 2])],
         "up": [float(x) for x in matrix[:3, 1] / length(matrix[:3, 1])],
         "file": name,
+        "vertical_fov": degrees,
     }
     return keys, picture
