@@ -6,6 +6,7 @@ One JSON file and one page of Markdown, written anew after every step, so that a
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import platform
 import statistics
@@ -19,9 +20,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "image"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "statistics"))
 
 from faulty_device import CALLS, Fault, FaultyDevice
 from image_support import SCENES, Cutting, render
+from mixed_files import written
+from mixed_moves import with_all_features
+from mixed_scenes import KINDS, Mixed, mixed_scene
 
 import clrender
 from clrender.bench import measure, write_scene
@@ -47,6 +52,8 @@ _RENDERS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     "room-diffuse, radiosity": ("room-diffuse", {"integrator": "radiosity", "patches": 1000}),
 }
 """Test renders: scene and settings by title."""
+_MIXED: Final = 12
+"""Of each kind of random scene so many are rendered, by few programs, since each has all features."""
 _CUTS: Final = (Cutting(tile=16, samples_per_pass=1), Cutting(order="shuffled", samples_per_pass=4))
 _GROUPS: Final = (32, 64, 128, 256)
 _PASSES: Final = (1, 4, 16)
@@ -116,6 +123,7 @@ def main() -> int:
         name = device.info.title
         check.step(f"Bits of {name}", 5.0, _bits, check, device, options.update_hashes)
         check.step(f"Faults of {name}", 20.0, _faults, check, device)
+        check.step(f"Mixed scenes on {name}", 30.0, _mixed, check, device, options.update_hashes)
         check.step(f"Tuning of {name}", 30.0, _tuning, check, device, options.size, options.spp)
         for scene in options.scenes:
             task = Task(options.size, options.size, options.spp)
@@ -174,7 +182,7 @@ def _drivers(check: Check) -> dict[str, Any]:
 
 def _bits(check: Check, device: Device, update: bool) -> dict[str, Any]:
     """First build of everything, and renders with different launch configurations; compares hashes with the known."""
-    known = json.loads(_HASHES.read_text(encoding="utf-8")) if _HASHES.exists() else {}
+    known = _known_hashes()
     check.say("| scene | built and rendered, s | again, s | hash | |", "|---|---|---|---|---|")
     rows: dict[str, Any] = {}
     longest = 10.0
@@ -200,10 +208,51 @@ def _bits(check: Check, device: Device, update: bool) -> dict[str, Any]:
         shown = ", ".join(sorted(one[:12] for one in hashes))
         check.say(f"| {title} | {first:.1f} | {again:.2f} | {shown} | {'as known' if equal else 'OTHER BITS'} |")
     if update:
-        _HASHES.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
+        _keep_hashes(known)
     equal = all(row["equal"] for row in rows.values())
     check.say("", "The known bits." if equal else "OTHER BITS: do not trust this device.")
     return {"equal": equal, "rows": rows}
+
+
+def _mixed(check: Check, device: Device, update: bool) -> dict[str, Any]:
+    """Random scenes in which everything meets, each whole and with its work cut; compares hashes with the known."""
+    known = _known_hashes()
+    wrong: dict[str, str] = {}
+    done, longest = 0, 10.0
+    with tempfile.TemporaryDirectory() as folder, clrender.Session([device]) as session:
+        files = written(Path(folder))
+        for number, kind in itertools.product(range(_MIXED), KINDS):
+            if check.left < 2.0 * longest:
+                check.say("", f"Stopped after {done} scenes: out of time.")
+                break
+            begin = time.perf_counter()
+            mixed = mixed_scene(kind, number)
+            scene = Mixed(mixed.name, with_all_features(mixed.content)).scene(files)
+            try:
+                cuts: tuple[dict[str, Any], ...] = ({}, {"tile": 16, "samples_per_pass": 1})
+                made = [session.render(scene, size=(24, 20), spp=4, **cut) for cut in cuts]
+                hashes = {image.stats["image_sha256"] for image in made}
+            except ClrenderError as error:
+                wrong[mixed.name] = str(error)
+                continue
+            done, longest = done + 1, max(longest, time.perf_counter() - begin)
+            if update:
+                known[f"mixed {mixed.name}"] = min(hashes)
+            if hashes != {known.get(f"mixed {mixed.name}")}:
+                wrong[mixed.name] = ", ".join(sorted(hashes))
+    if update:
+        _keep_hashes(known)
+    check.say(f"{done} scenes, {len(wrong)} of them with other bits than known.")
+    check.say(*(f"- {name}: {told}" for name, told in wrong.items()))
+    return {"equal": not wrong, "scenes": done, "wrong": wrong}
+
+
+def _known_hashes() -> dict[str, str]:
+    return json.loads(_HASHES.read_text(encoding="utf-8")) if _HASHES.exists() else {}
+
+
+def _keep_hashes(known: dict[str, str]) -> None:
+    _HASHES.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
 
 
 def _faults(check: Check, device: Device) -> dict[str, Any]:

@@ -99,6 +99,8 @@ class Device:
     max_allocation_bytes : int
         Largest single buffer.
     max_work_group : int
+    vector_width : int
+        Numbers of single precision that the processor computes at once.
     fixes_groups : bool
         Whether path tracing kernels are compiled for a fixed work-group size.
     compile_seconds : float
@@ -135,6 +137,7 @@ class Device:
             self._context, self._queue = self._opened()
             self.max_allocation_bytes = int(handle.max_mem_alloc_size)
             self.max_work_group = int(handle.max_work_group_size)
+            self.vector_width = int(handle.native_vector_width_float)
             rounded = int(handle.single_fp_config) & int(cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT)
         except cl.Error as error:
             raise DeviceError(

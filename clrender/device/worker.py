@@ -33,16 +33,24 @@ __all__ = ["DeviceWorker", "most_lanes", "probe_hash"]
 _SHORT_SECONDS: Final = 0.005
 
 _CPU_LANES: Final = 16
+_LEAST_CPU_LANES: Final = 8
+"""Paths per work-item of a CPU with vectors of sixteen floats, and of one with shorter vectors."""
 _CPU_WORK_GROUP: Final = 4
 _LONE_WORK_GROUP: Final = 16
 _GPU_FILL: Final = 300_000
 _UNIT_THREADS: Final = 2048
-_SAMPLES_BYTES: Final = 96 << 20
+_SAMPLES_BYTES: Final = (96 << 20, 512 << 20)
+"""Most bytes of the samples of a slice: on a CPU, or a device with little memory, and on a GPU with much."""
+_SAMPLES_SHARE: Final = 16
+"""The part of a GPU's memory that the samples of a slice may be, where that is more than on a CPU."""
 _STATS_BYTES: Final = 16
 """Bytes of statistics per work-item."""
-_OF_SLICES: Final = ("samples", "records", "stats")
+_TOTALS: Final = 4096
+"""Rows of statistics that the host reads at most; more work-items are summed up on the device."""
+_OF_SLICES: Final = ("samples", "records", "stats", "totals")
 """Names of the buffers of a slice."""
-_MOST_SAMPLES_PER_PASS: Final = 16
+_MOST_SAMPLES_PER_PASS: Final = (16, 64)
+"""Most samples per pixel of a launch: on a CPU, and on a GPU, where ever fewer paths are left towards its end."""
 _SMALL_TREE: Final = 8
 """Number of BVH nodes up to which packets are not split, as splitting costs more than traversing the BVH."""
 _NEAR_BYTES: Final = 3 << 19
@@ -65,7 +73,7 @@ class _Slice:
     part : Unit
         Part of the unit that it renders.
     reading : Reading
-        Reading of its statistics, (work-items, 4) uint32.
+        Reading of its statistics, (work-items, 4) uint32, or sums over some work-items each, (n, 4) uint64.
     rays : int
         Rays that were traced to prepare it.
     begin : float
@@ -156,7 +164,7 @@ class DeviceWorker:
             self._parts = self.lanes >= 4 and self._arrays.node_count > _SMALL_TREE
             # A single packet has no others to alternate with where rays diverge, or to sort paths by material with.
             several = self._parts or (self.lanes >= 4 and self._features.materials)
-            self._packets = pipeline.packets if several else 1
+            self._packets = _packets(pipeline, self.lanes) if several else 1
             group = launch.work_group or _work_group(device, self.lanes, self._packets)
             self._group = group if launch.work_group else min(group, device.max_work_group)
             self._per_pass = launch.samples_per_pass
@@ -333,7 +341,16 @@ class DeviceWorker:
         else:
             tail = [np.uint32(part.first_sample), *tail, *self._replicates.buffers]
             self._launch(self._accumulate, "film_accumulate_replicates", part.slot_count, [*head, *tail])
-        return _Slice(part, device.begin_read(stats, np.empty((items, 4), np.uint32)), rays, begin)
+        return _Slice(part, self._begin_stats(stats, items), rays, begin)
+
+    def _begin_stats(self, stats: Buffer, items: int) -> Reading:
+        """Enqueue the reading of a launch's statistics; many of them are first summed up."""
+        if items <= _TOTALS:
+            return self.device.begin_read(stats, np.empty((items, 4), np.uint32))
+        totals = self._scratch.buffer("totals", 32 * _TOTALS)
+        arguments: list[Buffer | np.generic] = [stats, np.uint32(items), totals, np.uint32(_TOTALS)]
+        self._launch(self._accumulate, "film_total_stats", _TOTALS, arguments)
+        return self.device.begin_read(totals, np.empty((_TOTALS, 4), np.uint64))
 
     def _landed(self, part: _Slice) -> tuple[int, int, int]:
         """Wait for a slice; returns its rays of all kinds, its shadow rays and its deepest path."""
@@ -369,23 +386,32 @@ class DeviceWorker:
             return min(self._per_pass, left)
         if self._rate == 0.0:
             return 1
-        return max(
-            1, min(left, _MOST_SAMPLES_PER_PASS, int(self._rate * self._slice_seconds / min(slots, _fill(self.device))))
-        )
+        most = _MOST_SAMPLES_PER_PASS[not self.device.is_cpu]
+        return max(1, min(left, most, int(self._rate * self._slice_seconds / min(slots, _fill(self.device)))))
 
     def _slice_slots(self, left: int, passes: int) -> int:
-        """Slots of the next launch, by the measured speed; the first launch is small, to measure it."""
-        wanted = self._rate * self._slice_seconds / passes if self._rate else 4096
+        """Slots of the next launch, by the measured speed; the first launch is small, to measure it.
+
+        Where several launches are needed they are of one size: a small one would not fill the device.
+        """
+        wanted = self._rate * self._slice_seconds / passes
         room = self._room() // ((12 + self._pipeline.record_bytes) * passes + _STATS_BYTES)
-        return min(left, max(256, int(min(wanted, room)) // 16 * 16))
+        most = max(256, int(room) // 16 * 16)
+        if not self._rate:
+            return min(left, most, 4096)
+        launches = max(round(left / max(256.0, wanted)), -(-left // most), 1)
+        return min(left, -(-left // launches // 16) * 16)
 
     def _room(self) -> int:
         """Bytes available for the buffers of a slice."""
+        most, much = _SAMPLES_BYTES
+        if not self.device.is_cpu:
+            most = min(max(most, self.device.info.memory_bytes // _SAMPLES_SHARE), much)
         if self.device.memory_limit is None:
-            return min(_SAMPLES_BYTES, self.device.max_allocation_bytes)
+            return min(most, self.device.max_allocation_bytes)
         # One half is for the slice, the other for the sums of the next unit, which may be larger
         free = self.device.free_bytes + self._scratch.held(*_OF_SLICES, "sums", "counts")
-        return int(min(_SAMPLES_BYTES, self.device.max_allocation_bytes, free * 15 / 32))
+        return int(min(most, self.device.max_allocation_bytes, free * 15 / 32))
 
     def _launch(self, program: Program, kernel: str, count: int, arguments: list[Buffer | np.generic]) -> None:
         self.device.launch_each(program, kernel, count, arguments)
@@ -413,8 +439,15 @@ def most_lanes(device: Device) -> int:
 
 
 def _lanes(device: Device) -> int:
-    """Default number of paths per work-item."""
-    return most_lanes(device) if device.is_cpu else 1
+    """Default number of paths per work-item: what the processor computes at once, and at least eight."""
+    if not device.is_cpu:
+        return 1
+    return min(most_lanes(device), max(_LEAST_CPU_LANES, device.vector_width))
+
+
+def _packets(pipeline: Pipeline, lanes: int) -> int:
+    """Packets of a work-item: with fewer lanes more, so that it has as many paths to choose from."""
+    return pipeline.packets if pipeline.packets == 1 else pipeline.packets * _CPU_LANES // lanes
 
 
 def _work_group(device: Device, lanes: int, packets: int) -> int:

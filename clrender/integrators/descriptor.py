@@ -34,7 +34,8 @@ class Pipeline:
     record_bytes : int
         Memory shared by these kernels, bytes per sample of a launch.
     packets : int
-        Number of packets of paths between which its kernel alternates where rays diverge (kernels/core/lane.h).
+        Number of packets of paths between which its kernel alternates where rays diverge (kernels/core/lane.h), with
+        sixteen paths in each; with fewer, there are more packets. 1: it does not alternate.
     sample_by_sample : bool
         Whether a launch computes one sample of each pixel, because something is precomputed for that sample of all
         pixels. Units are then as large as possible.

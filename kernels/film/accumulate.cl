@@ -109,6 +109,18 @@ __kernel void film_accumulate(__global const Settings* settings, __global const 
     for (int c = 0; c < 3; ++c) fixed_store(sums, at * 3 + c, sum[c]);
 }
 
+// Sums over the work-items of a launch. totals: ulong4 [rows].
+__kernel void film_total_stats(__global const uint4* stats, uint count, __global ulong4* totals, uint rows) {
+    const uint row = (uint)get_global_id(0);
+    ulong4 total = (ulong4)(0);
+    if (row >= rows) return;
+    for (size_t item = row; item < count; item += rows) {
+        const uint4 each = stats[item];
+        total = (ulong4)(total.x + each.x, total.y + each.y, max(total.z, (ulong)each.z), 0);
+    }
+    totals[row] = total;
+}
+
 // A new unit starts from nothing.
 __kernel void film_clear(__global ulong* sums, __global uint* counts, uint slot_count) {
     const uint slot = (uint)get_global_id(0);

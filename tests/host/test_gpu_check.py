@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def _script(name: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, ROOT / "scripts" / f"{name}.py")
     assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
 
@@ -91,11 +91,15 @@ def test_an_empty_folder_is_named(tmp_path: Path) -> None:
 def test_the_known_images_are_those_that_are_rendered() -> None:
     known = json.loads((ROOT / "scripts" / "gpu_check_hashes.json").read_text())
     text = (ROOT / "scripts" / "gpu_check.py").read_text()
-    sys.path.insert(0, str(ROOT / "tests" / "image"))
+    before = list(sys.path)
+    sys.path[:0] = [str(ROOT / "tests" / kind) for kind in ("image", "statistics")]
     try:
         from image_support import SCENES
+        from mixed_scenes import KINDS
+
+        mixed = {f"mixed {kind} {number}" for kind in KINDS for number in range(_script("gpu_check")._MIXED)}
     finally:
-        sys.path.pop(0)
-    assert set(SCENES) < known.keys()
-    assert all(title in SCENES or f'"{title}"' in text for title in known)
+        sys.path[:] = before
+    assert {*SCENES, *mixed} < known.keys()
+    assert all(title in {*SCENES, *mixed} or f'"{title}"' in text for title in known)
     assert all(len(each) == 64 for each in known.values())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,13 @@ import pytest
 from cases import for_each
 from image_support import render
 
+from clrender import layout
 from clrender.device.device import Argument, Device, Program, whole_warps
+from clrender.device.worker import DeviceWorker
 from clrender.errors import RenderError
+from clrender.film.unit import Unit
+from clrender.flatten.flat_scene import flatten
+from clrender.scene import load
 
 
 class LikeGpu(Device):
@@ -77,27 +83,59 @@ def test_the_compiler_was_told(gpu: LikeGpu) -> None:
         gpu.launch(program, "integrator_path", 2 * gpu.group, 2 * gpu.group, [])
 
 
-def test_launches_fill_a_gpu(gpu: LikeGpu) -> None:
+@pytest.fixture
+def worker(gpu: LikeGpu) -> Iterator[DeviceWorker]:
+    """Of a large image."""
+    settings = np.zeros(1, layout.dtype("Settings"))
+    settings["width"] = settings["height"] = 1024
+    made = DeviceWorker(gpu, flatten(load("room"), 1024, 1024), settings)
+    yield made
+    made.release()
+
+
+def test_launches_fill_a_gpu(worker: DeviceWorker) -> None:
     """Once the speed is known, a launch has a thread for each pixel of a large image, and not samples instead.
 
     What a launch would last at 10^9 samples a second is no limit then, whatever PoCL's speed.
     """
-    from clrender import layout
-    from clrender.device.worker import DeviceWorker
-    from clrender.flatten.flat_scene import flatten
-    from clrender.scene import load
-
-    settings = np.zeros(1, layout.dtype("Settings"))
-    settings["width"] = settings["height"] = 1024
-    worker = DeviceWorker(gpu, flatten(load("room"), 1024, 1024), settings)
     slots, worker._rate = 1 << 20, 1e9
-    passes = worker._passes(slots, 64)
-    assert passes == 16
+    passes = worker._passes(slots, 1000)
+    assert passes == 64
     assert worker._slice_slots(slots, passes) >= 300_000
     worker._rate = 1e7  # 1.5 million samples are a launch: rather many pixels than many samples
     passes = worker._passes(slots, 64)
     assert worker._slice_slots(slots, passes) >= 300_000
-    worker.release()
+
+
+def test_launches_of_a_unit_are_of_one_size(worker: DeviceWorker, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is left for the last one would fill a GPU no more than for a moment."""
+    worker._rate = 1e9
+    monkeypatch.setattr("clrender.device.worker._SAMPLES_BYTES", (96 << 20, 96 << 20))
+    sizes = [part.slot_count for part in worker._parts_of(Unit(0, 1 << 20, 0, 64, 64))]
+    assert len(sizes) > 4
+    assert max(sizes) - min(sizes) <= 16 * len(sizes)
+    assert sum(sizes) == 1 << 20
+
+
+def test_memory_of_a_launch_is_a_share_of_the_devices(worker: DeviceWorker, gpu: LikeGpu) -> None:
+    gpu.max_allocation_bytes = 1 << 40
+    for memory, most in ((1 << 30, 96 << 20), (4 << 30, 256 << 20), (80 << 30, 512 << 20)):
+        gpu.info = replace(gpu.info, memory_bytes=memory)
+        assert worker._room() == most
+    gpu.max_allocation_bytes = 1 << 27
+    assert worker._room() == 1 << 27
+
+
+def test_statistics_of_many_work_items(gpu: LikeGpu, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are summed up on the device, and are what the host reads otherwise."""
+    known = ("rays", "shadow_rays", "image_sha256")
+    wanted = {name: value for name, value in render("room", [gpu]).stats.items() if name in known}
+    assert len(wanted) == len(known)
+    assert "film_total_stats" not in {kernel for kernel, _, _ in gpu.launched}
+    monkeypatch.setattr("clrender.device.worker._TOTALS", 100)
+    again = render("room", [gpu]).stats
+    assert {name: again[name] for name in known} == wanted
+    assert "film_total_stats" in {kernel for kernel, _, _ in gpu.launched}
 
 
 @for_each(

@@ -6,7 +6,6 @@ compilers are quick. The full product is slow, and `scripts/same_bits` prints it
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import shutil
 import subprocess
@@ -42,7 +41,6 @@ from clrender.film import Film
 from clrender.film.unit import Unit, UnitSums, tile_side
 from clrender.flatten.flat_scene import flatten
 from clrender.image.files import image_sha256
-from clrender.integrators import INTEGRATORS
 from clrender.scheduling.policy import Plan
 from clrender.scheduling.run import run
 from clrender.scheduling.worker import Candidate
@@ -214,9 +212,7 @@ def test_packets_that_take_turns(all_devices: list[Device], expected: Hashes, pa
 
     With another pool of samples to a work-item each.
     """
-    path, built = INTEGRATORS["path"], Device.program
-    assert path.pipeline.packets != packets
-    defined = []
+    built, defined = Device.program, []
 
     def program(device: Device, entry: str | Path, defines: Any = None) -> Any:
         defined.append((entry, (defines or {}).get("PACKETS")))
@@ -224,12 +220,11 @@ def test_packets_that_take_turns(all_devices: list[Device], expected: Hashes, pa
 
     others: dict[str, Any] = {"indirect_rays": 2, "shadow_rays": 2, "roulette": "constant"}
     other = sha("bumpy", all_devices[:1], Cutting(8), **others)
-    changed = dataclasses.replace(path, pipeline=dataclasses.replace(path.pipeline, packets=packets))
-    with patch("clrender.integrators.path.INTEGRATOR", changed), patch.object(Device, "program", program):
+    with patch("clrender.device.worker._packets", lambda *_: packets), patch.object(Device, "program", program):
         for scene in ("bumpy", "surfaces"):
             assert sha(scene, all_devices[:1], Cutting(8)) == expected[scene]
         assert sha("bumpy", all_devices[:1], Cutting(8, samples_per_pass=3), **others) == other
-    assert (path.pipeline.entry, packets) in defined
+    assert ("integrator/path.cl", packets) in defined
 
 
 @pytest.mark.thorough

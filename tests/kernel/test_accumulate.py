@@ -178,3 +178,19 @@ def test_a_units_sums_begin_at_its_own_first_slot(device: Device) -> None:
     assert np.array_equal(counts[16:80], np.where(inside()[64:128], 2, 0))
     assert not counts[:16].any()
     assert not counts[80:].any()
+
+
+def test_statistics_are_summed_up(device: Device) -> None:
+    """Those of more work-items than rows, of fewer, and of sums beyond 32 bits."""
+    program, rows = device.program("film/accumulate.cl", {"LANES": 1}), 10
+    for items in (3, 10, 1001):
+        stats = np.random.default_rng(items).integers(2**30, 2**32, (items, 4), dtype=np.uint32)
+        read, totals = device.upload(stats), device.empty(32 * rows)
+        arguments: list[Any] = [read, np.uint32(items), totals, np.uint32(rows)]
+        device.launch(program, "film_total_stats", 16, 16, arguments)
+        made = np.empty((rows, 4), np.uint64)
+        device.read(totals, made)
+        assert made[:, :2].sum(axis=0).tolist() == stats[:, :2].sum(axis=0, dtype=np.uint64).tolist()
+        assert made[:, 2].max() == stats[:, 2].max()
+        for buffer in (read, totals):
+            device.release(buffer)
