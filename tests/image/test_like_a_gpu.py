@@ -13,6 +13,7 @@ from image_support import render
 
 from clrender import layout
 from clrender.device.device import Argument, Device, Program, whole_warps
+from clrender.device.launch import LaunchConfig
 from clrender.device.worker import DeviceWorker
 from clrender.errors import RenderError
 from clrender.film.unit import Unit
@@ -124,6 +125,20 @@ def test_memory_of_a_launch_is_a_share_of_the_devices(worker: DeviceWorker, gpu:
         assert worker._room() == most
     gpu.max_allocation_bytes = 1 << 27
     assert worker._room() == 1 << 27
+    gpu.memory_limit = gpu.allocated_bytes + (1 << 20)
+    assert worker._room() < 1 << 20
+
+
+def test_only_processors_are_told_to_prefetch(device: Device, gpu: LikeGpu) -> None:
+    """Compilers of GPUs refuse it, also where a work-item has several lanes."""
+    settings = np.zeros(1, layout.dtype("Settings"))
+    settings["width"] = settings["height"] = 16
+    told = []
+    for each in (device, gpu):
+        made = DeviceWorker(each, flatten(load("bumpy"), 16, 16), settings, launch=LaunchConfig(lanes=4))
+        told.append("PREFETCH" in made._defined)
+        made.release()
+    assert told == [True, False]
 
 
 def test_statistics_of_many_work_items(gpu: LikeGpu, monkeypatch: pytest.MonkeyPatch) -> None:
