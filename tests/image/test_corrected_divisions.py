@@ -16,7 +16,7 @@ from clrender.device.device import Device
 @pytest.mark.parametrize(
     ("scene", "lanes"),
     [
-        ("room", None),
+        pytest.param("room", None, marks=pytest.mark.slow),
         ("room", 1),
         *(
             pytest.param(scene, 1, marks=pytest.mark.slow)

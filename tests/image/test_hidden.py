@@ -68,7 +68,8 @@ def test_a_hidden_lamp_lights_the_scene_as_before(device: Device, integrator: st
 
 
 @pytest.mark.parametrize(
-    "integrator", ["path", "direct", "reuse", "photon", pytest.param("whitted", marks=pytest.mark.slow)]
+    "integrator",
+    ["path", "reuse", *(pytest.param(each, marks=pytest.mark.slow) for each in ("direct", "photon", "whitted"))],
 )
 def test_a_hidden_sky_is_black_to_the_camera_only(device: Device, integrator: str) -> None:
     more = {"photons": 512} if integrator == "photon" else {}
@@ -111,6 +112,7 @@ def test_a_hidden_instance_is_in_the_mirror_and_shades_the_floor(device: Device)
     assert (hidden[without] == seen[without]).all()
 
 
+@pytest.mark.slow
 def test_layers_and_lanes_know_what_is_hidden(device: Device) -> None:
     images = [rendered(device, described(lamp=False, sky=False), aov=["depth", "emission"], lanes=n) for n in (16, 1)]
     assert images[0].stats["image_sha256"] == images[1].stats["image_sha256"]

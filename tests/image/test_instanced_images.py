@@ -122,7 +122,7 @@ def test_given_tangents(device: Device, pictures: Path, material: str) -> None:
         ("holes", "ball"),
         pytest.param("holes", "round", marks=pytest.mark.slow),
         pytest.param("faint", "ball", marks=pytest.mark.slow),
-        ("faint", "round"),
+        pytest.param("faint", "round", marks=pytest.mark.slow),
     ],
 )
 def test_opacity(device: Device, pictures: Path, material: str, kind: str) -> None:
@@ -227,8 +227,8 @@ def test_layers_tell_instances_apart(device: Device, pictures: Path) -> None:
     assert np.unique(covered[..., 0].view(np.uint32)).size == 4, "nothing, the floor, and each instance"
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("thoroughly", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("thoroughly", [False, True])
 def test_one_hash_on_every_device_and_cut(all_devices: list[Device], pictures: Path, thoroughly: bool) -> None:
     """Rusticl takes two minutes to compile what a plain scene needs, and more for `avenue` with holes and glass."""
     plain = scene(pictures, ball(material="lambert"), {"type": "box", "size": [0.9, 0.2, 0.9], "material": "lambert"})

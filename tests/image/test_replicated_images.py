@@ -36,9 +36,9 @@ def same(a: Film, b: Film) -> bool:
     "settings",
     [
         {},
-        {"filter": "mitchell", "shadow_rays": 2},
+        pytest.param({"filter": "mitchell", "shadow_rays": 2}, marks=pytest.mark.slow),
         pytest.param({"indirect_rays": 3, "max_depth": 4}, marks=pytest.mark.slow),
-        {"integrator": "reuse"},
+        pytest.param({"integrator": "reuse"}, marks=pytest.mark.slow),
         pytest.param({"integrator": "whitted"}, marks=pytest.mark.slow),
     ],
     ids=str,

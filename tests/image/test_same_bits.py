@@ -205,8 +205,8 @@ def test_lamps_that_a_tree_picks(all_devices: list[Device], lanes: int) -> None:
     assert by_tree == sha("lamps", all_devices[:1], light_sampler="bvh")
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("packets", [pytest.param(1, marks=pytest.mark.slow), 3])
+@pytest.mark.slow
+@pytest.mark.parametrize("packets", [1, 3])
 def test_packets_that_take_turns(all_devices: list[Device], expected: Hashes, packets: int) -> None:
     """Other numbers of them than devices choose, where rays part or paths are sorted by material.
 
@@ -253,7 +253,7 @@ def test_several_rays_on_every_driver(all_devices: list[Device]) -> None:
     assert len({sha("room", [device], size=(16, 16), spp=2, shadow_rays=3) for device in all_devices}) == 1
 
 
-SELDOM = {"haze", "candles", "lamps", "sundial"}
+SELDOM = {"drink", "haze", "candles", "lamps", "sundial"}
 """Programs that take long to build for every driver, and whose parts other tests have."""
 
 

@@ -38,7 +38,9 @@ def sun(towards: tuple[float, float, float]) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("behind", [False, True], ids=["front", "back"])
-@pytest.mark.parametrize("integrator", ["path", "direct", "reuse", "whitted"])
+@pytest.mark.parametrize(
+    "integrator", ["path", "direct", *(pytest.param(each, marks=pytest.mark.slow) for each in ("reuse", "whitted"))]
+)
 def test_a_leaf_in_the_sun(device: Device, integrator: str, behind: bool) -> None:
     """With irradiance E the radiance is (1 - d) c E / pi on the lit side, and d c' E / pi on the other."""
     slant = math.cos(math.radians(60.0))

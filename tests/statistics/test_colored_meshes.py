@@ -90,7 +90,7 @@ def test_three_equal_colours_are_that_colour_to_the_bit(device: Device, kind: st
     assert len(hashes) == 1
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_the_same_bits_with_any_number_of_lanes(device: Device) -> None:
     what = scene([triangle()], {"m": {"type": "principled", "base_color": [0.9, 0.8, 0.7]}})
     images = [clrender.render(what, device=device, size=(24, 24), spp=4, lanes=lanes) for lanes in (1, 4, 16)]

@@ -78,7 +78,7 @@ def test_a_fault_of_5_percent_is_found_and_named(device: Device, fault: str, kin
     assert "°" in sentence or "%" in sentence
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_lanes_and_order_change_nothing(device: Device) -> None:
     what, rng = subject(gold=GOLD, clay=CLAY).scene, np.random.default_rng(650)
     numbers = jittered(rng, 1, 16).reshape(2, -1)

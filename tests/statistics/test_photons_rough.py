@@ -62,7 +62,7 @@ def test_tiles_are_those_of_path_tracing(evidence: Evidence, studio: Studio, nam
     agree(evidence, studio, scene(shapes, (), CAMERA, **rest), 24, 512, 32)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_tiles_inside_rough_glass_are_those_of_path_tracing(evidence: Evidence, studio: Studio) -> None:
     """A camera in a pool: below its surface radiance is n² times as much, and what photons carry is not."""
     shapes = [

@@ -223,8 +223,8 @@ def test_light_passes_a_box_of_index_one(evidence: Evidence, studio: Studio, int
     evidence.equal("tiles", studio.tiles(there, range(8), **settings), studio.tiles(without, range(8), **settings))
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("lanes", [[1], pytest.param([4, 8], marks=pytest.mark.slow)], ids=str)
+@pytest.mark.slow
+@pytest.mark.parametrize("lanes", [[1], [4, 8]], ids=str)
 def test_bits_do_not_depend_on_lanes_and_cuts(device: Device, lanes: list[int]) -> None:
     """Beside textures and rough materials, whose paths are sorted."""
     what = in_smoke(lamp=True)

@@ -102,7 +102,7 @@ def test_ways_agree(evidence: Evidence, studio: Studio, tmp_path: Path, material
     evidence.equal("reuse", studio.tiles(what, range(300, 316), spp=32, integrator="reuse"), plain)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_photons_find_the_same_light(studio: Studio, tmp_path: Path) -> None:
     what = of(tmp_path, "grey", ABOVE, FLOOR, lamp((3.0, 1.5, 0.5), 0.7))
     paths = studio.image(what, 16, spp=256)

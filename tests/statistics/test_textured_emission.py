@@ -130,8 +130,8 @@ def test_emission_of_a_material_is_that_of_its_shapes(device: Device) -> None:
     assert made[0] == made[1]
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("integrator", ["path", pytest.param("photon", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("integrator", ["path", "photon"])
 def test_the_same_bits_in_any_lanes(device: Device, tmp_path: Path, integrator: str) -> None:
     emissions = [{"texture": "p.exr"}, {"checker": HALVES}, {"ramp": [0.0, [1, 2, 3]]}, [1.0, 0.5, 0.25]]
     shapes = [{**shape, "emission": emissions[number % 4]} for number, shape in enumerate(SHARED)]
