@@ -387,7 +387,14 @@ class DeviceWorker:
         if self._rate == 0.0:
             return 1
         most = _MOST_SAMPLES_PER_PASS[not self.device.is_cpu]
-        return max(1, min(left, most, int(self._rate * self._slice_seconds / min(slots, _fill(self.device)))))
+        full = min(slots, _fill(self.device))
+        in_time, in_room = self._rate * self._slice_seconds / full, self._room() / (self._sample_bytes * full)
+        return max(1, min(left, most, int(in_time), int(in_room)))
+
+    @property
+    def _sample_bytes(self) -> int:
+        """Memory of a sample in a launch, bytes."""
+        return 12 + self._pipeline.record_bytes
 
     def _slice_slots(self, left: int, passes: int) -> int:
         """Slots of the next launch, by the measured speed; the first launch is small, to measure it.
@@ -395,7 +402,7 @@ class DeviceWorker:
         Where several launches are needed they are of one size: a small one would not fill the device.
         """
         wanted = self._rate * self._slice_seconds / passes
-        room = self._room() // ((12 + self._pipeline.record_bytes) * passes + _STATS_BYTES)
+        room = self._room() // (self._sample_bytes * passes + _STATS_BYTES)
         most = max(256, int(room) // 16 * 16)
         if not self._rate:
             return min(left, most, 4096)
