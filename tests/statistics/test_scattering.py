@@ -224,7 +224,7 @@ def test_light_passes_a_box_of_index_one(evidence: Evidence, studio: Studio, int
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("lanes", [[1], [4, 8]], ids=str)
+@pytest.mark.parametrize("lanes", [[1], [4, 8, 16]], ids=str)
 def test_bits_do_not_depend_on_lanes_and_cuts(device: Device, lanes: list[int]) -> None:
     """Beside textures and rough materials, whose paths are sorted."""
     what = in_smoke(lamp=True)
