@@ -198,7 +198,7 @@ def test_a_filter_is_another_image(all_devices: list[Device], expected: Hashes) 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("lanes", [1, 4, 8, pytest.param(16, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("lanes", [1, 4, 8, 16])
 def test_lamps_that_a_tree_picks(all_devices: list[Device], lanes: int) -> None:
     cutting = Cutting(lanes, "packet", 16, 1, 16, "shuffled")
     by_tree = sha("lamps", all_devices[:1], cutting, light_sampler="bvh")
