@@ -572,7 +572,7 @@ def _mib(nbytes: int) -> str:
 def _hint(message: str) -> str:
     for mark, cure in (
         ("MEM_OBJECT_ALLOCATION_FAILURE", "; its memory is full: take a smaller scene, or another device"),
-        ("OUT_OF_RESOURCES", "; try a smaller --work-group or --tile"),
+        ("OUT_OF_RESOURCES", "; try --lanes 1, or a smaller --work-group or --tile"),
         ("OUT_OF_HOST_MEMORY", "; the machine's memory is full"),
         ("INVALID_WORK_GROUP_SIZE", "; try a smaller --work-group"),
     ):
