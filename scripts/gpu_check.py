@@ -90,6 +90,11 @@ class Check:
             (self.folder / f".{name}").write_text(text + "\n", encoding="utf-8")
             (self.folder / f".{name}").replace(self.folder / name)
 
+    def stopped(self, where: str) -> None:
+        """Note that a step ends early."""
+        self.say("", f"Stopped {where}: out of time.")
+        self.found.setdefault("skipped", []).append(f"the rest ({where})")
+
     def step(self, title: str, needed: float, do: Callable[..., Any], *arguments: Any) -> None:
         """Run a step and store its result, if there is time for it; a clrender error ends only this step."""
         self.say(f"\n## {title}\n")
@@ -132,7 +137,7 @@ def main() -> int:
     failed = [*wrong, *check.found.get("failed", [])]
     check.found["ok"] = not failed
     skipped = check.found.get("skipped", [])
-    passed = f"All is right that was checked; {len(skipped)} steps were skipped." if skipped else "All checks passed."
+    passed = f"All is right that was checked; skipped: {', '.join(skipped)}." if skipped else "All checks passed."
     check.say("", passed if not failed else f"NOT ALL IS WELL: {'; '.join(failed)}")
     check.write()
     return 1 if failed else 0
@@ -188,7 +193,7 @@ def _bits(check: Check, device: Device, update: bool) -> dict[str, Any]:
     longest = 10.0
     for title, (scene, settings) in _RENDERS.items():
         if check.left < 2.0 * longest:  # mostly compilation
-            check.say("", f"Stopped before {title}: out of time.")
+            check.stopped(f"before {title}")
             break
         begin = time.perf_counter()
         try:
@@ -223,7 +228,7 @@ def _mixed(check: Check, device: Device, update: bool) -> dict[str, Any]:
         files = written(Path(folder))
         for number, kind in itertools.product(range(_MIXED), KINDS):
             if check.left < 2.0 * longest:
-                check.say("", f"Stopped after {done} scenes: out of time.")
+                check.stopped(f"after {done} mixed scenes")
                 break
             begin = time.perf_counter()
             mixed = mixed_scene(kind, number)
@@ -284,7 +289,7 @@ def _tuning(check: Check, device: Device, size: int, spp: int) -> list[dict[str,
             scenes[name] = clrender.load(str(write_scene(name, Path(folder) / name)))
         for cut in cuts:
             if check.left < 30.0:
-                check.say("", "Stopped: out of time.")
+                check.stopped("while tuning")
                 break
             row: dict[str, Any] = {"cut": cut}
             for name, scene in scenes.items():

@@ -33,7 +33,7 @@ __all__ = ["DeviceWorker", "most_lanes", "probe_hash"]
 _SHORT_SECONDS: Final = 0.005
 
 _CPU_LANES: Final = 16
-_LEAST_CPU_LANES: Final = 8
+_NARROW_CPU_LANES: Final = 8
 """Paths per work-item of a CPU with vectors of sixteen floats, and of one with shorter vectors."""
 _CPU_WORK_GROUP: Final = 4
 _LONE_WORK_GROUP: Final = 16
@@ -446,10 +446,10 @@ def most_lanes(device: Device) -> int:
 
 
 def _lanes(device: Device) -> int:
-    """Default number of paths per work-item: what the processor computes at once, and at least eight."""
+    """Default number of paths per work-item: sixteen where the processor computes as many at once, or eight."""
     if not device.is_cpu:
         return 1
-    return min(most_lanes(device), max(_LEAST_CPU_LANES, device.vector_width))
+    return min(most_lanes(device), _CPU_LANES if device.vector_width >= _CPU_LANES else _NARROW_CPU_LANES)
 
 
 def _packets(pipeline: Pipeline, lanes: int) -> int:

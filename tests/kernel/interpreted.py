@@ -433,9 +433,22 @@ def arithmetic(device: Device) -> str:
     return "right"
 
 
+def statistics(device: Device) -> str:
+    """Sums over more work-items than one reads by itself, which only launches for GPUs have."""
+    stats = np.random.default_rng(71).integers(0, 1000, (1001, 4), dtype=np.uint32)
+    program, rows = device.program("film/accumulate.cl", {"LANES": 1}), 20
+    buffers = [device.upload(stats), device.empty(32 * rows)]
+    device.launch(program, "film_total_stats", 32, 16, [buffers[0], np.uint32(len(stats)), buffers[1], np.uint32(rows)])
+    result = np.empty((rows, 4), np.uint64)
+    device.read(buffers[1], result)
+    assert np.array_equal(result[:, :2].sum(axis=0), stats[:, :2].sum(axis=0))
+    return "right"
+
+
 def perform(device: Device, name: str) -> str:
     """Do one of `RENDERS`, or another function of this file by name; gives what must be equal everywhere."""
-    others = {"scan": scan, "arithmetic": arithmetic, "layers": layers, "radiosity": radiosity, "furnace": furnace}
+    functions = (scan, statistics, arithmetic, layers, radiosity, furnace)
+    others = {function.__name__: function for function in functions}
     return others[name](device) if name in others else render(device, RENDERS[name])
 
 

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
+from clrender.device import worker
 from clrender.drivers import select
 from clrender.drivers.arithmetic import OPERATIONS, check, inputs, reference
 from clrender.errors import DeviceError, RenderError
+from clrender.integrators.path import INTEGRATOR as PATH
 
 if TYPE_CHECKING:
     from clrender.device import Device
@@ -160,3 +163,29 @@ def test_options_that_a_driver_does_not_know_are_left_out(device: Device, monkey
 
 if __name__ == "__main__":
     print(*marked_for_buffers(select(int(sys.argv[1]))[0]))
+
+
+@pytest.mark.parametrize(
+    ("platform", "is_cpu", "width", "lanes"),
+    [
+        ("Portable Computing Language", True, 4, 8),
+        ("Portable Computing Language", True, 8, 8),
+        ("Intel(R) OpenCL", True, 16, 16),
+        ("Oclgrind", True, 1, 8),
+        ("made up", True, 12, 8),
+        ("made up", True, 32, 16),
+        ("rusticl", True, 8, 1),
+        ("NVIDIA CUDA", False, 1, 1),
+    ],
+)
+def test_lanes_are_those_of_the_processor(
+    device: Device, monkeypatch: pytest.MonkeyPatch, platform: str, is_cpu: bool, width: int, lanes: int
+) -> None:
+    """Whatever a driver says, it is a number that kernels can be compiled for; a work-item has as many paths."""
+    monkeypatch.setattr(device, "info", replace(device.info, platform=platform))
+    monkeypatch.setattr(device, "is_cpu", is_cpu)
+    monkeypatch.setattr(device, "vector_width", width)
+    assert worker._lanes(device) == lanes
+    path, single = PATH.pipeline, replace(PATH.pipeline, packets=1)
+    assert worker._packets(path, lanes) * lanes == 16 * path.packets
+    assert worker._packets(single, lanes) == 1
