@@ -283,6 +283,11 @@ class RenderSettings:
     traversal: str | None = _work(
         Choice(("packet", "single")), "BVH traversal on CPUs: ray packets or single rays", option=None
     )
+    code: str | None = _work(
+        Choice(("fast", "small")),
+        "Machine code on CPUs: fast, or small, which is compiled in half the time",
+        unset="chosen by the number of samples",
+    )
     time_limit: float | None = _setting(
         None,
         Range(0.0, above=True),

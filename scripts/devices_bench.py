@@ -95,9 +95,9 @@ def rates(devices: Sequence[Device], scene: Any, size: tuple[int, int]) -> list[
 
     def one(device: Device) -> float:
         with clrender.Session(device) as session:
-            session.render(scene, spp=1, size=(64, 64))
+            session.render(scene, spp=1, size=(64, 64), code="fast")
             times = device.times if isinstance(device, SlowDevice) else 1.0
-            image = session.render(scene, spp=max(1, round(_SPEED_SPP / times)), size=size)
+            image = session.render(scene, spp=max(1, round(_SPEED_SPP / times)), size=size, code="fast")
         return float(image.stats["samples"] / image.stats["render_seconds"])
 
     with ThreadPoolExecutor(len(devices)) as pool:
@@ -107,8 +107,8 @@ def rates(devices: Sequence[Device], scene: Any, size: tuple[int, int]) -> list[
 def together(devices: Sequence[Device], scene: Any, spp: int, size: tuple[int, int]) -> RenderedImage:
     """Render one image on all devices."""
     with clrender.Session(list(devices)) as session:
-        session.render(scene, spp=1, size=(256, 256))  # compile programs, build BVHs
-        return session.render(scene, spp=spp, size=size)
+        session.render(scene, spp=1, size=(256, 256), code="fast")  # compile programs, build BVHs
+        return session.render(scene, spp=spp, size=size, code="fast")
 
 
 def main() -> None:

@@ -18,8 +18,9 @@ import numpy.typing as npt
 from clrender.device.compiler import build, program_key, store
 from clrender.device.forked import refuse_forked
 from clrender.device.info import DeviceInfo
-from clrender.device.program_cache import Sentinel, leave
+from clrender.device.program_cache import Sentinel, leave, note_run
 from clrender.device.registers import register_options
+from clrender.device.small_code import SmallCode
 from clrender.device.source import Source, load_source
 from clrender.errors import DeviceError, DeviceFailure, MemoryRefused, RenderError
 from clrender.process.driver_threads import wait_for_driver_threads
@@ -166,6 +167,7 @@ class Device:
         self._large: dict[cl.Buffer, int] = {}  # addresses of buffers on huge pages
         self._sentinel = Sentinel()
         self._programs: dict[tuple[str, tuple[tuple[str, str], ...]], Program] = {}
+        self._small_code = SmallCode(info, self.options)
 
     def _opened(self) -> tuple[cl.Context, cl.CommandQueue]:
         context = self._cl.Context([self._handle])
@@ -196,7 +198,14 @@ class Device:
         """
         return self._calls, self._compiling
 
-    def program(self, entry: str | Path, defines: Mapping[str, int | str] | None = None) -> Program:
+    @property
+    def compiles_small_code(self) -> bool:
+        """Whether programs that trace few samples are compiled in less time, to slower code."""
+        return self._small_code.possible
+
+    def program(
+        self, entry: str | Path, defines: Mapping[str, int | str] | None = None, samples: int | None = None
+    ) -> Program:
         """Build a kernel file, or return the program of an earlier call, if it is among the last `PROGRAM_LIMIT` used.
 
         Parameters
@@ -205,6 +214,9 @@ class Device:
             Name below the kernels folder, or an absolute path.
         defines : mapping, optional
             Macros set before the first line.
+        samples : int, optional
+            About how many samples the program is to trace. For few it may be compiled in less time, to slower code with
+            the same results; for 0 it is wherever the device can. By default it is compiled to fast code.
 
         Raises
         ------
@@ -213,10 +225,13 @@ class Device:
         DeviceError
             When the driver's compiler rejects the program; the message has its first errors.
         """
-        key = (str(entry), tuple(sorted((name, str(value)) for name, value in (defines or {}).items())))
+        macros = {name: str(value) for name, value in (defines or {}).items()}
+        if samples is not None and self.compiles_small_code:
+            macros = self._small_code.macros(str(entry), macros, samples)
+        key = (str(entry), tuple(sorted(macros.items())))
         program = self._programs.pop(key, None)
         if program is None:
-            program = self._build(load_source(entry, defines), register_options(self.info, str(entry), defines or ()))
+            program = self._build(load_source(entry, macros), register_options(self.info, str(entry), macros))
         self._programs[key] = program  # behind all that were used before
         if len(self._programs) > PROGRAM_LIMIT:
             del self._programs[next(iter(self._programs))]
@@ -405,7 +420,8 @@ class Device:
 
     def _first_launch(self, program: Program, enqueue: Callable[[], cl.Event]) -> None:
         """Launch and wait. Drivers compile for a work-group size at its first use, which counts as compile time."""
-        self._sentinel.put(program_key(self.info, program.options, program.source))
+        key = program_key(self.info, program.options, program.source)
+        self._sentinel.put(key)
         self._queue.finish()
         begin = time.perf_counter()
         event = enqueue()
@@ -414,6 +430,8 @@ class Device:
         compiling = max(time.perf_counter() - begin - running, 0.0)
         self.compile_seconds += compiling
         self._sentinel.take()
+        if self.compiles_small_code:
+            note_run(key)
         if compiling > _COMPILED_SECONDS:
             return_free_pages()  # of this compilation, and of programs that were dropped since the last one
 

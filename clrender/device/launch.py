@@ -30,6 +30,10 @@ class LaunchConfig:
         ``packet`` (the default) or ``single``.
     slice_seconds : float
         Target duration of a launch. A render stops after at most two launches.
+    samples : int or None
+        About how many samples the device is to trace; None: many.
+    code : str or None
+        Kernels are compiled to ``fast`` code, or in less time to ``small`` code; None: by `samples`.
     """
 
     lanes: int | None = None
@@ -37,6 +41,13 @@ class LaunchConfig:
     samples_per_pass: int | None = None
     traversal: str | None = None
     slice_seconds: float = SLICE_SECONDS
+    samples: int | None = None
+    code: str | None = None
+
+    @property
+    def compiled_for(self) -> int | None:
+        """Samples to compile kernels for; see `Device.program`."""
+        return {"fast": None, "small": 0}.get(self.code or "", self.samples)
 
 
 class Scratch:

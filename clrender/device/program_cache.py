@@ -23,9 +23,11 @@ from clrender.device import cache
 __all__ = [
     "Sentinel",
     "compiler_folder",
+    "has_run",
     "leave",
     "limit_compiler_folder",
     "load_binary",
+    "note_run",
     "renew_compiler_folder",
     "store_binary",
 ]
@@ -116,6 +118,19 @@ def load_binary(key: str) -> bytes | None:
     with contextlib.suppress(OSError):
         path.unlink()
     return None
+
+
+def note_run(key: str) -> None:
+    """Note that the program with this key was compiled and ran, for drivers that keep compiled programs themselves."""
+    folder = compiler_folder()
+    if folder is not None:
+        cache.write_atomically(folder / "run" / key, b"")
+
+
+def has_run(key: str) -> bool:
+    """Whether the program with this key has been compiled and run with this compiler folder."""
+    folder = compiler_folder()
+    return folder is not None and (folder / "run" / key).exists()
 
 
 def leave() -> None:
@@ -264,6 +279,8 @@ def _purge(base: Path, record: dict[str, Any]) -> None:
     for key in record["keys"]:
         with contextlib.suppress(OSError):
             (folder / "programs" / Path(key).name).unlink()
+        with contextlib.suppress(OSError):
+            (folder / "run" / Path(key).name).unlink()
     used = _mapped(folder / "pocl")
     for entry in _pocl_entries(folder / "pocl"):
         if (

@@ -13,13 +13,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from clrender.errors import RenderError
 from clrender.files.package_data import kernels_folder
 
-__all__ = ["Source", "expand", "kernels_sha256", "load_source"]
+__all__ = ["SMALL_CODE", "Source", "expand", "kernels_sha256", "load_source"]
 
+SMALL_CODE: Final = "SMALL_CODE"
+"""Macro of programs that are compiled to small code, which takes less time; only for compilers that are Clang."""
+
+_COLD: Final = "#pragma clang attribute push(__attribute__((cold)), apply_to = function)"
 _DIRECTIVE = re.compile(r"\s*#\s*(\w+)\s*(.*?)\s*$")
 _INCLUDES = re.compile(rb'#[ \t]*include[ \t]*"([^"\n]+)"')
 _DECIDE = ("include", "if", "ifdef", "ifndef", "else", "elif", "endif")
@@ -74,6 +78,9 @@ def load_source(entry: str | Path, defines: Mapping[str, int | str] | None = Non
     macros = "".join(f"#define {name} {value}\n" for name, value in sorted((defines or {}).items()))
     # Set here for the whole program: contraction would make results differ between drivers.
     text = "#pragma OPENCL FP_CONTRACT OFF\n" + macros + expand(entry, root)
+    if SMALL_CODE in (defines or {}):
+        # Clang optimizes functions for size that are seldom called, and inlines less
+        text = f"{_COLD}\n{text}#pragma clang attribute pop\n"
     return Source(str(entry), text, hashlib.sha256(text.encode()).hexdigest())
 
 

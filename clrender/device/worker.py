@@ -168,13 +168,14 @@ class DeviceWorker:
             group = launch.work_group or _work_group(device, self.lanes, self._packets)
             self._group = group if launch.work_group else min(group, device.max_work_group)
             self._per_pass = launch.samples_per_pass
+            self._samples = launch.compiled_for
             self._slice_seconds = launch.slice_seconds
             platform = device.info.platform.lower()
             self._short_loops = any(name in platform for name in _SHORT_LOOPS)
             self._prefetches = self._parts and device.is_cpu and not any(name in platform for name in _NO_PREFETCH)
             self._defined = self._defines(launch)
             self._pipeline = pipeline
-            self._program = device.program(pipeline.entry, {**self._defined, "PACKETS": self._packets})
+            self._program = self.program(pipeline.entry, {"PACKETS": self._packets})
             self._accumulate = device.program("film/accumulate.cl", {"LANES": 1})
             replicate_spp = int(settings["replicate_spp"][0]) if pipeline.squares else 0
             self._replicates = ReplicateSums(device, self._scratch, replicate_spp) if replicate_spp else None
@@ -189,7 +190,7 @@ class DeviceWorker:
 
     def program(self, entry: str, more: Mapping[str, int | str] | None = None) -> Program:
         """Build a kernel file that reads the scene, for this scene and launch configuration, with `more` macros."""
-        return self.device.program(entry, {**self._defined, **(more or {})})
+        return self.device.program(entry, {**self._defined, **(more or {})}, self._samples)
 
     def padded(self, items: int) -> int:
         """Round a number of work-items up to whole groups."""
@@ -466,10 +467,16 @@ def _work_group(device: Device, lanes: int, packets: int) -> int:
     return max(1, _CPU_WORK_GROUP // packets) if lanes > 1 else _LONE_WORK_GROUP
 
 
-def probe_hash(device: Device) -> str:
+def probe_hash(device: Device, code: str = "fast") -> str:
     """SHA-256 of a small tile of a fixed scene, rendered with the real kernels and the device's default configuration.
 
     The scene is the built-in room: triangles, spheres, every material, area lights, indirect light of any depth.
+
+    Parameters
+    ----------
+    device : Device
+    code : str
+        ``fast`` or ``small``.
 
     Returns
     -------
@@ -491,7 +498,7 @@ def probe_hash(device: Device) -> str:
         "roulette": layout.ROULETTE_THROUGHPUT, "light_samples": 1, "bsdf_samples": 1,
     }.items():  # fmt: skip
         settings[name] = value
-    worker = DeviceWorker(device, flatten(load("room"), size, size), settings)
+    worker = DeviceWorker(device, flatten(load("room"), size, size), settings, launch=LaunchConfig(code=code))
     result = worker.render(Unit(0, size * size, 0, spp, size))
     worker.release()
     return hashlib.sha256(result.sums.astype("<u4").tobytes() + result.counts.astype("<u4").tobytes()).hexdigest()

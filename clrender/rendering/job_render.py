@@ -108,6 +108,7 @@ class JobRender:
             self._settings.work_group,
             self._settings.samples_per_pass,
             self._settings.traversal,
+            code=self._settings.code,
         )
         self._seconds: dict[str, float] = {}
         self._started: float | None = None
@@ -427,7 +428,7 @@ class JobRender:
             flat=prepared.flat,
             settings=self._settings.struct(self._plan.tile, self._job.integrator.fixed),
             pipeline=prepared.pipeline,
-            launch=self._launch,
+            launch=dataclasses.replace(self._launch, samples=-(-self._plan.samples // len(residency.devices)) or 1),
             on_device=prepared.on_device,
         )
 
@@ -456,10 +457,13 @@ class JobRender:
         names = [*job.aov, *(GUIDES if job.denoise else ())]
         if not names:
             return {}  # with a cluster, this machine needs no device
-        make = partial(
-            self._residency.worker, flat=flat, settings=self._settings.struct(self._plan.tile), launch=self._launch
-        )
         most = LAYER_SAMPLES if job.aov else GUIDE_SAMPLES
+        make = partial(
+            self._residency.worker,
+            flat=flat,
+            settings=self._settings.struct(self._plan.tile),
+            launch=dataclasses.replace(self._launch, samples=most * self._settings.width * self._settings.height),
+        )
         return first_hits(
             self._residency.devices,
             make,

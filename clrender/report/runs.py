@@ -93,6 +93,7 @@ class Renderer:
             spp=spp,
             should_stop=self.should_stop,
             on_progress=on_progress,
+            code="fast",
             **settings,
         )
         if image.interrupted or self.should_stop():

@@ -218,12 +218,15 @@ def test_a_process_that_ends_while_it_compiles_costs_what_it_compiled_and_no_mor
     before = folder_of_compiled()
     program_cache.store_binary("mine", b"half")
     program_cache.store_binary("other", b"whole")
+    for key in ("mine", "other"):
+        program_cache.note_run(key)
     now = time.time()
     old, loaded, written = (pocl_program(*each) for each in (("old", 0, 0), ("loaded", 0, now), ("written", now, now)))
     die(how)
     assert folder_of_compiled() == before
     assert program_cache.load_binary("mine") is None
     assert program_cache.load_binary("other") == b"whole"
+    assert [program_cache.has_run(key) for key in ("mine", "other")] == [False, True]
     assert [old.exists(), written.exists()] == [True, False]
     # One that was loaded may be what it died of, unless somebody wanted it to end.
     assert loaded.exists() == (how == INTERRUPTED)

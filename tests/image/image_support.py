@@ -75,7 +75,7 @@ class Cutting:
     Attributes
     ----------
     lanes, tile, samples_per_pass, work_group : int or None
-    traversal : str or None
+    traversal, code : str or None
         None, as for the numbers: as the device would choose.
     order : str
         ``in order``, or ``shuffled``: single tiles and few samples in random order.
@@ -87,16 +87,18 @@ class Cutting:
     samples_per_pass: int | None = None
     work_group: int | None = None
     order: str = "in order"
+    code: str | None = None
 
     def __str__(self) -> str:
         words = [f"lanes {self.lanes}", f"{self.traversal}", f"tile {self.tile}", f"pass {self.samples_per_pass}"]
-        return ", ".join([*words, f"group {self.work_group}", self.order])
+        return ", ".join([*words, f"group {self.work_group}", self.order, f"{self.code} code"])
 
 
 def product(lanes: Sequence[int] = LANES, traversals: Sequence[str] = TRAVERSALS) -> Iterator[Cutting]:
     """Every combination, those of one program together."""
     for values in itertools.product(lanes, traversals, TILES, PASSES, WORK_GROUPS, ORDERS):
-        yield Cutting(*values)
+        # Both codes, at no further program
+        yield Cutting(*values, "fast" if values[1] == "packet" else "small")
 
 
 def covering(lanes: Sequence[int] = LANES, traversals: Sequence[str] = TRAVERSALS) -> list[Cutting]:
@@ -280,6 +282,7 @@ def render(scene: str, devices: Sequence[Device], cutting: Cutting | None = None
                 "tile": cutting.tile,
                 "samples_per_pass": cutting.samples_per_pass,
                 "work_group": cutting.work_group,
+                "code": cutting.code,
                 **settings,
             },
         )

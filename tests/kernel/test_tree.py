@@ -221,9 +221,11 @@ def test_a_renderer_has_the_stack_that_a_deep_tree_needs(device: Device, monkeyp
     asked: list[Mapping[str, int | str]] = []
     build = device.program
 
-    def program(entry: str | Path, defines: Mapping[str, int | str] | None = None) -> Program:
+    def program(
+        entry: str | Path, defines: Mapping[str, int | str] | None = None, samples: int | None = None
+    ) -> Program:
         asked.append(defines or {})
-        return build(entry, defines)
+        return build(entry, defines, samples)
 
     monkeypatch.setattr(device, "program", program)
     settings = np.zeros(1, layout.dtype("Settings"))

@@ -31,8 +31,10 @@ class DebugBuild(Device):
         super().__init__(device.info, device._handle)
         self.macros: Mapping[str, int | str] = ALL
 
-    def program(self, entry: str | Path, defines: Mapping[str, int | str] | None = None) -> Program:
-        return super().program(entry, {**(defines or {}), **self.macros})
+    def program(
+        self, entry: str | Path, defines: Mapping[str, int | str] | None = None, samples: int | None = None
+    ) -> Program:
+        return super().program(entry, {**(defines or {}), **self.macros}, samples)
 
 
 @pytest.fixture
