@@ -426,7 +426,7 @@ def test_a_camera_is_sent_at_once_and_then_once_a_screen_frame(browser: Any, ser
 @pytest.mark.thorough
 def test_a_slow_browser_slows_nobody(browser: Any, server: Server) -> None:
     with view_of(browser, server, "fast") as fast, view_of(browser, server, "slow") as slow:
-        slow.wait("view.picture.frame() !== undefined")
+        slow.wait_until_done()  # no frame is on its way, nor is its acknowledgement
         # One that draws, and so acknowledges, nothing for a while.
         slow.run("window.draw = window.requestAnimationFrame.bind(window); window.held = []; return 0")
         slow.run("window.requestAnimationFrame = (call) => window.held.push(call); return 0")
