@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any, Final
+from unittest.mock import patch
 
 from mixed_parts import Json
 
-__all__ = ["FAR_LAMP", "PLACES", "moved", "with_all_features"]
+from clrender.flatten.features import Features
+
+__all__ = ["FAR_LAMP", "PLACES", "compiled_for_volumes", "moved", "with_all_features"]
 
 _POINTS: Final = ("center", "origin", "position", "target")
 _LENGTHS: Final = (
@@ -23,6 +28,8 @@ _LENGTHS: Final = (
 )
 FAR_LAMP: Final = [1e-4, 1e-4, 1e-4]
 """Intensity of the lamp that is added for its features only, in a closed black box."""
+VOLUMES: Final = ("interiors", "media", "equiangular", "subsurface", "straight_shadows")
+"""Features of kernels that change no bit where a scene has no such thing."""
 _FAR: Final = 40.0
 """Distance of what is added for its features only; lens and view do not reach it."""
 
@@ -127,7 +134,7 @@ def with_all_features(content: Json) -> Json:
 
     None of it changes the image by more than the specks that it is; lamps are in a closed black box. The environment
     becomes a map. What is left to the scene is sun, fog, and whether it has an environment, volumes and media: these
-    are what some integrators refuse.
+    are what some integrators refuse; see `compiled_for_volumes`.
 
     Parameters
     ----------
@@ -158,6 +165,21 @@ def with_all_features(content: Json) -> Json:
     lights = [_as_map(light) for light in scene["lights"]]
     scene["lights"] = [*lights, {**lamp, "intensity": FAR_LAMP, "cone_degrees": 60.0}]
     return scene
+
+
+@contextmanager
+def compiled_for_volumes() -> Iterator[None]:
+    """Kernels are compiled as if every scene had volumes and media, so that scenes share programs.
+
+    As things far away they would be refused by some integrators.
+    """
+    of = Features.of
+
+    def made(*values: Any) -> Features:
+        return replace(of(*values), **dict.fromkeys(VOLUMES, True))
+
+    with patch.object(Features, "of", made):
+        yield
 
 
 def _add_surfaces(scene: Json, here: Iterator[list[float]]) -> None:

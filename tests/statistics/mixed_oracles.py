@@ -11,14 +11,14 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
-from mixed_moves import moved, with_all_features
+from mixed_moves import compiled_for_volumes, moved, with_all_features
 from mixed_parts import Draw, Json
 from mixed_scenes import Mixed
 from mixed_ways import SAMPLERS, Way, biased_ways, black_ways, ways, white_ways
@@ -37,6 +37,8 @@ _WEIGHTS: Final = np.array([0.5, 0.3, 0.2])
 _TABLES: Final = 1e-3
 """Error of the energy of rough materials that ``clrender furnace`` allows, beside losses below coats and sheens."""
 _ROUNDING: Final = 1e-5
+_EVENTS: Final = 64.0
+"""Events of a path above which a scene gets fewer samples: fog without end can take hundreds."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,8 @@ class Oracle:
     def __init__(self, session: clrender.Session, folder: Path, more: int = 1, without: Collection[str] = ()) -> None:
         self._session, self._folder, self._more, self._without = session, folder, more, without
         self._events = self._mean = 0.0
+        self._share = 1.0
+        self._compiled: Callable[[], contextlib.AbstractContextManager[None]] = contextlib.nullcontext
 
     def judged(self, mixed: Mixed, all_features: bool = True) -> Iterator[Comparison]:
         """All comparisons of a scene.
@@ -109,7 +113,11 @@ class Oracle:
             Whether all features of the kernels are compiled in, so that few programs are needed.
         """
         content = with_all_features(mixed.content) if all_features else mixed.content
+        self._compiled = compiled_for_volumes if all_features else contextlib.nullcontext
         draw = Draw(f"{mixed.name}: ways", white=False)
+        self._share = 1.0
+        self._rows(self._scene(mixed.name, content), range(1), False, spp=1)
+        self._share = min(1.0, _EVENTS / self._events)
         if mixed.exact == 0.0:
             yield from self._black(mixed, content, draw)
         elif mixed.exact is not None:
@@ -127,8 +135,10 @@ class Oracle:
         """(seeds, tiles) means of tiles; of the middle half of the image only if `inner`."""
         size = 2 * _SIZE if inner else _SIZE
         rows = []
+        settings["spp"] = max(1, round(self._share * settings["spp"]))
         for seed in seeds:
-            image = self._session.render(scene, size=(size, size), seed=seed, keep_film=False, **settings)
+            with self._compiled():
+                image = self._session.render(scene, size=(size, size), seed=seed, keep_film=False, **settings)
             assert image.stats["nonfinite_samples"] == 0, f"{image.stats['nonfinite_samples']} samples are not finite"
             self._events = (image.stats["rays"] - image.stats["shadow_rays"]) / image.stats["samples"]
             gray = image.linear.astype(np.float64) @ _WEIGHTS

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
+from contextlib import nullcontext
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +17,7 @@ import numpy as np
 import pytest
 from mixed_coverage import parts_of_scene, parts_of_schema
 from mixed_files import written
-from mixed_moves import PLACES, moved, with_all_features
+from mixed_moves import PLACES, compiled_for_volumes, moved, with_all_features
 from mixed_oracles import Comparison, Oracle, different, surprising
 from mixed_parts import Draw, Json
 from mixed_scenes import KINDS, Mixed, mixed_scene
@@ -23,6 +25,7 @@ from mixed_ways import UNUSED, biased_ways, black_ways, ways, white_ways
 
 import clrender
 from clrender.errors import SceneError
+from clrender.flatten.flat_scene import flatten
 from clrender.limits import Choice
 from clrender.scene import Scene
 from clrender.settings import IMAGE, SETTINGS
@@ -103,7 +106,8 @@ def test_many_mixed_scenes(session: clrender.Session, folder: Path, part: int) -
 def cut(session: clrender.Session, folder: Path, mixed: Mixed, *cuts: dict[str, Any]) -> set[str]:
     """Hashes of a small image by a program with all features, whole and with the work cut in other ways."""
     what = Mixed(mixed.name, with_all_features(mixed.content)).scene(folder)
-    made = [session.render(what, size=(24, 20), spp=4, **each).stats["image_sha256"] for each in ({}, *cuts)]
+    with compiled_for_volumes():
+        made = [session.render(what, size=(24, 20), spp=4, **each).stats["image_sha256"] for each in ({}, *cuts)]
     return set(made)
 
 
@@ -121,6 +125,30 @@ def test_mixed_scenes_have_the_same_bits_however_they_are_cut(
     scenes = [mixed_scene(kind, number) for kind, numbers in SIDE_BY_SIDE.items() for number in numbers]
     cuts = (IN_PIECES, {"lanes": 4}) if device.is_cpu else (IN_PIECES,)
     assert [mixed.name for mixed in scenes if len(cut(session, folder, mixed, *cuts)) != 1] == []
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    "scenes",
+    [(("white", 3),), pytest.param(tuple(product(KINDS, range(40))), marks=pytest.mark.slow)],
+    ids=["one", "many"],
+)
+def test_volumes_that_a_scene_lacks_change_no_bit(
+    device: Device, folder: Path, scenes: tuple[tuple[str, int], ...]
+) -> None:
+    """Where kernels are compiled for them."""
+    changed, macros = [], set[str]()
+    for kind, number in scenes:
+        mixed = mixed_scene(kind, number)
+        what = Mixed(mixed.name, with_all_features(mixed.content)).scene(folder)
+        hashes = set()
+        for compiled in (nullcontext, compiled_for_volumes):
+            with compiled(), clrender.Session(device) as session:
+                hashes.add(session.render(what, size=(24, 20), spp=4).stats["image_sha256"])
+                macros.add(str(flatten(what, 24, 20).features.macros))
+        changed += [mixed.name] if len(hashes) != 1 else []
+    assert not changed
+    assert len(macros) > 1
 
 
 @pytest.mark.slow
