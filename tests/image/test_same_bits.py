@@ -214,9 +214,9 @@ def test_packets_that_take_turns(all_devices: list[Device], expected: Hashes, pa
     """
     built, defined = Device.program, []
 
-    def program(device: Device, entry: str | Path, defines: Any = None) -> Any:
+    def program(device: Device, entry: str | Path, defines: Any = None, samples: int | None = None) -> Any:
         defined.append((entry, (defines or {}).get("PACKETS")))
-        return built(device, entry, defines)
+        return built(device, entry, defines, samples)
 
     others: dict[str, Any] = {"indirect_rays": 2, "shadow_rays": 2, "roulette": "constant"}
     other = sha("bumpy", all_devices[:1], Cutting(8), **others)
