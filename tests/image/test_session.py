@@ -68,9 +68,9 @@ CHANGES: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("change", CHANGES)
 def test_rendering_again_uploads_only_camera_and_settings(device: Device, watched: Watched, change: str) -> None:
     room = clrender.load("room")
-    how: dict[str, Any] = {"size": SIZE, "spp": 2, **CHANGES[change]}
+    how: dict[str, Any] = {"size": SIZE, "spp": 2, "code": "fast", **CHANGES[change]}
     with clrender.Session(device) as session:
-        session.render(room, size=SIZE, spp=2)
+        session.render(room, size=SIZE, spp=2, code="fast")
         builds, many = device.builds, len(watched.writes)
         assert many > 10
         watched.writes.clear()

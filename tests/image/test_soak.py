@@ -92,8 +92,8 @@ def rounds(session: clrender.Session, checkpoint: Path) -> Iterator[None]:
     """Render all jobs, again and again, each time with another seed; every scene is read anew, as by a server."""
     for seed in itertools.count():
         for name, settings in JOBS:
-            session.render(clrender.load(name), seed=seed, **settings)
-        session.render(clrender.load("room"), seed=seed, size=(64, 64), spp=4, checkpoint=checkpoint)
+            session.render(clrender.load(name), seed=seed, code="fast", **settings)
+        session.render(clrender.load("room"), seed=seed, size=(64, 64), spp=4, code="fast", checkpoint=checkpoint)
         checkpoint.unlink()
         yield
 

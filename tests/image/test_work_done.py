@@ -34,15 +34,15 @@ def launched(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
 def test_programs_are_built_once_a_process(device: Device) -> None:
     """Three for the tree, one for rows, one to trace, one for the film; a large tree is traced by another one."""
-    render("room", [device])
+    render("room", [device], code="fast")
     builds = device.builds
     for scene in ("room", "cornell", "room-glass"):
-        render(scene, [device])
+        render(scene, [device], code="fast")
     assert device.builds == builds
-    render("bumpy", [device])
+    render("bumpy", [device], code="fast")
     assert device.builds <= builds + 1
     builds = device.builds
-    render("bumpy", [device], size=(100, 80))
+    render("bumpy", [device], size=(100, 80), code="fast")
     assert device.builds == builds
 
 
