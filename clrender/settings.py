@@ -285,7 +285,7 @@ class RenderSettings:
     )
     code: str | None = _work(
         Choice(("fast", "small")),
-        "Machine code on CPUs: fast, or small, which is compiled in half the time",
+        "Machine code on CPUs: fast, or small, which is compiled in about half the time",
         unset="chosen by the number of samples",
     )
     time_limit: float | None = _setting(

@@ -21,7 +21,7 @@ from clrender.device.info import DeviceInfo
 from clrender.device.program_cache import Sentinel, leave, note_run
 from clrender.device.registers import register_options
 from clrender.device.small_code import SmallCode
-from clrender.device.source import Source, load_source
+from clrender.device.source import SMALL_CODE, Source, load_source
 from clrender.errors import DeviceError, DeviceFailure, MemoryRefused, RenderError
 from clrender.process.driver_threads import wait_for_driver_threads
 from clrender.process.exclusive import Turn
@@ -226,7 +226,7 @@ class Device:
             When the driver's compiler rejects the program; the message has its first errors.
         """
         macros = {name: str(value) for name, value in (defines or {}).items()}
-        if samples is not None and self.compiles_small_code:
+        if self.compiles_small_code:
             macros = self._small_code.macros(str(entry), macros, samples)
         key = (str(entry), tuple(sorted(macros.items())))
         program = self._programs.pop(key, None)
@@ -461,8 +461,8 @@ class Device:
 
         For PoCL this takes as long as compiling, so only the probe calls it.
         """
-        for program in self._programs.values():
-            if program.handle is not None:
+        for (_, macros), program in self._programs.items():
+            if program.handle is not None and SMALL_CODE not in dict(macros):  # which fast code in the cache replaces
                 store(self.info, program.options, program.source, program.handle)
 
     def read(self, buffer: Buffer, array: npt.NDArray[Any]) -> None:

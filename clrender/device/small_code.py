@@ -14,18 +14,20 @@ if TYPE_CHECKING:
 
     from clrender.device.info import DeviceInfo
 
-__all__ = ["FEW_SAMPLES", "SmallCode"]
+__all__ = ["FEW_RAYS", "FEW_SAMPLES", "SmallCode"]
 
 _Key: TypeAlias = "tuple[str, tuple[tuple[str, str], ...]]"
 FEW_SAMPLES: Final = 1 << 21
-"""Samples of a pixel up to which small code takes less time in all, compilation included."""
+"""Samples up to which small code takes no more time in all, compilation included."""
+FEW_RAYS: Final = 1 << 25
+"""Rays after which a render goes on with fast code, whatever it expected: paths may be long, and split."""
 
 
 class SmallCode:
     """Which programs of a device are compiled to small code.
 
-    A compiler that is asked for small code inlines less. With PoCL it takes half the time, and the code, of which every
-    result is the same, a quarter more. Other drivers have not been measured.
+    A compiler that is asked for small code inlines less. With PoCL it takes about half the time, and the code, of which
+    every result is the same, about a third more. Other drivers have not been measured.
 
     Parameters
     ----------
@@ -41,16 +43,17 @@ class SmallCode:
         self._taken: Counter[_Key] = Counter()
         self._small: dict[_Key, bool] = {}
 
-    def macros(self, entry: str, macros: Mapping[str, str], samples: int) -> dict[str, str]:
-        """Macros to build a program with that is to trace about `samples` more samples; for 0, those of small code.
+    def macros(self, entry: str, macros: Mapping[str, str], samples: int | None) -> dict[str, str]:
+        """Macros to build a program with that is to trace about `samples` more samples.
 
-        A program that is in the cache as fast code, or has traced many samples before, is not compiled to small code.
+        For 0 they are those of small code, for None those of fast code. A program that is there as fast code, in the
+        cache or in this process, or has traced many samples before, is not compiled to small code.
         """
-        if not samples:
+        if samples == 0:
             return {**macros, SMALL_CODE: "1"}
         key = entry, tuple(sorted(macros.items()))
-        self._taken[key] += samples
-        if self._taken[key] > FEW_SAMPLES:
+        self._taken[key] += samples or 0
+        if samples is None or self._taken[key] > FEW_SAMPLES:
             self._small[key] = False
         elif key not in self._small:
             self._small[key] = not self._is_there(load_source(entry, macros))

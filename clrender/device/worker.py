@@ -19,6 +19,7 @@ from clrender.device.launch import LaunchConfig, Scratch
 from clrender.device.preparation import DevicePreparation
 from clrender.device.replicates import ReplicateSums
 from clrender.device.scene_arrays import SceneArrays, scene_array_names
+from clrender.device.small_code import FEW_RAYS
 from clrender.film.unit import BLOCK_SLOTS, Unit, UnitSums
 from clrender.integrators.descriptor import Pipeline
 from clrender.integrators.path import INTEGRATOR as PATH
@@ -175,12 +176,13 @@ class DeviceWorker:
             self._prefetches = self._parts and device.is_cpu and not any(name in platform for name in _NO_PREFETCH)
             self._defined = self._defines(launch)
             self._pipeline = pipeline
-            self._program = self.program(pipeline.entry, {"PACKETS": self._packets})
+            self._program = self._tracing()
             self._accumulate = device.program("film/accumulate.cl", {"LANES": 1})
             replicate_spp = int(settings["replicate_spp"][0]) if pipeline.squares else 0
             self._replicates = ReplicateSums(device, self._scratch, replicate_spp) if replicate_spp else None
             self._rate = 0.0
             self._done_at = 0.0
+            self._rays = 0
             named = {**self._arrays.buffers, "settings": self._settings_buffer}
             self.scene_arguments = [named[name] for name in scene_array_names()]
             self._preparation = prepare(self) if prepare else None
@@ -191,6 +193,9 @@ class DeviceWorker:
     def program(self, entry: str, more: Mapping[str, int | str] | None = None) -> Program:
         """Build a kernel file that reads the scene, for this scene and launch configuration, with `more` macros."""
         return self.device.program(entry, {**self._defined, **(more or {})}, self._samples)
+
+    def _tracing(self) -> Program:
+        return self.program(self._pipeline.entry, {"PACKETS": self._packets})
 
     def padded(self, items: int) -> int:
         """Round a number of work-items up to whole groups."""
@@ -255,6 +260,9 @@ class DeviceWorker:
         RenderError
             When the driver fails.
         """
+        if self._samples and self._rays > FEW_RAYS and self.device.compiles_small_code:
+            self._samples = None
+            self._program = self._tracing()
         slots = unit.slot_count
         sums, counts = self._scratch.buffer("sums", 48 * slots), self._scratch.buffer("counts", 4 * slots)
         self._launch(self._accumulate, "film_clear", slots, [sums, counts, np.uint32(slots)])
@@ -286,6 +294,7 @@ class DeviceWorker:
         while flying:
             land()
         rays, shadow_rays, deepest = counted.tolist()
+        self._rays += rays
         read = self._read(sums, counts, slots)
         squares = None if self._replicates is None else self._replicates.read(*read, done)
         return UnitSums(*read, done, rays, shadow_rays, deepest, squares)
@@ -467,21 +476,15 @@ def _work_group(device: Device, lanes: int, packets: int) -> int:
     return max(1, _CPU_WORK_GROUP // packets) if lanes > 1 else _LONE_WORK_GROUP
 
 
-def probe_hash(device: Device, code: str = "fast") -> str:
+def probe_hash(device: Device) -> str:
     """SHA-256 of a small tile of a fixed scene, rendered with the real kernels and the device's default configuration.
 
     The scene is the built-in room: triangles, spheres, every material, area lights, indirect light of any depth.
 
-    Parameters
-    ----------
-    device : Device
-    code : str
-        ``fast`` or ``small``.
-
     Returns
     -------
     str
-        Hexadecimal digits; the same on every device that computes correctly.
+        Hexadecimal digits; the same on every device that computes correctly. Where fast and small code disagree, both.
 
     Raises
     ------
@@ -498,7 +501,11 @@ def probe_hash(device: Device, code: str = "fast") -> str:
         "roulette": layout.ROULETTE_THROUGHPUT, "light_samples": 1, "bsdf_samples": 1,
     }.items():  # fmt: skip
         settings[name] = value
-    worker = DeviceWorker(device, flatten(load("room"), size, size), settings, launch=LaunchConfig(code=code))
-    result = worker.render(Unit(0, size * size, 0, spp, size))
-    worker.release()
-    return hashlib.sha256(result.sums.astype("<u4").tobytes() + result.counts.astype("<u4").tobytes()).hexdigest()
+    scene, found = flatten(load("room"), size, size), set[str]()
+    for code in ("fast", "small") if device.compiles_small_code else ("fast",):
+        worker = DeviceWorker(device, scene, settings, launch=LaunchConfig(code=code))
+        result = worker.render(Unit(0, size * size, 0, spp, size))
+        worker.release()
+        data = result.sums.astype("<u4").tobytes() + result.counts.astype("<u4").tobytes()
+        found.add(hashlib.sha256(data).hexdigest())
+    return " and ".join(sorted(found))
