@@ -136,3 +136,13 @@ def device(cache_folder: Path) -> Device:
     from clrender.drivers import select
 
     return select(os.environ.get("CLRENDER_TEST_DEVICE", "pocl"))[0]
+
+
+@pytest.fixture(scope="module")
+def only_driver(device: Device, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """No driver but that of the device to test on, in child processes too: a view probes all, which takes a minute."""
+    folder = tmp_path_factory.mktemp("vendors")
+    (folder / "only.icd").write_text(f"{device.info.library}\n")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("OCL_ICD_VENDORS", str(folder))
+        yield

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import fcntl
 import functools
 import json
 import os
@@ -17,6 +18,7 @@ import secrets
 import shutil
 import stat
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -25,6 +27,7 @@ __all__ = [
     "ROOM_BYTES",
     "alive",
     "cache_folder",
+    "held_alone",
     "is_private",
     "no_cache_reason",
     "process_folder",
@@ -133,6 +136,34 @@ def temporary_folder() -> Iterator[Path]:
         yield folder
     finally:
         _remove(folder)
+
+
+@contextlib.contextmanager
+def held_alone(name: str, seconds: float) -> Iterator[None]:
+    """Hold a lock while the block runs, so that what several threads and processes need is made once.
+
+    Parameters
+    ----------
+    name : str
+        Path of what is made, below the cache folder.
+    seconds : float
+        Time to wait for another thread or process. Then the block runs without the lock, as it does if there is no
+        cache folder, or its file system has no locks: work is done twice, and nothing is lost.
+    """
+    with contextlib.ExitStack() as stack:
+        folder, end = cache_folder(), time.monotonic() + seconds
+        with contextlib.suppress(OSError):
+            if folder is not None:
+                path = folder / "locks" / name
+                path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+                file = stack.enter_context(path.open("wb"))
+                while time.monotonic() < end:
+                    try:
+                        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                        break
+                    except BlockingIOError:
+                        time.sleep(0.05)
+        yield
 
 
 @functools.cache

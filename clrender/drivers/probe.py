@@ -406,6 +406,13 @@ def probe(info: DeviceInfo, *, again: bool = False, notify: Callable[[str], None
     driver = next(each for each in drivers() if each.library == info.library)
     if notify:
         notify(f"probing {info.title}{'' if again else ': first use of this driver with these kernels'}")
+    # Several that begin with a new driver at once would compile the same programs, each in the time of all
+    with cache.held_alone(_verdict_name(info, driver), _probe_seconds()):
+        kept = _with_verdict(info, driver)
+        return _new_verdict(info, driver) if again or kept.probe == "unknown" else kept
+
+
+def _new_verdict(info: DeviceInfo, driver: Driver) -> DeviceInfo:
     request = {"task": "probe", "driver": asdict(driver), "ordinal": info.ordinal}
     verdict, detail = judge(ask_child(request, _probe_seconds()), expected_hash())
     if verdict == "timeout":

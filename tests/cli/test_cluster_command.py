@@ -50,7 +50,7 @@ def processes_left(since: float) -> list[str]:
     return found
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_local_cluster_says_nothing_of_its_own(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     begun = time.time()
@@ -69,7 +69,7 @@ def test_a_local_cluster_says_nothing_of_its_own(tmp_path: Path) -> None:
     assert not processes_left(begun)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_it_with_the_image_so_far(tmp_path: Path, number: signal.Signals) -> None:
     pytest.importorskip("distributed")
@@ -102,7 +102,7 @@ def test_without_dask_it_says_what_to_install(tmp_path: Path) -> None:
     assert shlex.split(cure.rstrip("`\n"))[:4] == [sys.executable, "-m", "pip", "install"] and "distributed" in cure
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("address", "code", "words"),
     [("host:8786", 2, "--cluster is 'host:8786'; it must be"), ("local:0", 2, "--cluster is 'local:0'; local:N takes"),

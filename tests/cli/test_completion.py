@@ -53,7 +53,7 @@ def completed(command: Path, shell: str, *words: str) -> list[str]:
     return [each.removeprefix("plain,").partition("\t")[0] for each in lines]
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("shell", SHELLS)
 def test_commands_scenes_options_settings_and_devices(command: Path, shell: str) -> None:
     assert completed(command, shell, "clrender", "co") == [name for name in COMMANDS if name.startswith("co")]

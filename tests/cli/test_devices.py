@@ -49,7 +49,7 @@ def test_devices_as_a_table(device: Device) -> None:
     assert line.endswith("ok")
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_python_prints_the_same(device: Device) -> None:
     import clrender
 
@@ -75,7 +75,7 @@ assert dict(os.environ) == before, set(os.environ.items()) ^ set(before.items())
 """
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("quiet", ["", "-"], ids=["told", "quiet"])
 def test_one_driver_after_another_in_one_process(all_devices: list[Device], quiet: str) -> None:
     """Whatever else is asked for; and the process keeps its environment."""
@@ -90,7 +90,7 @@ def test_one_driver_after_another_in_one_process(all_devices: list[Device], quie
     assert len(set(hashes)) == 1
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_another_program_may_have_used_pyopencl_before(device: Device) -> None:
     code = "import pyopencl; pyopencl.get_platforms()\n" + RENDERS.replace("DEVICES", repr([str(device.info.index)]))
     done = in_python(code)

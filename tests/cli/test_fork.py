@@ -53,7 +53,7 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("way", ["multiprocessing", "os.fork"])
 def test_a_fork_after_a_render_is_refused_with_the_cure(device: Device, way: str) -> None:
     done = subprocess.run(

@@ -27,7 +27,7 @@ ior = 1.5
 """
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_scene_as_table_page_and_numbers(device: Device, tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text(SCENE)
     on = ("-d", str(device.info.index))
@@ -52,7 +52,7 @@ def test_a_scene_as_table_page_and_numbers(device: Device, tmp_path: Path) -> No
     assert numbers[0]["reciprocity_max"] < 1e-5 and numbers[0]["chi2_p_min"] > 0.001
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_json_is_printed_and_the_seed_makes_it(device: Device, tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text(SCENE)
     line = ("furnace", "scene.toml", "--material", "clay", "--json", "--quiet", "--quick", "-d", str(device.info.index))
@@ -62,7 +62,7 @@ def test_json_is_printed_and_the_seed_makes_it(device: Device, tmp_path: Path) -
     assert [each["material"] for each in json.loads(first.stdout)] == ["clay"]
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_places_of_a_texture(device: Device, tmp_path: Path) -> None:
     """Three squares of a checker; what has no texture is measured once, and is called by its name alone."""
     checker = '[materials.board]\ntype = "lambert"\nreflectance = { checker = [0.2, 0.6] }\n'

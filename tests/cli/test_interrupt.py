@@ -68,7 +68,7 @@ def wait_for_samples(child: subprocess.Popen[str]) -> None:
     pytest.fail(f"no progress before the end: {''.join(lines)}")
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_in_mid_render_keeps_the_image_so_far(tmp_path: Path, number: signal.Signals) -> None:
     with endless_render(tmp_path, "a.exr", "a.png", "a.film") as child:
@@ -140,7 +140,7 @@ def test_a_signal_while_modules_load(tmp_path: Path, module: str, line: str) -> 
     assert out == "" and "Traceback" not in err
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_second_signal_ends_it_at_once(tmp_path: Path) -> None:
     with endless_render(tmp_path, "a.exr") as child:
         wait_for_samples(child)

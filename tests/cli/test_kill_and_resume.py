@@ -133,7 +133,7 @@ def test_ten_seconds_are_lost_at_most(tmp_path: Path) -> None:
     assert worst <= 10.0
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_leaves_a_checkpoint_of_every_sample(tmp_path: Path, number: signal.Signals) -> None:
     with child(tmp_path, 1000.0, "-o", "a.film.exr", "-o", "b.film", "--size", "64x48", "--spp", "1000000") as process:

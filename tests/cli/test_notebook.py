@@ -28,7 +28,7 @@ pytest.importorskip("ipykernel", reason="ipykernel is not installed")
 pytest.importorskip("anywidget", reason="the extra for notebooks is not installed")
 
 # Jupyter's own warnings, on how it finds its folders and its event loops, are not this package's.
-pytestmark = pytest.mark.filterwarnings("default")
+pytestmark = [pytest.mark.filterwarnings("default"), pytest.mark.usefixtures("only_driver")]
 
 WIDGET = "application/vnd.jupyter.widget-view+json"
 STATE = "application/vnd.jupyter.widget-state+json"
@@ -206,6 +206,7 @@ def executed(execute: Callable[..., Any]) -> tuple[Any, Path]:
     return notebook, folder / "notebook.html"
 
 
+@pytest.mark.long
 def test_a_notebook_is_executed_spoken_to_and_exported(executed: tuple[Any, Path]) -> None:
     notebook, exported = executed
     first, last = (picture(stills(cell.outputs)[0]) for cell in (notebook.cells[1], notebook.cells[-1]))
@@ -222,6 +223,7 @@ def test_a_notebook_is_executed_spoken_to_and_exported(executed: tuple[Any, Path
     np.testing.assert_array_equal(picture(html[html.index("data-clrender-still") :]), last)
 
 
+@pytest.mark.long
 def test_what_is_exported_is_seen_without_a_network(executed: tuple[Any, Path]) -> None:
     with chromium() as browser:
         page = browser.new_page(viewport={"width": 1000, "height": 900})
@@ -238,7 +240,7 @@ def test_what_is_exported_is_seen_without_a_network(executed: tuple[Any, Path]) 
             page.screenshot(path=FAILURES / "notebook.png", full_page=True)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_the_example_of_the_documentation_runs(execute: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     example = nbformat.read(Path(__file__).parents[2] / "docs" / "notebook.ipynb", 4)
     smaller = {"(640, 360)": "(48, 27)", "(320, 180)": "(48, 27)", "spp=64": "spp=4", "spp=256": "spp=64"}
@@ -260,6 +262,7 @@ def test_the_example_of_the_documentation_runs(execute: Callable[..., Any], monk
     assert "svg" in notebook.cells[-2].outputs[0].data["text/html"]
 
 
+@pytest.mark.long
 def test_a_view_that_no_output_shows_any_more_ends(execute: Callable[..., Any]) -> None:
     async def talk(kernel: Kernel) -> None:
         model = kernel.client.nb.cells[1].outputs[0].data[WIDGET]["model_id"]
@@ -279,7 +282,7 @@ def test_a_view_that_no_output_shows_any_more_ends(execute: Callable[..., Any]) 
     execute(CELLS[:2], talk)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_what_is_wrong_is_one_sentence_and_leaves_nothing_behind(execute: Callable[..., Any]) -> None:
     wrong = """
 import threading
@@ -301,6 +304,7 @@ for arguments in ({"spp": 0}, {"size": 3}, {"outputs": ["a.xyz"]}, {"device": "n
     execute((CELLS[0].replace("view = ", "# "),), talk)
 
 
+@pytest.mark.long
 def test_a_kernel_that_ends_ends_its_views(execute: Callable[..., Any]) -> None:
     async def talk(kernel: Kernel) -> None:
         await kernel.run(

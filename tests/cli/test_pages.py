@@ -110,7 +110,7 @@ def test_a_comparison_shows_both_images_and_their_differences(tmp_path: Path, pa
     assert border["type"] == "range" and border["aria-label"] == "Border between A and B"
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_equal_black_and_tiny_images_have_a_page(tmp_path: Path) -> None:
     for shape in ((1, 1, 3), (1, 50, 3), (3, 2, 3)):
         black = np.zeros(shape, np.float32)

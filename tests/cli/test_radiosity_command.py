@@ -18,6 +18,7 @@ MOVE = ("--move", "12", "--by", "0.05,0,0")
 SMALL = ("--frames", "2", "--patches", "300", "--patch-rays", "16", "--spp", "1", "--size", "32x24")
 
 
+@pytest.mark.long
 def test_a_frame_is_a_picture_and_a_line(device: Device, tmp_path: Path) -> None:
     result = call(
         "radiosity", "room-diffuse", *MOVE, *SMALL, "-d", str(device.info.index), "-o", "out", folder=tmp_path
@@ -31,7 +32,7 @@ def test_a_frame_is_a_picture_and_a_line(device: Device, tmp_path: Path) -> None
     assert "frame-0000.png: 100.0% of" in lines[0] and "frame-0001.png: " in lines[1] and "full solution" in lines[2]
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_scene_may_read_from_folders_that_are_named(device: Device, tmp_path: Path) -> None:
     (tmp_path / "meshes").mkdir()
     (tmp_path / "scene").mkdir()

@@ -43,7 +43,7 @@ def shell(line: str, folder: Path, **variables: str) -> subprocess.CompletedProc
     )  # fmt: skip
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("line", PRINTING)
 def test_a_full_disk_below_stdout_is_one_sentence(line: str, folder: Path) -> None:
     result = shell(f"clrender {line} > /dev/full", folder, OCL_ICD_VENDORS="no drivers")
@@ -51,7 +51,7 @@ def test_a_full_disk_below_stdout_is_one_sentence(line: str, folder: Path) -> No
     assert result.stderr == "error: standard output cannot be written (No space left on device)\n"
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("line", PRINTING)
 def test_a_reader_that_leaves_is_no_error(line: str, folder: Path) -> None:
     # `sleep`, so that it has left when there is something to read
@@ -60,14 +60,14 @@ def test_a_reader_that_leaves_is_no_error(line: str, folder: Path) -> None:
     assert (result.returncode, result.stderr) == (0, "")
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("line", PRINTING)
 def test_all_streams_may_be_closed(line: str, folder: Path) -> None:
     result = shell(f"clrender {line} <&- >&- 2>&-", folder, OCL_ICD_VENDORS="no drivers")
     assert (result.returncode, result.stdout, result.stderr) == (3 if "doctor" in line else 0, "", "")
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("line", ["--version", "check room", "devices --json", "tonemap a.npy -o b.png"])
 def test_one_stream_may_be_closed(line: str, folder: Path) -> None:
     plain = shell(f"clrender {line}", folder, OCL_ICD_VENDORS="no drivers")
@@ -78,14 +78,14 @@ def test_one_stream_may_be_closed(line: str, folder: Path) -> None:
         assert result.stdout == ("" if closed == ">&-" else plain.stdout)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("where", ["2>&-", "2> /dev/full", "2>&- >&- <&-"])
 def test_the_exit_code_says_what_stderr_cannot(where: str, folder: Path) -> None:
     result = shell(f"clrender check nothing.toml {where}", folder)
     assert (result.returncode, result.stdout, result.stderr) == (2, "", "")
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("streams", "code"),
     [("2>&-", 0), ("2> /dev/full", 0), (">&-", 0), ("<&- >&- 2>&-", 0), ("> /dev/full", 1), ("2> >(true)", 0)],
@@ -113,7 +113,7 @@ GONE = {
 }
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("line", GONE)
 def test_the_working_folder_may_be_gone(line: str, tmp_path: Path) -> None:
     (tmp_path / "gone").mkdir()

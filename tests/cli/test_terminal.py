@@ -42,7 +42,7 @@ def display(path: Path) -> npt.NDArray[np.uint8]:
 # --- pictures in the terminal ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("kind", PROTOCOLS)
 def test_the_picture_in_the_terminal_is_the_image(tmp_path: Path, kind: str) -> None:
     shown = run_at_terminal(kind, *SMALL, "--preview", folder=tmp_path)
@@ -127,7 +127,7 @@ def test_a_picture_fits_into_a_small_terminal(tmp_path: Path) -> None:
     assert (width, height) == (240, 60)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["none", "silent"])
 def test_a_terminal_without_pictures_is_told_of_and_the_render_goes_on(tmp_path: Path, kind: str) -> None:
     shown = run_at_terminal(kind, *SMALL, "--preview", folder=tmp_path)

@@ -28,6 +28,8 @@ from clrender.view import Engine
 from clrender.view.broadcaster import MOST_VIEWERS
 from clrender.view.progressive import Progressive
 
+pytestmark = pytest.mark.usefixtures("only_driver")
+
 SIZE = {"width": 96, "height": 64}
 
 
@@ -55,7 +57,7 @@ def rendered(device: Device, scene: Any = "room", **settings: Any) -> str:
     return digest
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("scene", "settings"),
     [

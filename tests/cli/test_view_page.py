@@ -26,6 +26,8 @@ from clrender.film.replicates import standard_error
 from clrender.image.tone_map import TONE_MAPS, to_display
 from clrender.view.bundle import PAGE, joined
 
+pytestmark = pytest.mark.usefixtures("only_driver")
+
 if sys.version_info >= (3, 11):
     import tomllib
 else:
@@ -48,7 +50,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def server(browser: Any, scene: Path) -> Iterator[Server]:
+def server(browser: Any, scene: Path, only_driver: None) -> Iterator[Server]:
     """One for all tests: each begins with everything as in the scene file."""
     # The browser comes first: without one the test is skipped before anything is rendered.
     with Server(scene.name, "-d", _DEVICE, "-o", "saved.npy", folder=scene.parent) as started:
@@ -76,7 +78,7 @@ def _orbit(view: view_of, across: int, down: int) -> None:
     view.page.mouse.up()
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     "plain", [pytest.param(False, id="webgl"), pytest.param(True, id="canvas", marks=pytest.mark.slow)]
 )
@@ -126,7 +128,7 @@ def test_orbit_pan_zoom_and_keys_change_the_image_and_reset_brings_it_back(brows
         view.page.keyboard.up("w")
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_controls_change_what_they_say(browser: Any, server: Server) -> None:
     with view_of(browser, server, "controls") as view:
         view.wait_until_done()
@@ -152,7 +154,7 @@ def test_controls_change_what_they_say(browser: Any, server: Server) -> None:
         assert page.get_by_label("Samples", exact=True).input_value() == "16"
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_material_is_changed_where_it_is_picked(browser: Any, server: Server) -> None:
     with view_of(browser, server, "material") as view:
         view.wait_until_done()
@@ -175,7 +177,7 @@ def test_a_material_is_changed_where_it_is_picked(browser: Any, server: Server) 
         assert (_image(view)[45, 80] == middle).all()
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_the_probe_says_the_numbers_of_the_film(browser: Any, server: Server, tmp_path: Path) -> None:
     with view_of(browser, server, "probe") as view:
         view.wait_until_done()
@@ -313,7 +315,7 @@ def test_saving_and_downloading(browser: Any, server: Server, scene: Path) -> No
             assert (np.asarray(picture.convert("RGB")) == shown).all()
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_changed_scene_file_is_read_again_and_a_broken_one_told_of(browser: Any, server: Server, scene: Path) -> None:
     with view_of(browser, server, "reload") as view:
         view.wait_until_done()
@@ -349,7 +351,7 @@ def test_a_black_image_has_a_hint_how_to_get_back(browser: Any, server: Server) 
         hint.wait_for(state="hidden")
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_compiler_is_shown_only_where_it_takes_long(browser: Any, server: Server) -> None:
     with view_of(browser, server, "compiling") as view:
         short, begun, long, done, series = view.run("""
@@ -423,7 +425,7 @@ def test_a_camera_is_sent_at_once_and_then_once_a_screen_frame(browser: Any, ser
         assert before < at_once[0] == at_once[1] == at_once[2] < later == still
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_slow_browser_slows_nobody(browser: Any, server: Server) -> None:
     with view_of(browser, server, "fast") as fast, view_of(browser, server, "slow") as slow:
         slow.wait_until_done()  # no frame is on its way, nor is its acknowledgement
@@ -584,7 +586,7 @@ def test_everything_has_a_name_and_is_reached_by_tab(browser: Any, server: Serve
         assert view.page.locator(".cv-canvas[aria-live], .cv-strip [aria-live]").count() == 0  # not for every frame
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("scheme", ["dark", pytest.param("light", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("width", [360, pytest.param(1280, marks=pytest.mark.slow)])
 def test_it_fits_its_width(browser: Any, server: Server, width: int, scheme: str) -> None:

@@ -32,11 +32,13 @@ from clrender.view.broadcaster import MOST_VIEWERS
 from clrender.view.messages import MESSAGE_BYTES
 from clrender.view.page_socket import serve_page
 
+pytestmark = pytest.mark.usefixtures("only_driver")
+
 ARGUMENTS = ("room", "--size", "96x64", "--spp", "8", "-d", "cpu")
 
 
 @pytest.fixture(scope="module")
-def server(cache_folder: Path) -> Iterator[Server]:
+def server(cache_folder: Path, only_driver: None) -> Iterator[Server]:
     """One for all tests that leave it as it is."""
     with Server(*ARGUMENTS) as running:
         with Page(running.address) as page:
@@ -266,7 +268,7 @@ def test_downloads_are_the_image(server: Server, tmp_path: Path) -> None:
         page.until_done()
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 0), (signal.SIGTERM, 143)])
 @pytest.mark.parametrize("looking", [False, True])
 def test_a_signal_ends_it(cache_folder: Path, number: int, code: int, looking: bool) -> None:
@@ -285,7 +287,7 @@ def test_a_signal_ends_it(cache_folder: Path, number: int, code: int, looking: b
             assert "bye" in kinds
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_bytes_that_are_no_text_end_that_page_without_a_traceback(cache_folder: Path) -> None:
     with Server(*ARGUMENTS) as running:
         address = running.address.replace("http://", "ws://").replace("/?", "/socket?")
@@ -303,7 +305,7 @@ def test_bytes_that_are_no_text_end_that_page_without_a_traceback(cache_folder: 
     assert "Traceback" not in errors, errors
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_files_are_written_where_the_command_line_says(cache_folder: Path, tmp_path: Path) -> None:
     with Server(*ARGUMENTS, "-o", "a.png", folder=tmp_path) as running, Page(running.address) as page:
         page.until_done()
@@ -355,7 +357,7 @@ def test_a_port_that_is_taken_is_told(server: Server) -> None:
     assert f"port {server.port}" in done.stderr
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("missing", ["starlette", "uvicorn", "websockets"])
 def test_without_the_extra_there_is_one_clear_error(cache_folder: Path, missing: str) -> None:
     code = f"import sys; sys.modules[{missing!r}] = None; from clrender.__main__ import main; main()"

@@ -113,7 +113,7 @@ def test_fireflies_are_found_and_normal_noise_has_none() -> None:
 # --- many tests at once ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_integrators_that_agree_raise_alarms_as_rarely_as_promised(cornell: Scene) -> None:
     level, trials = 0.05, 120
     alarms = {"equal noise": 0, "five times the noise": 0}
@@ -160,7 +160,7 @@ def test_a_patch_that_is_a_twentieth_brighter_is_found(cornell: Scene) -> None:
     assert found == 20
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_differences_said_to_be_visible_are_seen_nine_times_in_ten(cornell: Scene) -> None:
     # All tiles alike, so that the median is every tile's.
     random, seen, trials = np.random.default_rng(11), 0, 100

@@ -111,7 +111,7 @@ def test_a_scene_is_measured(tmp_path: Path) -> None:
     assert {"commit", "driver", "device", "build_seconds", "device_bytes"} <= line.keys()
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_lights_are_chosen_as_asked() -> None:
     """So that S4 can be compared with who picks each light alike."""
     lines = [measure(["S4"], [], Task(8, 8, 1, light_sampler=choice), 1)[0].line() for choice in ("bvh", "uniform")]

@@ -125,7 +125,7 @@ def test_bands_of_rows_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
         assert banded[name] == pytest.approx(value, rel=1e-12), name
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_comparing_takes_little_memory_beside_the_images(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("clrender.image.flip._BAND", 1 << 14)
     monkeypatch.setattr("clrender.image.compare._BAND", 1 << 14)

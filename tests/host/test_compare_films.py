@@ -31,7 +31,7 @@ def samples(rng: np.random.Generator, count: int = COUNT) -> Floats:
     return (grey * rng.uniform(0.9, 1.1, (count, SIDE * SIDE, 3))).astype(np.float32)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_it_seldom_finds_what_is_not_there() -> None:
     """Level 1 %: of 150 pairs more than 7 by chance in one of 5000 runs."""
     rng = np.random.default_rng(1)

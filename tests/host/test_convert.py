@@ -53,7 +53,7 @@ def test_built_in_scenes(tmp_path: Path, name: str, ending: str) -> None:
     assert again.sha256() == scene.sha256() and again.render == scene.render and again.title == scene.title
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("name", list(builtin_names()))
 def test_what_goes_to_devices_is_the_same(tmp_path: Path, name: str) -> None:
     scene = clrender.load(name)

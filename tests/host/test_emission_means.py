@@ -86,7 +86,7 @@ def plain_mean(pixels: Floats, triangle: Floats, wraps: tuple[str, str], nearest
     return total / steps**2
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("wrap", "filter_"),
     [(("repeat", "clamp"), "linear"), (("mirror", "repeat"), "nearest"), (("clamp", "mirror"), "linear")],

@@ -148,7 +148,7 @@ print(peak_rss() - before)
 """
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(("kind", "tile", "most"), [("float", 0, 8), ("float", 64, 8), ("half", 64, 30)])
 def test_memory_of_writing(tmp_path: Path, kind: str, tile: int, most: int) -> None:
     """52 MiB of image and layers: nothing of it is copied as float, and 22 MiB as half."""

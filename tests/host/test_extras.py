@@ -72,7 +72,7 @@ def clrender_without(module: str, folder: Path, *arguments: str, **variables: st
     return done.returncode, done.stderr
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("case", LACKING)
 def test_the_script_that_started_a_command_is_asked_for_the_extra(tmp_path: Path, case: str) -> None:
     module, command = LACKING[case]

@@ -40,7 +40,7 @@ def test_mutated_files(tmp_path: Path, endings: list[str]) -> None:
     answers(tmp_path, 60, 1, endings)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @needs_decoders
 def test_mutated_compressed_scenes(tmp_path: Path) -> None:
     answers(tmp_path, 20, 1, COMPRESSED)

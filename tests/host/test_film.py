@@ -92,7 +92,7 @@ def test_ties_round_to_even_at_every_position(shift: int, tail: int) -> None:
 # --- adding ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_many_additions_in_any_order_give_the_exact_sum() -> None:
     values = wide_values(250_000)
     exact = sum(map(quanta, values.astype(float).tolist()))
@@ -110,7 +110,7 @@ def test_many_additions_in_any_order_give_the_exact_sum() -> None:
     assert results == [exact, exact]
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_every_grouping_gives_the_same_bits() -> None:
     values = wide_values(12 * 600).reshape(600, 4, 3)  # 600 samples of a 2 x 2 image
     words = fixed_point(values)

@@ -212,7 +212,7 @@ def many(count: int, places: int = 2, *shapes: dict[str, Any]) -> Scene:
     return Scene.model_validate({"camera": CAMERA, "materials": MATERIALS, "groups": groups, "shapes": instances})
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_many_small_groups_are_written_out() -> None:
     """Of more than 64; what can be told apart in an image stays what it was."""
     kept, written = assemble(many(64)), assemble(many(65))

@@ -155,6 +155,7 @@ def test_meshes_that_are_no_surfaces() -> None:
     assert len(subdivided(points, np.zeros((0, 3), int), 2)[1]) == 0
 
 
+@pytest.mark.long
 def test_a_million_triangles_take_seconds() -> None:
     points, triangles = torus(40, 20)
     start = time.process_time()

@@ -567,6 +567,7 @@ def test_environments(tmp_path: Path) -> None:
     assert again.environment.radiance == (0.5, 1.0, 1.5)
 
 
+@pytest.mark.long
 def test_the_sun_is_drawn_into_a_map(tmp_path: Path) -> None:
     """Its irradiance is that of the sun, and it stands where it stood."""
     sky = {"type": "sun_sky", "sun_direction": [0.4, 0.5, -0.3], "rotate_degrees": 25.0}
@@ -604,6 +605,7 @@ def convert(*arguments: object) -> None:
     main.main([str(each) for each in ("convert", *arguments)], standalone_mode=False)
 
 
+@pytest.mark.long
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     convert("room", tmp_path / "room.xml")
     said = capsys.readouterr()

@@ -107,7 +107,7 @@ def test_resources_are_found() -> None:
     assert scenes_folder().is_dir()
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_wheel_brings_kernels_and_scenes_and_nothing_of_an_earlier_build(tmp_path: Path) -> None:
     source = tmp_path / "source"
     ignored = shutil.ignore_patterns(".venv", ".git", "build", "*.egg-info", "__pycache__", ".*_cache", ".hypothesis")

@@ -10,6 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
@@ -194,6 +195,29 @@ def test_a_verdict_is_kept_until_the_driver_changes(fake_driver: list[list[str]]
     (tmp_path / "libfake.so").write_bytes(b"a new version")
     fake_driver[:] = [script(LISTING)]
     assert [info.probe for info in inventory()] == ["unknown", "unknown"]
+
+
+def test_several_at_once_probe_once(fake_driver: list[list[str]], tmp_path: Path) -> None:
+    """A driver compiles for a minute: ten that ask meanwhile wait for that, and do not compile beside it."""
+    info, begun = inventory()[0], tmp_path / "begun"
+    begun.mkdir()
+    note = f"import os, time; open({str(begun)!r} + f'/{{os.getpid()}}', 'w'); time.sleep(0.5)"
+    fake_driver[:] = [script({"hash": GOOD, "differences": []}, before=note)]
+    with ThreadPoolExecutor(10) as pool:
+        found = list(pool.map(lambda _: probe(info).probe, range(10)))
+    assert found == ["ok"] * 10
+    assert len(list(begun.iterdir())) == 1
+
+
+def test_a_lock_that_is_never_released_holds_up_nobody_for_ever(
+    fake_driver: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    info = inventory()[0]
+    monkeypatch.setenv("CLRENDER_PROBE_SECONDS", "1")
+    fake_driver[:] = [script({"hash": GOOD, "differences": []})]
+    driver = next(each for each in discover.drivers() if each.library == info.library)
+    with cache.held_alone(probe_module._verdict_name(info, driver), 1.0):
+        assert probe(info).probe == "ok"
 
 
 @pytest.mark.parametrize(

@@ -237,7 +237,7 @@ def test_intervals_are_those_of_scipy() -> None:
     assert power.high - power.value == pytest.approx(fit.stderr * scipy.stats.t.ppf(0.975, 4), rel=1e-9)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_ratio_intervals_hold_the_truth_as_often_as_they_say() -> None:
     """2000 intervals of 95 %: 1900 ± 10 hold it, five standard deviations allowed, and a little more for Welch.
 

@@ -138,7 +138,7 @@ def _write(folder: Path) -> list[Path]:
     return [folder / name for name in names]
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_scene_has_one_hash_on_all_processors(tmp_path: Path) -> None:
     paths = [str(path) for path in _write(tmp_path)]
     children = {

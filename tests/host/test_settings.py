@@ -152,7 +152,7 @@ def outcome(scene: Scene, given_settings: Mapping[str, Any]) -> RenderSettings |
 # --- every value, everywhere -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @MANY
 @given(chosen=some(JUNK, ODD))
 def test_a_call_takes_what_the_table_allows_and_refuses_the_rest(chosen: dict[str, Any]) -> None:
@@ -188,7 +188,7 @@ def test_a_call_takes_what_the_table_allows_and_refuses_the_rest(chosen: dict[st
     assert made.struct(16).shape == (1,)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @SOME
 @given(chosen=some(JUNK))
 def test_a_scene_file_takes_what_a_call_takes(chosen: dict[str, Any]) -> None:

@@ -44,7 +44,7 @@ def test_a_dead_link_is_found(tmp_path: Path, body: str, said: str) -> None:
     assert said in fault and fault.startswith("index.html: ")
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html", "-c", "docs"]
     done = subprocess.run(

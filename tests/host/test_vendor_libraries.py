@@ -131,7 +131,7 @@ WITHOUT_ICD_FILES = (
 )
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_commands_use_what_was_found(device: Device, tmp_path: Path) -> None:
     """`doctor` says where it was, the probe passes, and an image is rendered."""
     library = tmp_path / "lib" / "some" / "libamdocl64.so"

@@ -154,7 +154,7 @@ def test_a_sample_that_was_left_out_is_found(folder: Path) -> None:
     assert found.pixels == ((40, 17),) and found.differing == ((32, 16, 48, 32),)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("wrong", [1, 3, 8])
 def test_a_share_finds_as_often_as_it_says(folder: Path, wrong: int) -> None:
     rng = np.random.default_rng(wrong)

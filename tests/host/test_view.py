@@ -492,7 +492,7 @@ def test_a_file_that_changes_while_it_is_read_is_read_again(tmp_path: Path) -> N
         watcher.close()
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_file_that_changes_is_noticed_once_it_is_whole(tmp_path: Path) -> None:
     path, missing = tmp_path / "scene.toml", tmp_path / "later.ply"
     path.write_text("1")

@@ -73,7 +73,7 @@ def mesh_scene(folder: Path, frequency: int) -> clrender.Scene:
     return clrender.load(folder / "a.json")
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     "settings",
     [
@@ -144,7 +144,7 @@ def test_it_stops_when_asked_and_keeps_what_is_done(local: DaskCluster, here: Se
     assert image.film.ledger.samples == image.stats["samples"]
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_time_limit_holds(local: DaskCluster, here: Session) -> None:
     image = here.render(clrender.load("room"), spp=100_000, size=(400, 400), cluster=local, time_limit=3.0)
     assert image.interrupted and image.stats["samples"] > 0
@@ -216,7 +216,7 @@ def test_an_address_that_is_silent_is_a_failure(monkeypatch: pytest.MonkeyPatch)
             pass
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("preload", "words"),
     [
@@ -272,7 +272,7 @@ DeviceWorker.render = lying
 """
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(("fault", "state"), [(HANGS, "hung"), (LIES, "wrong")], ids=["hangs", "lies"])
 def test_what_holds_for_devices_holds_for_workers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, expected: Callable[[int], str], fault: str, state: str
@@ -305,7 +305,7 @@ def test_a_hundred_megabytes_go_to_each_worker_once(tmp_path: Path, local: DaskC
     assert first["sent_bytes"] + later["sent_bytes"] < 2 * (first["asset_bytes"] + 40_000)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_worker_joins(tmp_path: Path) -> None:
     with machines(tmp_path, 1) as running, open_cluster(running.address) as cluster:
         threading.Timer(0.5, lambda: running.add(wait=False)).start()
@@ -315,7 +315,7 @@ def test_a_worker_joins(tmp_path: Path) -> None:
     assert all(each["samples"] > 0 for each in image.stats["devices"])
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("gone", ["workers", "scheduler"])
 def test_all_workers_or_the_scheduler_gone(
     tmp_path: Path,
@@ -363,7 +363,7 @@ def test_a_client_that_has_closed_itself(local: DaskCluster) -> None:
         assert line.lost == 1
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_encrypted_and_with_certificates(tmp_path: Path, expected: Callable[[int], str]) -> None:
     """`tls://` with what Dask's configuration says; whoever has no certificate is turned away."""
     pytest.importorskip("cryptography")
@@ -456,7 +456,7 @@ def survive(running: Machines, runs: int, kinds: tuple[str, ...], seed: int, exp
     return hits
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_workers_killed_and_stopped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, expected: Callable[[int], str]
 ) -> None:

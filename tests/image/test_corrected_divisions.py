@@ -12,7 +12,7 @@ from image_support import Cutting, render
 from clrender.device.device import Device
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("scene", "lanes"),
     [

@@ -24,7 +24,7 @@ needs_library = pytest.mark.skipif(
 SIZE = (96, 96)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @needs_library
 def test_a_noisy_room_comes_eight_times_nearer_to_the_truth(device: object) -> None:
     """The reference's own error is 1/64 of the noisy image's, so it can only hide some of the gain."""

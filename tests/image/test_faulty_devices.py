@@ -106,7 +106,7 @@ def suffer(device: Device, expected: str, seed: int) -> int:
     return met + lied
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(4))
 def test_whatever_fails_the_image_stays(device: Device, expected: str, threads: None, seed: int) -> None:
     suffer(device, expected, seed)
@@ -152,7 +152,7 @@ def test_the_only_device_is_given_up_in_the_end(device: Device) -> None:
     assert stats["state"] == "failed" and stats["failures"] == 1 + HASTE.retries
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_device_that_hangs_alone_keeps_what_it_did(device: Device, threads: None) -> None:
     alone = FaultyDevice(device, fault := Fault("read", 90, "hang"), name="alone")
     with pytest.raises(IncompleteRender, match=r"alone .* hangs: a call of its driver did not come back") as caught:
@@ -161,7 +161,7 @@ def test_a_device_that_hangs_alone_keeps_what_it_did(device: Device, threads: No
     fault.released.set()
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_session_goes_on_without_a_device_that_hung(device: Device, expected: str, threads: None) -> None:
     bad, good = FaultyDevice(device, fault := Fault("launch", 60, "hang"), name="bad"), FaultyDevice(device)
     with clrender.Session([bad, good]) as session:
@@ -206,7 +206,7 @@ def test_a_program_with_a_thread_that_hangs_ends(device: Device, tmp_path: Path)
 # --- devices that lie ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("constant", "places"), [(False, (0, 1)), (True, (1, 0))], ids=["another error each time", "always the same error"]
 )
@@ -226,7 +226,7 @@ def test_a_lying_device_is_found_and_its_work_done_again(
     assert line.startswith("warning: liar (") and f"computes wrong results: {why}" in line
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_checkpoint_keeps_nothing_of_a_liar(device: Device, tmp_path: Path) -> None:
     """Nor does what is resumed: the film gives samples back while it is saved."""
     lie, path = Lie(), tmp_path / "a.film"

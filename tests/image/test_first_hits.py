@@ -169,7 +169,7 @@ def test_emission_is_that_of_the_first_surface(device: Device) -> None:
     assert same(layers(device, scene([lamp, pane]), ("emission",))["emission"], 0.0)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_emission_of_a_texture_and_of_half_a_pixel(device: Device) -> None:
     half = {**wall(-2.0, emission=[8.0, 4.0, 2.0]), "origin": [0.0, -99.0, -2.0]}
     found = layers(device, scene([half]), ("emission",))["emission"]
@@ -179,7 +179,7 @@ def test_emission_of_a_texture_and_of_half_a_pixel(device: Device) -> None:
     assert found.min() >= 2.0 and found.max() <= 6.0 and abs(found.mean() - 4.0) < 0.2
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("material", ["red", "glass", "checked"])
 def test_coordinates_of_a_quad(device: Device, material: str) -> None:
     """Along its edges, from its origin; whether or not anything uses them, and whichever way it faces."""
@@ -248,7 +248,7 @@ ONE: tuple[int, int, int | None] = (1, 64, None)
 CUTS = {"room": (ONE, (4, 16, 1), (8, 64, 5), (16, 16, 3)), "bumpy": ((1, 16, 3),)}
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("name", CUTS)
 def test_the_same_bits_however_the_work_is_cut(device: Device, name: str) -> None:
     what = clrender.load(name)

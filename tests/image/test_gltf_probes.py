@@ -51,7 +51,7 @@ def quarters(image: Colors) -> Colors:
     return np.array([image[a, a], image[a, b], image[b, a], image[b, b]])
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_pictures_stand_upright_and_unlit_shows_their_colours(device: Device, tmp_path: Path) -> None:
     model = Model()
     texture = model.texture([[RED, GREEN], [BLUE, WHITE]], {"magFilter": 9728})
@@ -111,7 +111,7 @@ def test_the_second_set_of_coordinates(device: Device, tmp_path: Path) -> None:
     np.testing.assert_allclose(found, [GREEN, RED, WHITE, BLUE], atol=1e-3)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_colours_of_vertices_multiply_the_base_colour(device: Device, tmp_path: Path) -> None:
     """In light from all around a matt surface shows its albedo; between vertices it is interpolated linearly."""
     model = Model()
@@ -127,7 +127,7 @@ def test_colours_of_vertices_multiply_the_base_colour(device: Device, tmp_path: 
     np.testing.assert_allclose(image[..., 2].mean(), 0.5, atol=0.01)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(("mode", "shown"), [("OPAQUE", [1.0, 1.0]), ("BLEND", [0.8, 0.2]), ("MASK", [1.0, 0.0])])
 def test_alpha(device: Device, tmp_path: Path, mode: str, shown: list[float]) -> None:
     """A surface of radiance 3 before an environment of 1: alpha is 0.8 on the left and 0.2 on the right."""
@@ -181,7 +181,7 @@ def glass(model: Model, ior: float, **volume: Any) -> int:
     return model.add("materials", {"pbrMetallicRoughness": base, "extensions": extensions})
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_attenuation_by_beers_law(device: Device, tmp_path: Path) -> None:
     """Straight through two units, of which one leaves (0.2, 0.5, 0.9): its square, scaled nodes included."""
     for scale, length in ((1.0, 2.0), (0.5, 1.0)):
@@ -239,7 +239,7 @@ def test_a_normal_map_turns_the_normal_as_geometry_does(device: Device, tmp_path
     assert found[0] == pytest.approx(found[1], rel=0.01)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("tangent", "texel", "scale"),
     [

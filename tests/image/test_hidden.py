@@ -67,6 +67,7 @@ def test_a_hidden_lamp_lights_the_scene_as_before(device: Device, integrator: st
         np.testing.assert_allclose(hidden[without].mean(), seen[without].mean(), rtol=0.02)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "integrator",
     ["path", "reuse", *(pytest.param(each, marks=pytest.mark.slow) for each in ("direct", "photon", "whitted"))],

@@ -101,7 +101,7 @@ def agree(what: Scene, device: Device, **settings: Any) -> None:
     assert np.mean(apart) < 5e-3, np.mean(apart)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     "material", ["lambert", "glass", "picture", "bumps", pytest.param("wax", marks=pytest.mark.slow)]
 )
@@ -109,13 +109,13 @@ def test_meshes_of_every_material(device: Device, pictures: Path, material: str)
     agree(scene(pictures, ball(material=material)), device)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("material", [pytest.param("metal", marks=pytest.mark.slow), "bumps"])
 def test_given_tangents(device: Device, pictures: Path, material: str) -> None:
     agree(scene(pictures, ball(material=material), tangents=True), device)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("material", "kind"),
     [
@@ -138,7 +138,7 @@ def test_opacity(device: Device, pictures: Path, material: str, kind: str) -> No
     assert np.abs(blocks[0] / blocks[1] - 1.0).max() < 0.03
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("material", ["lambert", "glass", "picture", "bumps"])
 def test_spheres_disks_and_boxes(device: Device, pictures: Path, material: str) -> None:
     shapes = (
@@ -154,7 +154,7 @@ def test_lights_of_instances(device: Device, pictures: Path) -> None:
     agree(scene(pictures, ball(material="lambert"), lamp, similar=True, lights=()), device)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_fog_and_filled_instances(device: Device, pictures: Path) -> None:
     media = {"milk": {"scattering": [4.0, 4.0, 4.0]}, "mist": {"scattering": [0.05, 0.05, 0.05]}}
     lights = ({"type": "point", "position": [1.0, 4.0, 2.0], "intensity": [30.0, 30.0, 30.0]},)
@@ -162,7 +162,7 @@ def test_fog_and_filled_instances(device: Device, pictures: Path) -> None:
     agree(what, device, spp=64, max_depth=100)  # in fog that absorbs nothing, some paths have 30,000 events
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("integrator", ["direct", "whitted", "reuse", "photon", "radiosity"])
 def test_every_integrator(device: Device, pictures: Path, integrator: str) -> None:
     shapes = ({"type": "box", "size": [0.7, 0.9, 0.5], "material": "lambert"},)
@@ -181,7 +181,7 @@ def test_every_integrator(device: Device, pictures: Path, integrator: str) -> No
     agree(what, device, integrator=integrator, **more)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_many_small_groups(device: Device, pictures: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """They are written out, and the image is that of the trees that they would have."""
     shapes: list[dict[str, Any]] = [_FLOOR]
@@ -203,7 +203,7 @@ def test_many_small_groups(device: Device, pictures: Path, monkeypatch: pytest.M
     assert np.mean(np.abs(one - written).max(axis=2) / written.mean() < 1e-3) > 0.9
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_layers_tell_instances_apart(device: Device, pictures: Path) -> None:
     what = scene(
         pictures,
@@ -244,7 +244,7 @@ def test_one_hash_on_every_device_and_cut(all_devices: list[Device], pictures: P
         assert len(hashes) == 1
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_instances_of_a_gltf_node(device: Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As a group, and as a shape for each."""
     random, model = np.random.default_rng(3), Model()

@@ -47,7 +47,7 @@ def test_albedo_of_a_texture_is_that_of_its_points(device: Device) -> None:
     np.testing.assert_array_equal(layer(device, what, "albedo", 1), expected)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["lambert", "conductor"])
 def test_normal_is_that_of_the_map(device: Device, tmp_path: Path, kind: str) -> None:
     """Red along u is to the right, green along v upward; so near the middle no view bends it."""

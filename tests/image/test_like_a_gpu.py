@@ -45,7 +45,7 @@ def gpu(device: Device) -> Iterator[LikeGpu]:
     like.close()
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("scene", "settings"),
     [

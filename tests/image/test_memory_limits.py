@@ -43,7 +43,7 @@ class Watched:
             return session.render(clrender.load(scene), on_progress=note, **{"size": SIZE, **how})
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("scene", "how"),
     [
@@ -76,7 +76,7 @@ def test_the_limit_decides_how_much_a_device_takes(device: Device) -> None:
     assert held.devices[0].allocated_bytes < 6.5 * MIB < free.devices[0].allocated_bytes
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_several_devices_keep_to_it(device: Device) -> None:
     held = Watched(device, 2)
     expected = Watched(device).render("room", spp=40).stats["image_sha256"]
@@ -129,7 +129,7 @@ def test_an_array_beyond_one_allocation_is_named(device: Device, largest: int) -
     assert held.devices[0].allocated_bytes == 0
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("how", "largest"),
     [({}, 1), ({"integrator": "photon", "photons": 500, "photon_radius": 0.2}, 2), ({"aov": ("crypto_object",)}, 1)],
@@ -149,7 +149,7 @@ def clrender_command(*words: str, folder: Path) -> subprocess.CompletedProcess[s
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_the_command_keeps_to_it(tmp_path: Path) -> None:
     words = ("render", "room", "-o", "a.png", "--size", "160x120", "--spp", "4", "--quiet")
     done = clrender_command(*words, "--max-memory", "1.5G", "--stats", "s.json", folder=tmp_path)

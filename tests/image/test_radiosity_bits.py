@@ -32,7 +32,7 @@ def expected(device: Device) -> dict[str, str]:
     return {display: render(device, display).stats["image_sha256"] for display in DISPLAYS}
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("cut", CUTS, ids=str)
 def test_the_same_bits_however_cut(device: Device, expected: dict[str, str], cut: dict[str, Any]) -> None:
     for display in DISPLAYS:
@@ -77,7 +77,7 @@ def test_what_decides_the_picture(device: Device, expected: dict[str, str]) -> N
     assert len({*changed, *expected.values()}) == 6
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_gathered_and_smooth_pictures_agree_with_paths(device: Device) -> None:
     """Blocks of a picture within a few percent of path tracing: noise, and that patches are not infinitely small."""
     paths = clrender.render(clrender.load("room-diffuse"), device=device.info.index, size=(40, 30), spp=256)

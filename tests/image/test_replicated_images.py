@@ -31,7 +31,7 @@ def same(a: Film, b: Film) -> bool:
     return a.ledger == b.ledger and np.array_equal(a.counts, b.counts) and all(np.array_equal(x, y) for x, y in pairs)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     "settings",
     [
@@ -51,7 +51,7 @@ def test_no_cut_changes_a_bit(all_devices: list[Device], settings: dict[str, Any
     assert same(render("room", all_devices[:1], cutting, **asked).film, whole)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_devices_change_nothing(all_devices: list[Device]) -> None:
     asked: dict[str, Any] = {"size": (33, 9), "spp": 4, "replicate_spp": 2}  # a sample takes rusticl long
     whole = render("room", all_devices[:1], **asked).film
@@ -119,6 +119,7 @@ def test_layers_say_what_is_known(device: Device, tmp_path: Path) -> None:
     assert np.array_equal(written, image.aovs["stderr"])
 
 
+@pytest.mark.long
 def test_errors_are_as_large_as_they_say(device: Device) -> None:
     """Of two images of other seeds: their median distance is that of a normal deviate, 0.6745, within 5 sigma."""
     pair = [render("textures", [device], spp=1024, replicate_spp=16, seed=seed) for seed in (0, 7)]
@@ -128,7 +129,7 @@ def test_errors_are_as_large_as_they_say(device: Device) -> None:
     assert float(np.median(distance[known] / errors[known])) == pytest.approx(0.6745, abs=0.09)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_render_ends_by_its_error(device: Device, tmp_path: Path) -> None:
     room, path = clrender.load("cornell"), tmp_path / "a.film"
     how: dict[str, Any] = {"size": (24, 20), "error": 0.2, "share": 0.9, "replicate_spp": 4}

@@ -59,7 +59,7 @@ class PageReader(HTMLParser):
         assert self.open.pop() == tag
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_the_page_is_whole_and_needs_nothing_else(tmp_path: Path) -> None:
     folder = tmp_path / "made"
     result = run("-o", str(folder), "--quick", "--size", "16x16", "-d", DEVICE)

@@ -87,7 +87,7 @@ FEW = ("room", "bumpy", "S4")
 # --- how work is cut -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     "scene", [pytest.param(scene, marks=pytest.mark.slow) if scene != "bumpy" else scene for scene in FEW]
 )
@@ -111,7 +111,7 @@ def test_every_combination(all_devices: list[Device], expected: Hashes, lanes: i
                 assert sha(scene, [device], cutting) == expected[scene], f"{scene}, {cutting}, {device.info.title}"
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     "settings",
     [
@@ -132,7 +132,7 @@ def test_every_kind_of_path(all_devices: list[Device], scene: str, settings: dic
     assert sha(scene, all_devices[:1], one, **settings) == sha(scene, all_devices[:1], **settings)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     "settings",
     [
@@ -190,7 +190,7 @@ def test_pixel_filters_in_every_number_of_lanes(all_devices: list[Device], scene
                 assert sha(scene, [device], cutting, filter=name) == wanted, f"{name}, {cutting}, {device.info.title}"
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_filter_is_another_image(all_devices: list[Device], expected: Hashes) -> None:
     hashes = {sha("room", all_devices[:1], filter=name) for name in FILTERS}
     assert len(hashes | {expected["room"]}) == len(FILTERS) + 1
@@ -257,8 +257,12 @@ SELDOM = {"drink", "haze", "candles", "lamps", "sundial"}
 """Programs that take long to build for every driver, and whose parts other tests have."""
 
 
+def _mark(scene: str) -> pytest.MarkDecorator:
+    return pytest.mark.slow if scene in SELDOM else pytest.mark.long
+
+
 @pytest.mark.thorough
-@pytest.mark.parametrize("scene", [pytest.param(s, marks=pytest.mark.slow) if s in SELDOM else s for s in SCENES])
+@pytest.mark.parametrize("scene", [pytest.param(s, marks=_mark(s)) if s != "room" else s for s in SCENES])
 def test_every_driver(all_devices: list[Device], expected: Hashes, scene: str) -> None:
     """Each device as it would render by itself; those that carry lanes also with other numbers of them."""
     for device in all_devices:

@@ -83,7 +83,7 @@ def test_rendering_again_uploads_only_camera_and_settings(device: Device, watche
     assert image.stats["image_sha256"] == fresh.stats["image_sha256"]
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_another_medium_is_another_scene(device: Device) -> None:
     """Everything else is the same object, so that nothing but the medium tells the scenes apart."""
     haze = clrender.load("haze")
@@ -132,7 +132,7 @@ def test_another_camera_looks_at_no_shape(device: Device, monkeypatch: pytest.Mo
             session.refine(dataclasses.replace(job, scene=other))
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_other_scenes_and_integrators_in_turn(device: Device) -> None:
     """What the one leaves behind is nothing that another one stumbles over."""
     cases: list[tuple[str, dict[str, Any]]] = [
@@ -440,7 +440,7 @@ def test_too_little_time_for_a_sample_is_an_error_and_no_black_image(device: Dev
         clrender.render(clrender.load("room"), device=device, size=(8, 8), time_limit=1e-9)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_time_ends_a_long_render(device: Device) -> None:
     clrender.render(clrender.load("room"), device=device, size=SIZE, spp=1)
     image = clrender.render(clrender.load("room"), device=device, size=SIZE, spp=2**20, time_limit=3.0)

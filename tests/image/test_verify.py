@@ -37,7 +37,7 @@ def test_sound_files(device: Device, tmp_path: Path, case: str) -> None:
         assert found.checked == (12 if name == "a.film" else 4) and found.tiles == 12
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_on_another_device(all_devices: list[Device], tmp_path: Path) -> None:
     clrender.render(clrender.load("room"), device=all_devices[0], size=SIZE, spp=2).save(tmp_path / "a.film")
     found = clrender.verify(tmp_path / "a.film", 0.2, device=all_devices[-1])

@@ -219,7 +219,7 @@ def test_simple_operations(all_devices: list[Device]) -> None:
     assert (np.abs(got[11:14] - exact) <= (1 + 1e-6) * EPS * np.abs(exact) + 1e-14 * size).all()
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_cos_and_sin_of_every_number_that_sampling_gives(device: Device) -> None:
     """Every multiple of 2^-24 in [0, 1) and 2^20 smaller numbers: off by less than the header's 1.2e-7."""
     worst = 0.0

@@ -256,7 +256,7 @@ def test_the_reference_finds_what_the_traversals_find(device: Device, mixed: Cas
         assert same(trace_by_reference(tree, mixed.rays), trace(tree, mixed.rays, 16))
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     "lanes", [1, pytest.param(4, marks=pytest.mark.slow), pytest.param(8, marks=pytest.mark.slow), 16]
 )

@@ -74,7 +74,7 @@ def test_every_kernel_on_a_small_scene(device: Device, tmp_path: Path) -> None:
     assert launched == every_kernel()
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_two_ways_to_render(device: Device, tmp_path: Path) -> None:
     check(device, list(QUICK), tmp_path)
 
@@ -92,7 +92,7 @@ __kernel void unwritten(__global uint* a) { uint b[2]; b[0] = 1; if (b[get_globa
 """
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("kernel", ["beyond", "race", "unwritten"])
 def test_oclgrind_does_complain(tmp_path: Path, kernel: str) -> None:
     """Of each of the three, or its silence would say nothing."""

@@ -136,7 +136,7 @@ def _lost(device: Device, count: int, seed: int) -> None:
                 assert difference[same & steep].max() < most, name
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_rays_at_edges_of_instances_hit_what_is_written_out(device: Device) -> None:
     _lost(device, 2**17, 5)
 
@@ -147,7 +147,7 @@ def test_ten_million_rays_at_edges_of_instances(device: Device) -> None:
         _lost(device, 2**19, 100 + seed)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_all_ways_through_the_trees_are_one(device: Device) -> None:
     scene = placed(
         [ball(2), {"type": "box", "size": [2.5, 0.5, 0.5]}], maps(30, 1), ({"type": "sphere", "radius": 0.5},)
@@ -165,7 +165,7 @@ def test_all_ways_through_the_trees_are_one(device: Device) -> None:
             np.testing.assert_array_equal(values, other[name], err_msg=name)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_spheres_and_disks_of_instances(device: Device) -> None:
     shapes: list[dict[str, Any]] = [
         {"type": "sphere", "center": [0.4, 0.0, 0.0], "radius": 0.5},

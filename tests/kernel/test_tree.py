@@ -171,7 +171,7 @@ def through(scene: FlatScene, count: int) -> Rays:
     return Rays.of(target - direction * reach, direction)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 def test_the_tree_is_sound(device: Device, name: str) -> None:
     """And both traversals find in it what every leaf holds."""
@@ -193,7 +193,7 @@ def test_the_tree_is_sound(device: Device, name: str) -> None:
         print(f"{name}: {len(words.nodes)} nodes, {levels} levels, stack {need} of {tree.bvh.stack_entries}")
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name", ["mixed", "rectangles", "ever smaller", "around one centre", "one Morton code", "nine"]
 )

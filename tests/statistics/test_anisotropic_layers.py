@@ -34,7 +34,7 @@ def worst(device: Device, material: dict[str, Any], front: bool, seed: int) -> f
     return max(off)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(("strength", "alpha", "ior"), CASES)
 def test_glass(device: Device, strength: float, alpha: float, ior: float) -> None:
     """Within 1.5 %, which its tables cost at worst, mostly 0.1 %; with isotropic ones it lost a third."""

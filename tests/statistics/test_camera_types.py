@@ -51,7 +51,7 @@ def film_place(kind: str, point: Floats, aspect: float) -> tuple[float, float]:
     return 0.5 + x / aspect / 2.0, 0.5 - y / 2.0
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("kind", CAMERAS)
 def test_small_lights_are_seen_where_they_should_be(studio: Studio, kind: str) -> None:
     width, height = 480, 320
@@ -73,7 +73,7 @@ def test_small_lights_are_seen_where_they_should_be(studio: Studio, kind: str) -
         np.testing.assert_allclose(seen, film_place(kind, point, width / height), atol=0.2 / height)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["wild", "sunny"])
 def test_a_panorama_of_an_environment_is_that_environment(studio: Studio, name: str) -> None:
     pixels = PICTURES[name]
@@ -131,7 +131,7 @@ def test_a_fisheye_is_dark_beyond_its_angle(device: Device, studio: Studio, inte
 NEARER = pytest.param(1.5, 5, 90.0, marks=pytest.mark.slow)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 @pytest.mark.parametrize(
     "distance, blades, rotation", [(6.0, 3, 0.0), (6.0, 5, 90.0), (6.0, 6, -17.0), (6.0, 0, 0.0), NEARER]

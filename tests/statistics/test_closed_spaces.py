@@ -131,7 +131,7 @@ def test_two_spheres_that_lose_nothing_are_invisible(evidence: Evidence, studio:
     uniform(evidence, studio, what, 1.0)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("material", [lambert(1.0), {"type": "mirror"}, {"type": "dielectric", "ior": 1.5}])
 def test_invisible_in_a_furnace(evidence: Evidence, studio: Studio, material: dict[str, Any]) -> None:
     # A ball that loses nothing in a box that emits e and reflects a: e / (1 - a) everywhere, on the ball as well.

@@ -51,7 +51,7 @@ def check(device: Device, name: str, seeds: int) -> None:
     assert abs(found.bias) < 0.1 + 5.0 / np.sqrt(seeds * SIDE * SIDE)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_intervals_hold_what_they_say(device: Device) -> None:
     check(device, "textures", 12)
 

@@ -102,7 +102,7 @@ def test_samples_lie_as_the_filter_says(evidence: Evidence, device: Device, name
     assert table["filter_weight"][0] == pytest.approx((sizes[0] / sizes[1]) ** 2, rel=ALLOWED)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("place", [(4.25, 4.5), (-0.5, 9.25)], ids=["inside", "outside"])
 @pytest.mark.parametrize("name", ["box", *ONE_IS_ENOUGH])
 def test_the_image_of_a_small_light_is_the_filter(
@@ -150,7 +150,7 @@ def test_what_is_even_stays_even(evidence: Evidence, studio: Studio, name: str) 
         np.testing.assert_array_equal(picture, np.broadcast_to([1.0, 0.5, 0.25], picture.shape))
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     "settings",
     [
@@ -182,7 +182,7 @@ def test_shared_light_has_the_sign_of_the_pixel_that_gets_it(evidence: Evidence,
     evidence.equal("reuse and path", shared, alone)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("name", ONE_IS_ENOUGH)
 def test_a_panorama_goes_on_beyond_its_edges(evidence: Evidence, studio: Studio, name: str) -> None:
     """From the left edge to the right one, and over the poles to the other side."""
@@ -220,7 +220,7 @@ def test_a_fisheye_fades_out_at_its_rim(evidence: Evidence, studio: Studio, inte
     assert exact.max() > 1.01 and exact.min() < -0.005
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_layers_are_means_of_what_is_seen(device: Device) -> None:
     """A near black wall before a far white one: no distance beyond both, no albedo below 0, where light is below 0."""
     near = quad([-8.0, -4.0, -1.0], [8.0, 0.0, 0.0], [0.0, 8.0, 0.0], material="black")

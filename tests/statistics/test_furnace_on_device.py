@@ -32,7 +32,7 @@ def subject(**materials: dict[str, Any]) -> Subject:
     return Subject("test", what, tuple(what.materials), {})
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_right_materials_have_no_faults(device: Device) -> None:
     """False alarms: 1 %, by a fixed seed."""
     clay, gold, glass = measure(subject(clay=CLAY, gold=GOLD, glass=GLASS), device, side=16)
@@ -53,7 +53,7 @@ def test_right_materials_have_no_faults(device: Device) -> None:
     assert (numbers["chi2_tests"], numbers["chi2_p_min"], numbers["reciprocity_max"]) == (0, 1.0, 0.0)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("fault", "kinds"),
     [

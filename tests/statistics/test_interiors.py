@@ -147,7 +147,7 @@ NESTED_BOXES: list[dict[str, Any]] = [
 ]
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("at", [-2.0, 0.0, 1.0])
 def test_a_film_that_cuts_nested_media(studio: Studio, at: float) -> None:
     """Each ray of an orthographic camera begins in the media around its own origin: in ten bands."""
@@ -183,7 +183,7 @@ def test_absorbing_slab(evidence: Evidence, studio: Studio, more: dict[str, Any]
         evidence.mean_is(f"channel {channel}", picture[..., channel].ravel(), exact)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("roughness", [0.0, pytest.param(0.4, marks=pytest.mark.slow)])
 def test_principled_glass_absorbs_as_a_dielectric_does(evidence: Evidence, studio: Studio, roughness: float) -> None:
     # A ball on a table, and a clear one of the other kind in it, which absorbs nothing.
@@ -273,7 +273,7 @@ def test_photons_refuse_lights_inside(device: Device, light: str) -> None:
         clrender.render(what, device=device.info.index, size=(8, 8), spp=1, integrator="photon")
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_layers_see_through_what_is_no_boundary(device: Device) -> None:
     # A block of index 1 in air: its albedo, normals, places and numbers are those of what is behind it.
     ball, block = sphere([0.9, 0.3, 0.6], 0.1, material="water"), box((0.0, 0.4, 0.0), 0.6, "nothing")

@@ -74,14 +74,14 @@ def mixed(kind: str, number: int, folder: Path) -> clrender.Scene:
     return Mixed(made.name, with_all_features(made.content)).scene(folder)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_mixed_scenes_violate_none(debug: DebugBuild, folder: Path) -> None:
     with compiled_for_volumes():
         found = {f"{kind} {number}": violated(debug, mixed(kind, number, folder)) for kind, number in FEW}
     assert not {name: kinds for name, kinds in found.items() if kinds}
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_violations_are_found(debug: DebugBuild) -> None:
     """On every path, if unit vectors are to have no length."""
     debug.macros = {**ALL, "INVARIANT_SLACK": "-1.0f"}
@@ -118,7 +118,7 @@ def test_photon_mapping_violates_none(debug: DebugBuild) -> None:
     assert violated(debug, clrender.load("drink"), integrator="photon", photons=2000) == {}
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_the_debug_build_has_the_same_image(device: Device, debug: DebugBuild) -> None:
     with clrender.Session([debug]) as one, clrender.Session([device]) as two:
         made = [each.render(clrender.load("room"), size=(40, 32), spp=4).stats["image_sha256"] for each in (one, two)]

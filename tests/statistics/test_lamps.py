@@ -129,7 +129,7 @@ def test_flux_of_an_ies_file(studio: Studio, tmp_path: Path, name: str) -> None:
 # --- photons ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("name", [*LAMPS, "spot", "sharp spot", "wide spot"])
 def test_photons_start_where_the_lamp_shines(device: Device, tmp_path: Path, name: str) -> None:
     """Intensity over density has the flux for its mean, and that of a direction, the flux that goes there."""
@@ -181,7 +181,7 @@ def test_integrators_agree_on_lamps(evidence: Evidence, studio: Studio, tmp_path
     evidence.equal("tiles", plain, other, rounding=0.003 if integrator == "photon" else 1e-5)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_whitted_is_direct_where_lights_are_lamps(studio: Studio, tmp_path: Path) -> None:
     # Light samples choose one of four lights, so that direct light has noise
     what = lamps_in_a_room(tmp_path)
@@ -257,7 +257,7 @@ def arriving(flat: Any, what: Scene, point: Floats, normal: Floats) -> Floats:
     return found
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("alike", [False, True], ids=["all ways", "downwards"])
 def test_the_tree_leaves_out_no_lamp_that_shines(
     evidence: Evidence, device: Device, tmp_path: Path, alike: bool

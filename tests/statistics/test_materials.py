@@ -166,7 +166,7 @@ def what_layers_lose(device: Device, material: dict[str, Any], wo: Floats, seed:
     return together
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("name", [n if n in FEW else pytest.param(n, marks=pytest.mark.slow) for n in BOUNDED])
 def test_layers_lose_what_the_lesser_of_both_ways_does_not_pass(device: Device, name: str) -> None:
     """No more, and no less, within 1e-3 and four standard errors: the loss is that of the model alone."""
@@ -195,7 +195,7 @@ DIFFUSE = {
 }
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("name", DIFFUSE)
 def test_a_diffuse_base_returns_what_layers_leave(device: Device, name: str) -> None:
     """Lambert's all of it, and EON, of which two orders count, all but 1e-3: by a grid, without noise.
@@ -237,7 +237,7 @@ NEAR_CRITICAL = (
 """Alpha, index and cosine of light within rough glass where tables that are coarse there err most, by up to 0.5 %."""
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_rough_glass_keeps_its_light_near_total_reflection(device: Device) -> None:
     for i, (alpha, ior, cosine) in enumerate(NEAR_CRITICAL[:5]):
         check_glass(device, alpha, ior, cosine, 585_000 + i)
@@ -293,7 +293,7 @@ def test_smooth_metals_send_all_light_back_at_grazing_angles(device: Device, alp
         assert 1.0 - 1e-3 <= energy <= 1.0 + 1e-4, (ratio, way)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @for_each("name", RECIPROCAL)
 def test_reciprocity(device: Device, name: str) -> None:
     """Also through glass, where f is over the square of the index on the side of the light."""
@@ -447,7 +447,7 @@ def test_metals_reflect_by_fresnel(device: Device, metal: str) -> None:
         np.testing.assert_allclose(out[:3], (wo * [-1, -1, 1])[:, None] + np.zeros((3, 256)), atol=1e-6)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["oren_nayar 1.0", "conductor 0.5", "glass 0.5", "plastic 0.25"])
 def test_a_white_sphere_in_white_light_is_invisible(device: Device, name: str) -> None:
     """Every way of sampling sees the environment through it; 1e-3 as above."""
@@ -465,7 +465,7 @@ def test_a_white_sphere_in_white_light_is_invisible(device: Device, name: str) -
         assert abs(mean - 1.0) <= 1e-3 + 4.0 * error
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @for_each("integrator", ["path", "direct", "whitted"])
 @for_each("name", ["oren_nayar 0.5", "conductor 0.1", "plastic 0.25"])
 def test_a_point_light_over_a_plane(device: Device, name: str, integrator: str) -> None:

@@ -127,7 +127,7 @@ def test_mixed_scenes_have_the_same_bits_however_they_are_cut(
     assert [mixed.name for mixed in scenes if len(cut(session, folder, mixed, *cuts)) != 1] == []
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     "scenes",
     [(("white", 3),), pytest.param(tuple(product(KINDS, range(40))), marks=pytest.mark.slow)],

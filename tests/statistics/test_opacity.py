@@ -40,7 +40,7 @@ def sheet(z: float, material: str = "sheet") -> dict[str, Any]:
 # --- transmittance ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("opacity", [0.0, 0.1, 0.5, 1.0])
 def test_what_is_seen_through_sheets(evidence: Evidence, studio: Studio, opacity: float) -> None:
     """Of a lamp behind three of them (1 - opacity)^3; the lamp is sampled by what is seen alone."""
@@ -168,6 +168,7 @@ def test_holes_in_a_lamp(evidence: Evidence, studio: Studio, sampling: str) -> N
     evidence.equal("tiles", masked, studio.tiles(under_a_canopy(True, **glow), **settings), rounding=3e-5)
 
 
+@pytest.mark.long
 def test_half_a_lamp_shines_half(evidence: Evidence, studio: Studio) -> None:
     """Opacity scales what a surface sends out: spheres and disks, too."""
     floor = quad([-9.0, -9.0, -2.0], [18.0, 0.0, 0.0], [0.0, 18.0, 0.0], material="white")
@@ -227,6 +228,7 @@ def soup(cutoff: float | None, count: int = 300) -> Scene:
     return described(materials, shapes, camera, sun, {"type": "environment", "radiance": [0.4, 0.5, 0.7]})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cutoff", [None, pytest.param(0.5, marks=_slow)])
 def test_what_is_known_of_holes_changes_no_bit(
     device: Device, monkeypatch: pytest.MonkeyPatch, cutoff: float | None

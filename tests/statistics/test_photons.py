@@ -142,7 +142,7 @@ def means(studio: Studio, what: Scene, **settings: Any) -> npt.NDArray[np.float6
     return mean
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["cornell", "outside"])
 def test_mean_is_that_of_path_tracing(studio: Studio, name: str) -> None:
     what = outside() if name == "outside" else clrender.load(name)
@@ -174,7 +174,7 @@ def test_error_falls_as_it_should(studio: Studio) -> None:
     assert -1.0 < slope < -0.5
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_depth_counts_events_of_path_and_photon_together(studio: Studio) -> None:
     what = clrender.load("cornell")
     for depth in (1, 2, 3):

@@ -81,6 +81,7 @@ LOSSLESS: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", LOSSLESS)
 def test_photons_keep_their_power(evidence: Evidence, device: Device, name: str) -> None:
     """A ball that absorbs nothing before a point light: all that meets it reaches the walls, and that alone is kept.

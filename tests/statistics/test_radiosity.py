@@ -60,7 +60,7 @@ def test_known_form_factors(device: Device, which: str, count: int) -> None:
         assert abs(between(factors, patches, first, second) - exact) < 3.0 * error
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("which", SQUARES)
 def test_hemicubes_agree(device: Device, which: str) -> None:
     """Cells as fine as a 32nd of the face miss by no more than a percent of what a square sends out."""
@@ -114,7 +114,7 @@ def test_reciprocity(device: Device, evidence: Evidence) -> None:
     evidence.equal("flows", forth[:, some], back[:, some])
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_inside_a_sphere_every_patch_sees_every_other_alike(device: Device, evidence: Evidence) -> None:
     """F_ij = A_j / A, whatever i: what one patch sees of the octants."""
     inside = scene([sphere([0, 0, 0], 1.0, material="m", flip_normals=True)], camera=CAMERA, m=lambert(0.5))
@@ -220,7 +220,7 @@ def judged(evidence: Evidence, solved: Any, traced: Any, most: float) -> None:
     evidence.equal("groups", traced[:, lit], solved[:, lit])
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_patches_are_as_bright_as_the_path_tracer_says(device: Device, evidence: Evidence) -> None:
     judged(evidence, *bright(device, clrender.load("room-diffuse"), 4000, 128, 16, 32), 0.008)
 

@@ -62,7 +62,7 @@ MOVES = {
 }
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("name", MOVES)
 def test_an_update_ends_where_a_fresh_start_does(device: Device, name: str) -> None:
     dynamic = DynamicRadiosity(room(), device, SOUGHT)
@@ -113,7 +113,7 @@ def test_what_is_kept_up_to_date_is_what_would_be_found_anew(device: Device) -> 
     dynamic.release()
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_the_same_bits_however_cut(device: Device) -> None:
     """Steps of a shape beside others and inside of one, and of a lamp."""
     sought = RadiositySettings(700, 48, 8, 1e-3, refine=False)
@@ -131,7 +131,7 @@ def test_the_same_bits_however_cut(device: Device) -> None:
     assert found(LaunchConfig(1, 16, traversal="single")) == found(None)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_gathered_frame_shows_what_path_tracing_shows(device: Device) -> None:
     """After a move: direct light of the scene as it is now, and indirect light of the patches brought up to date.
 

@@ -60,7 +60,7 @@ ALONE: dict[str, dict[str, Any]] = {
 FAST = {("quad", "constant"), ("mesh", "constant"), ("sphere", "constant"), ("sphere", "gather"), ("box", "gather")}
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "display"),
     [
@@ -167,7 +167,7 @@ def test_a_textured_shape_takes_its_texture_along(device: Device, tmp_path: Path
     moving.release()
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_light_on_black_texels_is_known(device: Device, tmp_path: Path) -> None:
     """Of patches that reflect no red, too: else the edges of their neighbours would be dark in a smooth display."""
     solution = solve_scene(painted_room(tmp_path), device, RadiositySettings(1500, 32))

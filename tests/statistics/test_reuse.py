@@ -69,7 +69,7 @@ def test_reuse_is_unbiased_behind_glass(evidence: Evidence, studio: Studio) -> N
     compare(evidence, studio, what, 16)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("way", WAYS)
 def test_every_way_of_reuse_is_unbiased(evidence: Evidence, studio: Studio, way: str) -> None:
     compare(evidence, studio, clrender.load("cornell"), 16, **WAYS[way])
@@ -123,6 +123,7 @@ def rich_room(where: Path) -> Scene:
     return scene(shapes, (), camera, **materials).placed("here", where)
 
 
+@pytest.mark.long
 def test_reuse_is_unbiased_around_rough_metal(evidence: Evidence, studio: Studio) -> None:
     """Metal and matt surfaces in one block of sixteen pixels, which share all that they find.
 
@@ -175,7 +176,7 @@ def test_a_furnace_with_walls_of_white_metal(evidence: Evidence, studio: Studio)
     evidence.mean_is("radiance", partitioned_furnace(studio, metal, integrator="reuse"), 5.0, rounding=1e-3)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_an_anchor_that_does_not_see_may_not_be_counted(
     evidence: Evidence, studio: Studio, monkeypatch: pytest.MonkeyPatch
 ) -> None:

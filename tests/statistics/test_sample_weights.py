@@ -69,7 +69,7 @@ def heaviest(device: Device, material: dict[str, Any]) -> float:
     return max(found)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("alpha", [a if a in (0.003, 0.5) else pytest.param(a, marks=pytest.mark.slow) for a in ALPHAS])
 def test_no_sample_of_rough_facets_weighs_much(device: Device, alpha: float) -> None:
     """What meets more than one facet does so near the horizon; chosen by the cosine, such samples weighed 24,000."""

@@ -193,7 +193,7 @@ def agree(first: Floats, second: Floats, usable: npt.NDArray[np.bool_]) -> None:
     np.testing.assert_allclose(first[usable], second[usable], rtol=2e-4)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("origin", ORIGINS, ids=str)
 def test_triangle_light(evidence: Evidence, device: Device, origin: tuple[float, ...]) -> None:
     a, b, c = TRIANGLE

@@ -48,7 +48,7 @@ def test_light_that_nothing_scatters(evidence: Evidence, studio: Studio, thickne
     evidence.mean_is("transmittance", batches(studio, what, spp=256, max_depth=0), float(left @ WEIGHTS))
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("ball", [False, True], ids=["alone", "beside a ball"])
 def test_fog_that_only_absorbs(evidence: Evidence, studio: Studio, ball: bool) -> None:
     """Also where no path is in anything else: a lamp 5 m away, of which each channel keeps e^(-5 absorption)."""
@@ -93,7 +93,7 @@ def test_light_scattered_once(evidence: Evidence, studio: Studio, toward: tuple[
         evidence.mean_is(str(settings), batches(studio, what, spp=64, **settings), float(once @ WEIGHTS))
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("end", [-2.0, None], ids=["wall", "endless"])
 @pytest.mark.parametrize(
     ("height", "density"), [(0.05, 1.0), pytest.param(0.8, 0.1, marks=_slow), pytest.param(3.0, 0.3, marks=_slow)]
@@ -140,7 +140,7 @@ FURNACES: dict[str, list[dict[str, Any]]] = {
 }
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("name", FURNACES)
 def test_what_absorbs_nothing_is_invisible(evidence: Evidence, studio: Studio, name: str) -> None:
     """In a white environment, however it scatters."""
@@ -185,7 +185,7 @@ def test_lights_are_found_alike(evidence: Evidence, studio: Studio, fog: bool) -
     evidence.equal("phase function", by["mis"], by["bsdf"])
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_paths_that_split_in_a_cloud(evidence: Evidence, studio: Studio) -> None:
     """All rays that leave the first point where light scatters leave that point: behind the cloud it is dark."""
     light = {"type": "point", "position": [1.0, 2.0, 4.0], "intensity": [20.0, 20.0, 20.0]}
@@ -203,7 +203,7 @@ def test_a_cloud_is_as_bright_cut_in_two(evidence: Evidence, studio: Studio) -> 
     evidence.equal("tiles", studio.tiles(whole, range(8), spp=64), studio.tiles(cut, range(100, 108), spp=64))
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("integrator", ["path", pytest.param("photon", marks=pytest.mark.slow)])
 def test_light_passes_a_box_of_index_one(evidence: Evidence, studio: Studio, integrator: str) -> None:
     """Shadow rays of a point light go straight through, and photons do not bring that light again."""
@@ -248,7 +248,7 @@ ENDLESS: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("light", "scatters"),
     [

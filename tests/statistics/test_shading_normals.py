@@ -81,7 +81,7 @@ BEHIND = {
 AHEAD = {"position": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0], "vertical_fov": 24.0}
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("material", ["metal", "plastic", "rough"])
 def test_ways_agree_on_a_normal_that_looks_away(
     evidence: Evidence, studio: Studio, tmp_path: Path, material: str
@@ -141,6 +141,7 @@ def test_photons_through_glass_of_few_triangles(studio: Studio, tmp_path: Path) 
     assert photons.max() < 2.0 * paths.max()
 
 
+@pytest.mark.long
 def test_ways_agree_on_glass_of_few_triangles(evidence: Evidence, studio: Studio, tmp_path: Path) -> None:
     """With lamps behind, from which light comes on either side of the surface."""
     what = of(tmp_path, ball(), "rough", AHEAD, *(lamp((2.5 * x, 2.5 * (1 - abs(x)), -2.5), 1.2) for x in (-1, 0, 1)))

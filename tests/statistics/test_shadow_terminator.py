@@ -58,7 +58,7 @@ def of(
     return clrender.load(folder / "scene.json")
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_white_ball_of_few_triangles_shows_all_of_the_sky(studio: Studio, tmp_path: Path) -> None:
     """What is below an interpolated normal's horizon meets the ball again, and comes out later: no light is lost.
 
@@ -72,7 +72,7 @@ def test_a_white_ball_of_few_triangles_shows_all_of_the_sky(studio: Studio, tmp_
     assert plain.mean() < 0.99, "which is not so otherwise"
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_light_ends_where_interpolated_normals_say(studio: Studio, tmp_path: Path) -> None:
     """Lit by the sun, every point of a convex mesh is as bright as its own normal makes it."""
     to_sun = np.array([math.cos(0.3), 0.2, math.sin(0.3)])
@@ -90,7 +90,7 @@ def test_light_ends_where_interpolated_normals_say(studio: Studio, tmp_path: Pat
     assert wrong(offset=True) < 20
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("material", ["grey", "satin", "plastic"])
 def test_ways_agree(evidence: Evidence, studio: Studio, tmp_path: Path, material: str) -> None:
     lamps = [lamp((3.0, 0.5, 0.5), 0.7), lamp((-1.0, 3.0, -1.0), 0.5)]
@@ -110,7 +110,7 @@ def test_photons_find_the_same_light(studio: Studio, tmp_path: Path) -> None:
     assert photons.mean() == pytest.approx(paths.mean(), rel=0.02)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_whitted_agrees_with_direct_light(evidence: Evidence, studio: Studio, tmp_path: Path) -> None:
     lights = [{"type": "point", "position": [3.0, 1.0, 1.0], "intensity": [9.0, 9.0, 9.0]}]
     what = of(tmp_path, "grey", ABOVE, FLOOR, lights=lights)
@@ -126,7 +126,7 @@ def test_no_light_gets_into_a_closed_mesh(studio: Studio, tmp_path: Path) -> Non
         assert (studio.image(what, 32, spp=64, max_depth=6) == 0.0).all()
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("scale", [[-2.0, 2.0, 2.0], [1.0, 1.3, 0.7]], ids=["mirrored", "uneven"])
 def test_instances_are_lit_as_shapes_are(
     evidence: Evidence, studio: Studio, tmp_path: Path, scale: list[float]

@@ -71,7 +71,7 @@ CASES = [
 ]
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(("microfacets", "alpha"), CASES)
 def test_what_facets_return_at_first(device: Device, microfacets: str, alpha: float) -> None:
     once = {"microfacets": microfacets, "multiple_scattering": False}

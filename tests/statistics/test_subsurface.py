@@ -45,7 +45,7 @@ def batches(studio: Studio, what: Scene, **settings: Any) -> Any:
     return [studio.pixels(what, 32, seed=seed, **settings).mean() for seed in range(8)]
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("g", [0.0, pytest.param(0.8, marks=SLOW), -0.6])
 @pytest.mark.parametrize("precise", [False, pytest.param(True, marks=SLOW)], ids=["", "precise"])
 def test_albedo_of_a_flat_piece(evidence: Evidence, studio: Studio, g: float, precise: bool) -> None:

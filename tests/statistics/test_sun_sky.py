@@ -94,7 +94,7 @@ LOOKS = {"middle": 0.0, "half way": 0.5, "near the limb": 0.9, "just outside": 1
 SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("reuse", "photon")]
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("integrator", ["path", "direct", "whitted", *SLOW])
 def test_the_disc_as_it_is_seen(studio: Studio, integrator: str) -> None:
     """By a camera, straight and in a mirror."""
@@ -122,7 +122,7 @@ def test_the_disc_as_it_is_seen(studio: Studio, integrator: str) -> None:
         np.testing.assert_allclose(seen, 0.5 * wanted, rtol=5e-4, err_msg=f"{name}, in a mirror")
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_the_horizon_cuts_the_disc(evidence: Evidence, studio: Studio) -> None:
     elevation = 0.1
     e = math.radians(elevation)
@@ -198,7 +198,7 @@ def glossy(light: dict[str, Any]) -> Scene:
     return scene([metal], [light], camera, metal={"type": "conductor", "metal": "Al", "roughness": 0.12})
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_samples_of_light_and_bsdf_find_the_same_sun(evidence: Evidence, studio: Studio) -> None:
     what = glossy(sun_sky())
     seen = {name: studio.pixels(what, spp=64, sampling=name) for name in ("mis", "light", "bsdf")}

@@ -76,7 +76,7 @@ def placed(what: Scene, folder: Path) -> Scene:
 # --- to the bit -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     "integrator",
     ["path", "whitted", *(pytest.param(name, marks=pytest.mark.slow) for name in ("direct", "reuse", "photon"))],
@@ -334,7 +334,7 @@ def test_lights_are_chosen_by_their_mean_power(tmp_path: Path) -> None:
         np.testing.assert_allclose(row["radiance"][number, :3], exact, atol=0.02)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_small_bright_region_is_found(studio: Studio, tmp_path: Path) -> None:
     """Chosen by power it makes little noise; chosen alike, much."""
     bright = np.full((16, 16, 3), 1e-3, np.float32)
@@ -352,7 +352,7 @@ def test_a_small_bright_region_is_found(studio: Studio, tmp_path: Path) -> None:
 # --- photons ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_photons_carry_the_power_of_the_texture(evidence: Evidence, device: Device) -> None:
     """Inside a sphere that shines inwards nothing is lost: the deposits hold its power, in each channel."""
     checker = {"checker": HALVES, "size": 0.25}

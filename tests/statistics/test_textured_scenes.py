@@ -37,7 +37,7 @@ def lambert(reflectance: Any, **more: Any) -> dict[str, Any]:
     return {"type": "lambert", "reflectance": reflectance, **more}
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(
     "integrator",
     ["path", "whitted", *(pytest.param(name, marks=pytest.mark.slow) for name in ("direct", "reuse", "photon"))],
@@ -166,7 +166,7 @@ def test_layers_show_textures(device: Device, tmp_path: Path) -> None:
     np.testing.assert_allclose(image.aovs["albedo"], np.where(odd[..., None], light, dark), rtol=1e-6)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("each", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_every_parameter_may_be_a_texture(device: Device, tmp_path: Path, each: bool) -> None:
     """Ramps of one value give the bits of the constant, and other textures do not; also below mixtures."""

@@ -111,7 +111,7 @@ def under_a_lamp(gap: float, **lamp: Any) -> Scene:
     return scene(shapes, camera=WITHIN, white=lambert(0.7))
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("way", WAYS)
 def test_a_lamp_in_the_plane_of_a_ceiling_shines(evidence: Evidence, studio: Studio, way: str) -> None:
     """As brightly as a millimetre below it, whose light is that of one in the plane but for less than 1e-3."""
@@ -208,7 +208,7 @@ def test_glass_on_a_floor_shows_the_floor(studio: Studio, floor: str) -> None:
         assert green == 0, f"{turn}, {place}, {size}: {green} pixels show what is below the floor"
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("what", ["glass", "floor", "both", "mirrored"])
 def test_instances_of_glass_on_a_floor_show_the_floor(studio: Studio, what: str) -> None:
     """As above, with the cube, the floor or both in instances of a group in another place, size and orientation."""

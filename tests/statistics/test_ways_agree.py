@@ -39,7 +39,7 @@ WAYS: dict[str, dict[str, Any]] = {
 SLOW = ("four shadow rays", "lights by a tree alone", "termination by material", "shadow and indirect rays")
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("way", [pytest.param(way, marks=pytest.mark.slow) if way in SLOW else way for way in WAYS])
 def test_ways_agree(evidence: Evidence, studio: Studio, way: str) -> None:
     scene = clrender.load("cornell")
