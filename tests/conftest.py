@@ -123,11 +123,17 @@ def _set(variables: dict[str, str | None]) -> None:
 
 
 @pytest.fixture(scope="session")
-def all_devices(cache_folder: Path) -> list[Device]:
-    """Every device that passes the probe, PoCL first where it is installed."""
+def all_devices(request: pytest.FixtureRequest, cache_folder: Path) -> list[Device]:
+    """Every device that passes the probe, PoCL first where it is installed.
+
+    Without the long tests it is the device to test on alone: rusticl compiles for minutes, and the probe's tile has
+    known bits, the same on every driver.
+    """
     from clrender.drivers import select
 
-    return sorted(select("all"), key=lambda device: "pocl" not in device.info.version.lower())
+    every = "not long" not in request.config.getoption("markexpr")
+    named = "all" if every else os.environ.get("CLRENDER_TEST_DEVICE", "pocl")
+    return sorted(select(named), key=lambda device: "pocl" not in device.info.version.lower())
 
 
 @pytest.fixture(scope="session")

@@ -30,6 +30,7 @@ def only_device(device: Device, tmp_path: Path) -> str:
     return str(tmp_path)
 
 
+@pytest.mark.long  # probes all drivers
 def test_devices_lists_the_device_under_test(device: Device) -> None:
     done = run("devices", "--json")
     assert done.returncode == 0, done.stderr
@@ -41,6 +42,7 @@ def test_devices_lists_the_device_under_test(device: Device) -> None:
     assert all(each["compute_units"] > 0 and each["memory_bytes"] > 0 for each in listed)
 
 
+@pytest.mark.long  # probes all drivers
 def test_devices_as_a_table(device: Device) -> None:
     done = run("devices")
     assert done.returncode == 0, done.stderr
@@ -152,6 +154,7 @@ def test_doctor_is_content_with_one_good_driver(only_device: str) -> None:
     assert "FAULT" not in done.stdout
 
 
+@pytest.mark.long
 def test_doctor_names_a_missing_library_beside_a_good_driver(only_device: str) -> None:
     Path(only_device, "broken.icd").write_text("/nowhere/libpocl.so.9\n")
     done = run("doctor", "--json", OCL_ICD_VENDORS=only_device)

@@ -13,6 +13,7 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import click.testing
 import pytest
@@ -24,7 +25,7 @@ from clrender.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
 DEVICE = os.environ.get("CLRENDER_TEST_DEVICE", "pocl")
-FAST = ("README.md", "docs/start.md")
+FAST: dict[str, Any] = {"README.md": (), "docs/start.md": pytest.mark.long}
 """Pages that are read first: run each time. The others are slow."""
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 NO_COMMANDS = ("text", "toml", "python", "json", "{eval-rst}")
@@ -58,7 +59,7 @@ def named(page: Path) -> str:
 
 
 RUN = [
-    pytest.param(page, id=named(page), marks=() if named(page) in FAST else pytest.mark.slow)
+    pytest.param(page, id=named(page), marks=FAST.get(named(page), pytest.mark.slow))
     for page in PAGES
     if any(block.not_run is None and block.language == "console" for block in blocks(page))
 ]
@@ -122,6 +123,7 @@ def ran(arguments: list[str]) -> tuple[int, str]:
 
 
 @pytest.mark.thorough
+@pytest.mark.usefixtures("only_driver")
 @pytest.mark.parametrize("page", RUN)
 def test_the_commands_of_a_page_do_what_it_says(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -175,7 +175,7 @@ def test_a_benchmark_beside_peers_plots_all_of_them() -> None:
     assert "S1  mitsuba" in page and "30.000" in page and "S1  embree" not in page
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_sentences_fit_the_width_of_a_phone(tmp_path: Path) -> None:
     words = "a sentence of many words, which is wider than the page of a phone is, and goes on"
     numbers = Table(words, ["name"] + [f"column {i}" for i in range(30)], [["x"] + ["0.123456"] * 30])

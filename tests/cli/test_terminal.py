@@ -222,6 +222,7 @@ def test_bad_input_is_a_plain_line_also_beside_json(tmp_path: Path) -> None:
 # --- a first scene ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_first_scene_renders_at_once(tmp_path: Path) -> None:
     made = call("new", "my scenes", folder=tmp_path)
     assert made.returncode == 0 and not made.stderr

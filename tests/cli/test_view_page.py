@@ -406,6 +406,7 @@ def test_the_reply_of_a_probe_is_not_lost_among_cameras(browser: Any, server: Se
         assert answered == 1
 
 
+@pytest.mark.long
 def test_a_camera_is_sent_at_once_and_then_once_a_screen_frame(browser: Any, server: Server) -> None:
     with view_of(browser, server, "sent") as view:
         view.wait("view.picture.frame() !== undefined")

@@ -223,6 +223,7 @@ def survive(folder: Path, count: int) -> None:
     assert 0 < len(draft.pictures) < count and len(draft.pictures) + draft.left_out == count
 
 
+@pytest.mark.long
 @needs_basis
 def test_damaged_files_harm_nothing(tmp_path: Path) -> None:
     survive(tmp_path, 20)

@@ -101,6 +101,7 @@ def test_the_bits_are_those_of_a_render_here(local: DaskCluster, here: Session, 
         assert each["host"].startswith("worker ") and each["driver"] and each["type"] == "cpu"
 
 
+@pytest.mark.long
 def test_only_this_machine_reaches_a_local_cluster(local: DaskCluster) -> None:
     """Neither its ports nor the pages that Dask serves about each process."""
     me = psutil.Process()
@@ -110,6 +111,7 @@ def test_only_this_machine_reaches_a_local_cluster(local: DaskCluster) -> None:
     assert set(listening) == {"127.0.0.1"}
 
 
+@pytest.mark.long
 def test_a_session_without_a_device_uses_a_cluster(local: DaskCluster) -> None:
     with Session("no such device") as session:
         assert not session.render(clrender.load("room"), spp=16, size=SIZE, cluster=local).interrupted

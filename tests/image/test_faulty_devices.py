@@ -189,6 +189,7 @@ main()
 """
 
 
+@pytest.mark.long
 def test_a_program_with_a_thread_that_hangs_ends(device: Device, tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", HANGS, str(tmp_path / "a.png")],
@@ -247,6 +248,7 @@ def test_a_checkpoint_keeps_nothing_of_a_liar(device: Device, tmp_path: Path) ->
     assert last.image.stats["image_sha256"] == share(honest, spp=256).image.stats["image_sha256"]
 
 
+@pytest.mark.long
 def test_layers_that_a_liar_may_have_made_are_made_again(device: Device) -> None:
     truth = share(FaultyDevice(device), aov=("albedo", "depth")).image
     lie = Lie()

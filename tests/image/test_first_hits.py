@@ -232,6 +232,7 @@ def test_shapes_without_a_material_are_of_none(device: Device) -> None:
     assert same(found["object"], 0.0) and same(found["material"], -1.0)
 
 
+@pytest.mark.long
 def test_a_material_in_several_media_is_one(device: Device) -> None:
     what = scene([wall(-9.0, material="red"), wall(-8.0, material="red")]).model_dump(exclude_unset=True)
     what["media"] = {"smoke": {"scattering": [0.1, 0.1, 0.1]}}

@@ -59,6 +59,7 @@ def test_pictures_stand_upright_and_unlit_shows_their_colours(device: Device, tm
     np.testing.assert_allclose(quarters(seen(tmp_path, device, model)) * 255.0, [RED, GREEN, BLUE, WHITE], atol=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("transform", "expected"),
     [
@@ -213,6 +214,7 @@ def test_metals_and_plastics_in_even_light(device: Device, tmp_path: Path) -> No
         assert seen(tmp_path, device, model, spp=64).mean() == pytest.approx(expected, abs=0.025)
 
 
+@pytest.mark.long
 def test_a_normal_map_turns_the_normal_as_geometry_does(device: Device, tmp_path: Path) -> None:
     """Green is up in the picture: a surface that leans up by 30 degrees, by map and by rotation, lit from above."""
     found = []
@@ -326,6 +328,7 @@ def test_transmission_shows_what_is_behind_in_the_base_colour(device: Device, tm
     np.testing.assert_allclose(image.mean(axis=(0, 1)), expected, rtol=0.02, atol=1e-3)
 
 
+@pytest.mark.long
 def test_anisotropy_turns_from_tangents(device: Device, tmp_path: Path) -> None:
     """A brushed metal in slanting light: tangents and rotations that mean the same direction show the same."""
 

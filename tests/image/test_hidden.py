@@ -53,6 +53,7 @@ def meets(device: Device, scene: dict[str, Any], shape: int) -> tuple[Any, Any]:
     return np.logical_and.reduce(around), ~np.logical_or.reduce(around)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("integrator", ["path", "direct", "reuse", pytest.param("photon", marks=pytest.mark.slow)])
 def test_a_hidden_lamp_lights_the_scene_as_before(device: Device, integrator: str) -> None:
     more = {"photons": 512} if integrator == "photon" else {}
@@ -95,6 +96,7 @@ def test_a_hidden_surface_with_a_texture_and_no_other_parameters(device: Device)
     assert (hidden[without] == seen[without]).all()
 
 
+@pytest.mark.long
 def test_a_hidden_sun_and_sky(device: Device) -> None:
     scene = described()
     scene["lights"] = [{"type": "sun_sky", "sun_direction": [0.0, 0.25, -1.0], "scale": 0.01}]
@@ -106,6 +108,7 @@ def test_a_hidden_sun_and_sky(device: Device) -> None:
     assert (hidden[within] == seen[within]).all()
 
 
+@pytest.mark.long
 def test_a_hidden_instance_is_in_the_mirror_and_shades_the_floor(device: Device) -> None:
     seen, hidden = (rendered(device, described(lamp, group=True)).linear for lamp in (True, False))
     within, without = meets(device, described(), LAMP)

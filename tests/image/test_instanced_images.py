@@ -149,6 +149,7 @@ def test_spheres_disks_and_boxes(device: Device, pictures: Path, material: str) 
     agree(scene(pictures, *shapes, similar=True), device)
 
 
+@pytest.mark.long
 def test_lights_of_instances(device: Device, pictures: Path) -> None:
     lamp = {"type": "sphere", "center": [0.0, 0.9, 0.0], "radius": 0.15, "emission": [8.0, 6.0, 4.0]}
     agree(scene(pictures, ball(material="lambert"), lamp, similar=True, lights=()), device)

@@ -37,6 +37,7 @@ def layer(device: Device, what: Scene, name: str, spp: int = 64) -> npt.NDArray[
         return session.render(what, size=(16, 12), aov=(name,), spp=spp).aovs[name].astype(np.float64)
 
 
+@pytest.mark.long
 def test_albedo_of_a_texture_is_that_of_its_points(device: Device) -> None:
     checker = {"type": "lambert", "reflectance": {"checker": [0.2, [0.9, 0.5, 0.1]], "size": 0.0625}}
     what = scene([wall(-2.0)], m=checker)
@@ -76,6 +77,7 @@ ROUGH: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ROUGH)
 def test_albedo_of_rough_materials_is_what_they_reflect_and_pass(device: Device, name: str) -> None:
     """Under a white sky a surface alone is as bright as that share.

@@ -63,6 +63,7 @@ def test_the_image_is_the_same(device: Device, gpu: LikeGpu, scene: str, setting
     assert {local for _, _, local in gpu.launched} == {gpu.group}
 
 
+@pytest.mark.long
 def test_other_groups_may_be_asked_for(device: Device, gpu: LikeGpu) -> None:
     from image_support import Cutting
 
@@ -137,6 +138,7 @@ def test_memory_of_a_launch_is_a_share_of_the_devices(worker: DeviceWorker, gpu:
     assert worker._room() < 1 << 20
 
 
+@pytest.mark.long
 def test_only_processors_are_told_to_prefetch(device: Device, gpu: LikeGpu) -> None:
     """Compilers of GPUs refuse it, also where a work-item has several lanes."""
     settings = np.zeros(1, layout.dtype("Settings"))

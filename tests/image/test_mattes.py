@@ -111,6 +111,7 @@ def test_the_pixel_filter_decides_where_samples_lie(device: Device) -> None:
 ONE: tuple[int, int, int | None] = (1, 64, None)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("lanes", "tile", "passes"), [ONE, (4, 8, 1), (16, 16, 3)])
 def test_the_same_bits_however_the_work_is_cut(
     device: Device, lanes: int, tile: int, passes: int | None, monkeypatch: pytest.MonkeyPatch

@@ -67,6 +67,7 @@ def test_a_limit_is_kept_and_changes_no_bit(device: Device, scene: str, how: dic
     assert held.devices[0].memory_limit is None, "and it is over with the render"
 
 
+@pytest.mark.long
 def test_the_limit_decides_how_much_a_device_takes(device: Device) -> None:
     """Or the test above says nothing: without it, the sums of a unit alone take 6.5 MiB here."""
     free, held = Watched(device), Watched(device)

@@ -107,6 +107,7 @@ def test_pictures_stand_upright_or_on_their_heads(device: Device, tmp_path: Path
     np.testing.assert_allclose(image[1, 6], (1, 0, 0), atol=1e-5)  # u = 0, v = 1
 
 
+@pytest.mark.long
 def test_turned_environments(device: Device, tmp_path: Path) -> None:
     """A map whose half at +y is bright, turned so that this comes to +z: it lights a plane that faces +z."""
     sky = np.zeros((32, 64, 3), np.float32)

@@ -69,6 +69,7 @@ def test_textures_in_every_number_of_lanes_and_on_every_driver(all_devices: list
         assert len(made) == 1, display
 
 
+@pytest.mark.long
 def test_what_decides_the_picture(device: Device, expected: dict[str, str]) -> None:
     changed = [
         render(device, "constant", **change).stats["image_sha256"]

@@ -510,7 +510,7 @@ def test_an_interrupted_render_ended_later(all_devices: list[Device], expected: 
     assert image_sha256(film.mean()) == expected["bumpy"]
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_shards_on_two_drivers_merge_to_the_image(all_devices: list[Device]) -> None:
     job = clrender.RenderJob.of(clrender.load("room"), **LITTLE)
     films = []

@@ -136,6 +136,7 @@ def built(**content: Any) -> Scene:
     return Scene.model_validate({"camera": CAMERA, **content})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("radiance", [None, 0.75])
 @pytest.mark.parametrize("integrator", ["path", "whitted"])
 def test_nothing_at_all(

@@ -447,6 +447,7 @@ def test_time_ends_a_long_render(device: Device) -> None:
     assert image.interrupted and image.film.samples > 0 and image.stats["wall_seconds"] < 10.0
 
 
+@pytest.mark.long
 def test_reading_and_flattening_are_told_apart(device: Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A mesh that a scene made in code names is read by its first render, before that flattens it."""
     rng = np.random.default_rng(4)

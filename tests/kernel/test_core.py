@@ -128,6 +128,7 @@ def near_zero_products(rng: np.random.Generator, n: int) -> Floats:
     return scaled
 
 
+@pytest.mark.long
 def test_inner_and_difference_of_products(all_devices: list[Device]) -> None:
     """Against exact fractions.
 

@@ -279,6 +279,7 @@ def test_every_driver_gives_the_same_bits(all_devices: list[Device], mixed: Case
     assert all(same(each, hits[0]) for each in hits)
 
 
+@pytest.mark.long
 def test_lanes_that_are_not_traced_stay_as_they_are(device: Device, mixed: Case) -> None:
     rays = mixed.rays
     off = np.random.default_rng(24).uniform(size=len(rays)) < 0.4

@@ -190,6 +190,7 @@ def test_spheres_and_disks_of_instances(device: Device) -> None:
         assert np.abs(instanced[name][near] - flattened[name][near]).max() < most, name
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("away", [0.0, 3000.0])
 def test_a_ray_that_leaves_an_instance_does_not_meet_it_again(device: Device, away: float) -> None:
     """Its point is within its error of the surface that rays find: a ray from there, out along the normal, is free."""

@@ -104,6 +104,7 @@ class Miscompiling(Device):
         return super().program(entry, {**(defines or {}), **spoilt}, samples)
 
 
+@pytest.mark.long
 def test_the_probe_finds_a_driver_that_spoils_small_code(device: Device) -> None:
     assert probe_hash(device) == expected_hash()
     other = Miscompiling(device.info, device._handle)

@@ -216,6 +216,7 @@ def test_a_tree_beyond_what_references_reach_is_refused(device: Device, monkeypa
         pass
 
 
+@pytest.mark.long
 def test_a_renderer_has_the_stack_that_a_deep_tree_needs(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """`BVH_STACK` grows with the tree; for a usual one it stays as it is, or each scene would be compiled for."""
     asked: list[Mapping[str, int | str]] = []

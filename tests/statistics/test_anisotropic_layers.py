@@ -55,6 +55,7 @@ def test_plastic(device: Device, strength: float, alpha: float) -> None:
     assert worst(device, principled(alpha, anisotropy=strength), True, 620_000) <= 0.04
 
 
+@pytest.mark.long
 def test_glass_is_reciprocal(device: Device) -> None:
     material, squared = principled(0.1, transmission=1.0, anisotropy=0.7), 1.5**2
     wo, wi, turned = directions(630, 4096), directions(631, 4096), np.array([1.0, 1.0, -1.0])

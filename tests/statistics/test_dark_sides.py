@@ -72,7 +72,7 @@ def lit_by(name: str, flipped: bool = False) -> Scene:
     return scene([surface, emitter], (), camera, white=lambert(0.8))
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("way", WAYS)
 def test_dark_sides_are_black(studio: Studio, way: str) -> None:
     for name in EMITTERS:

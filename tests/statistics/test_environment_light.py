@@ -136,6 +136,7 @@ def test_neighbouring_numbers_give_neighbouring_directions(device: Device) -> No
     assert np.ptp(across[1]) < 1e-6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sampling", ["mis", "light", "bsdf"])
 def test_an_even_picture_is_a_constant_environment(evidence: Evidence, studio: Studio, sampling: str) -> None:
     for name in ("constant 3 x 2", "one pixel"):
@@ -164,6 +165,7 @@ def test_irradiance(evidence: Evidence, studio: Studio, normal: tuple[float, ...
         evidence.mean_is(sampling, seen, exact, rounding=1e-4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("light_sampler", ["power", "bvh"])
 def test_beside_another_light(evidence: Evidence, studio: Studio, light_sampler: str) -> None:
     pixels = PICTURES["wild"] * 0.1

@@ -168,6 +168,7 @@ def test_signs_do_not_bias_paths(evidence: Evidence, studio: Studio, settings: d
     evidence.mean_is(str(settings), batches, 5.0)
 
 
+@pytest.mark.long
 def test_shared_light_has_the_sign_of_the_pixel_that_gets_it(evidence: Evidence, studio: Studio) -> None:
     """A black and a white wall side by side, half of whose light is reflected before: shared, or by paths alone."""
     walls = [quad([x, -1.0, -1.0], [1, 0, 0], [0, 2, 0], material=m) for x, m in ((-1.0, "black"), (0.0, "white"))]

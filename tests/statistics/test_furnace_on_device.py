@@ -132,6 +132,7 @@ def test_mixtures_are_the_mean_of_their_parts(device: Device) -> None:
     surfaces.release()
 
 
+@pytest.mark.long
 def test_a_mixture_has_no_faults(device: Device) -> None:
     """One point alone would be no mixture, and which one is met would hang on rounding: it would not be reciprocal."""
     mixed = {"type": "mix", "materials": ["clay", "gold"], "weight": 0.4}

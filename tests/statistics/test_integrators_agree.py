@@ -46,6 +46,7 @@ def test_all_integrators_agree_by_default(device: Device) -> None:
     judged(compared(device, spp=512), 0.04, 0.0008)
 
 
+@pytest.mark.long
 def test_patches_alone_do_not_agree(device: Device) -> None:
     """The same test fails what it should: patches shown as they are."""
     settings: dict[str, Any] = {"size": (64, 64), "spp": 96, "batches": 8, "patches": 1000, "patch_rays": 48}

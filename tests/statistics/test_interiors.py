@@ -47,6 +47,7 @@ def drink() -> tuple[Scene, Scene]:
     return on_a_table(by_priority(), glass=GLASS, water=WATER), on_a_table(shapes, **materials)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "integrator", ["path", *(pytest.param(i, marks=pytest.mark.slow) for i in ("whitted", "direct"))]
 )
@@ -167,6 +168,7 @@ def test_a_lens_that_cuts_a_medium(evidence: Evidence, studio: Studio) -> None:
     evidence.mean_is("pixels", studio.pixels(what, 16, spp=16), half)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("more", [{}, {"priority": 0}, SOLID], ids=["plain", "priority", "principled"])
 def test_absorbing_slab(evidence: Evidence, studio: Studio, more: dict[str, Any]) -> None:
     # t (1 - R)² / (1 - R² t²) of light that shines straight through: all reflections inside, each way with
@@ -220,6 +222,7 @@ def test_lamp_and_floor_under_water(evidence: Evidence, studio: Studio, integrat
     every_pixel(evidence, studio, what, exact, integrator=integrator, max_depth=1)
 
 
+@pytest.mark.long
 def test_mist(evidence: Evidence, studio: Studio) -> None:
     # A ball of index 1 that absorbs does not bend light: e^(−σ r) to its middle, and twice as far through it.
     sigma, radius = 0.8, 0.5

@@ -113,6 +113,7 @@ def test_intensity_of_an_ies_file(device: Device, tmp_path: Path, name: str) -> 
     assert (exact > 0.0).mean() > 0.3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", LAMPS)
 def test_flux_of_an_ies_file(studio: Studio, tmp_path: Path, name: str) -> None:
     """What arrives on a sphere about the lamp, all of it seen from its middle, is what the file says: within 0.2 %."""

@@ -265,6 +265,7 @@ def check_glass(device: Device, alpha: float, ior: float, cosine: float, seed: i
     assert abs(mean - 1.0) <= 1e-3 + 4.0 * error
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("alpha", [0.0011, 0.0015, 0.003, 0.012])
 def test_smooth_metals_send_all_light_back_at_grazing_angles(device: Device, alpha: float) -> None:
     """Where the cosine is about as large as alpha, they lose a tenth at first, and return it to other such cosines.

@@ -48,6 +48,7 @@ def test_what_is_seen_through_sheets(evidence: Evidence, studio: Studio, opacity
     evidence.mean_is("lamp", studio.pixels(what, 32, spp=64), (1.0 - opacity) ** 3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_shadow_of_sixty_four_sheets(evidence: Evidence, studio: Studio, integrator: str) -> None:
     """Nothing is left to chance: each takes its share of what a light sends through."""

@@ -26,6 +26,7 @@ LIGHTS: dict[str, tuple[dict[str, Any], float]] = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", LIGHTS)
 def test_deposits_carry_the_power_of_the_light(evidence: Evidence, device: Device, name: str) -> None:
     """A photon of power P arrives P albedo**k after k events; those with none are not kept. The light is black."""

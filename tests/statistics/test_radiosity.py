@@ -47,6 +47,7 @@ def between(factors: FormFactors, patches: Any, first: int, second: int) -> floa
 # --- form factors ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("count", [4, 64])
 @pytest.mark.parametrize("which", SQUARES)
 def test_known_form_factors(device: Device, which: str, count: int) -> None:
@@ -94,6 +95,7 @@ def test_in_closed_rooms_all_that_leaves_arrives(device: Device, name: str) -> N
     assert sums.min() >= 1.0 - 1e-12 and sums.max() <= 1.0 + 1e-12
 
 
+@pytest.mark.long
 def test_reciprocity(device: Device, evidence: Evidence) -> None:
     """A_i F_ij = A_j F_ji between the walls and all that stands in the room."""
     tables = []

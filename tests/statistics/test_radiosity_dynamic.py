@@ -79,6 +79,7 @@ def test_an_update_ends_where_a_fresh_start_does(device: Device, name: str) -> N
     dynamic.release()
 
 
+@pytest.mark.long
 def test_there_and_back_again(device: Device) -> None:
     dynamic = DynamicRadiosity(room(), device, SOUGHT)
     count = len(room().shapes)

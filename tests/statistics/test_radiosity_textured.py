@@ -100,6 +100,7 @@ def seen_and_exact(studio: Studio, where: Path, name: str, patches: int, display
     return made, exact
 
 
+@pytest.mark.long
 def test_all_light_is_absorbed(device: Device, evidence: Evidence, tmp_path: Path) -> None:
     """In a closed box what the walls send out equals what they keep, in each channel, whatever is painted on them."""
     write_image(tmp_path / "p.exr", PICTURE)

@@ -144,6 +144,7 @@ def test_reuse_is_unbiased_around_rough_metal(evidence: Evidence, studio: Studio
     evidence.equal("pixels", path, studio.tiles(what, range(1000, 1012), integrator="reuse", **block))
 
 
+@pytest.mark.long
 def test_what_metal_sends_into_one_direction_is_not_shared(evidence: Evidence, studio: Studio) -> None:
     """A lamp that turns its back on the floor, and a metal wall that mirrors it to some places of the floor only."""
     metal = {"type": "conductor", "f0": [0.9, 0.9, 0.9], "roughness": 0.4}
@@ -193,6 +194,7 @@ def test_an_anchor_that_does_not_see_may_not_be_counted(
         evidence.mean_is("radiance", tiles, 5.0)
 
 
+@pytest.mark.long
 def test_sharing_lessens_noise_where_light_is_diffuse(studio: Studio) -> None:
     box = clrender.load("cornell")
     reference = studio.image(box, 32, spp=4096)[8:]  # without the light: its edges are not what is shared

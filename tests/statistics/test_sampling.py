@@ -213,6 +213,7 @@ def test_triangle_light(evidence: Evidence, device: Device, origin: tuple[float,
     even(evidence, "points", both**2, weights[1] / np.where(both > 0.0, both, 1.0))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("origin", ORIGINS, ids=str)
 def test_disk_light(evidence: Evidence, device: Device, origin: tuple[float, ...]) -> None:
     center, normal, radius = np.array([0.2, 1.5, 0.1]), np.array([0.3, -1.0, 0.2]), 0.7

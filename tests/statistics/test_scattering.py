@@ -40,6 +40,7 @@ def batches(studio: Studio, what: Scene, **settings: Any) -> Any:
     return [studio.pixels(what, 32, seed=seed, **settings).mean() for seed in range(8)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("thickness", [0.01, 0.5, 3.0])
 def test_light_that_nothing_scatters(evidence: Evidence, studio: Studio, thickness: float) -> None:
     """Through a slab comes e^(-(absorption + scattering) d)."""
@@ -173,6 +174,7 @@ def in_smoke(lamp: bool, fog: bool = False) -> Scene:
     return described(shapes, [] if lamp else [point], BESIDE, media=media, materials={"matt": lambert(0.7)}, **more)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("fog", [False, True], ids=["cloud", "fog"])
 def test_lights_are_found_alike(evidence: Evidence, studio: Studio, fog: bool) -> None:
     """By samples of lights, which pass the cloud's surface, of the phase function, and of both."""

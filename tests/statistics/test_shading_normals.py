@@ -93,6 +93,7 @@ def test_ways_agree_on_a_normal_that_looks_away(
     evidence.equal("bsdf", seen["bsdf"], seen["mis"])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("material", ["glass", "ranked", "thin"])
 def test_smooth_glass_of_few_triangles_loses_no_light(studio: Studio, tmp_path: Path, material: str) -> None:
     """Below a white sky every path that comes out again brings 1; few are caught by total reflection."""

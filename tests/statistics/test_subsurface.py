@@ -109,6 +109,7 @@ PROGRAMS = ("below rough glass", "two kinds by priority", "in a cloud")
 """Those that need a program of their own, compiled for them alone."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[SLOW] if n in PROGRAMS else []) for n in FURNACES])
 def test_what_absorbs_nothing_is_invisible(evidence: Evidence, studio: Studio, name: str) -> None:
     """In a white environment, whatever it looks like elsewhere."""
@@ -219,6 +220,7 @@ def lantern(ior: float | None = None) -> Scene:
     return scene(shapes, [], BESIDE, wax=wax)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ior", [None, 1.3])
 def test_a_lamp_inside(evidence: Evidence, studio: Studio, ior: float | None) -> None:
     """Then light is sampled on walks, too."""
@@ -261,6 +263,7 @@ def test_walks_are_dark_unless_something_shines_inside(device: Device) -> None:
     assert stats["rays"] > 5 * stats["samples"] and 0 < stats["shadow_rays"] <= stats["samples"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("more", [{}, {"ior": 1.4}, pytest.param({"ior": 1.4, "roughness": 0.4}, marks=SLOW)], ids=str)
 def test_the_layer_shows_the_albedo(device: Device, more: dict[str, Any]) -> None:
     camera = {**STRAIGHT, "height": 0.1}

@@ -172,7 +172,7 @@ def test_beside_another_light(evidence: Evidence, studio: Studio, light_sampler:
         evidence.mean_is(sampling, seen, exact / math.pi, rounding=1e-4)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize("integrator", ["path", pytest.param("photon", marks=pytest.mark.slow)])
 def test_beside_a_lamp_of_an_ies_file(evidence: Evidence, studio: Studio, tmp_path: Path, integrator: str) -> None:
     """Both keep tables in one array, and no lane reads a table that is not its light's."""

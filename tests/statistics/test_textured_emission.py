@@ -148,6 +148,7 @@ def test_the_same_bits_in_any_lanes(device: Device, tmp_path: Path, integrator: 
 # --- seen directly ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "integrator",
     ["path", "whitted", *(pytest.param(name, marks=pytest.mark.slow) for name in ("direct", "reuse", "photon"))],

@@ -270,6 +270,7 @@ def test_a_label_on_glass_is_seen_from_both_sides(studio: Studio, turn: list[flo
 HAZE = {"scattering": [0.3, 0.2, 0.1], "g": 0.3}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["box", "sphere", "turned box"])
 def test_haze_that_fills_a_room_is_lossless(evidence: Evidence, studio: Studio, kind: str) -> None:
     """In a furnace haze that absorbs nothing changes nothing: walls of albedo 0.5 that send out 1 look like 2."""

@@ -47,6 +47,7 @@ def test_ways_agree(evidence: Evidence, studio: Studio, way: str) -> None:
     evidence.equal("tiles", plain, studio.tiles(scene, range(100, 116), **{"spp": 32, **WAYS[way]}))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("way", ["two shadow rays", "lights alone"])
 def test_ways_agree_on_direct_light(evidence: Evidence, studio: Studio, way: str) -> None:
     scene = clrender.load("room")

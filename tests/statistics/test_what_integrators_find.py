@@ -118,7 +118,7 @@ def test_the_page_has_a_cell_for_each() -> None:
     assert set(CELLS) == {(light, name) for light in LIGHT for name in INTEGRATORS}
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 @pytest.mark.parametrize(("light", "name"), list(CELLS), ids=[f"{light}-{name}" for light, name in CELLS])
 def test_cell(studio: Studio, light: str, name: str) -> None:
     what, exact = LIGHT[light]()
