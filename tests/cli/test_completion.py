@@ -68,7 +68,7 @@ def test_commands_scenes_options_settings_and_devices(command: Path, shell: str)
     assert completed(command, shell, "clrender", "completion", "f") == ["fish"]
 
 
-@pytest.mark.thorough
+@pytest.mark.long  # probes all drivers
 def test_devices_by_index(command: Path) -> None:
     listed = call("devices", "--json")
     assert listed.returncode == 0
