@@ -126,8 +126,8 @@ def _set(variables: dict[str, str | None]) -> None:
 def all_devices(request: pytest.FixtureRequest, cache_folder: Path) -> list[Device]:
     """Every device that passes the probe, PoCL first where it is installed.
 
-    Without the long tests it is the device to test on alone: rusticl compiles for minutes, and the probe's tile has
-    known bits, the same on every driver.
+    Without the long tests, the device to test on alone: rusticl compiles for minutes, and the probe's tile has known
+    bits, the same on every driver.
     """
     from clrender.drivers import select
 

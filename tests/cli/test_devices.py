@@ -100,6 +100,7 @@ def test_another_program_may_have_used_pyopencl_before(device: Device) -> None:
     assert "hash" in done.stdout
 
 
+@pytest.mark.long  # two drivers
 def test_only_the_drivers_that_are_wanted_are_loaded(all_devices: list[Device]) -> None:
     libraries = list({device.info.library: device.info for device in all_devices}.values())
     if len(libraries) < 2:

@@ -343,6 +343,7 @@ def test_rich_scenes_by_those_that_share(all_devices: list[Device], scene: str, 
             assert sha(scene, [device], cutting, spp=5, **settings) == wanted, f"{cutting} on {device.info.title}"
 
 
+@pytest.mark.long  # two drivers
 def test_no_more_lanes_than_a_driver_can_compile(all_devices: list[Device]) -> None:
     """Where its compiler would go on until memory ends, an error says so at once."""
     limited = [device for device in all_devices if GPU_LIKE in device.info.platform]
