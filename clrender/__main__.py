@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import gc
+import os
+import signal
 import sys
+from types import FrameType
 from typing import Final
 
 __all__ = ["main"]
@@ -15,6 +18,9 @@ COLLECT_EVERY: Final = 50_000
 def main() -> None:
     """Load the command line and run it."""
     gc.set_threshold(COLLECT_EVERY)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _end)
     try:
         from clrender.cli import main as command
         from clrender.cli.streams import guard_streams
@@ -34,6 +40,11 @@ def main() -> None:
         # If Ctrl-C interrupts code compiled from a string, as in dataclasses, CPython remembers it although it was
         # caught, and ends the process by the signal instead of the exit code. Running more such code resets this.
         exec("")
+
+
+def _end(number: int, _frame: FrameType | None) -> None:
+    """End the process by a signal. While modules load there is nothing to clean up, and an exception may be lost."""
+    os._exit(128 + number)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ import click
 from click.shell_completion import CompletionItem
 
 import clrender
-from clrender.cli.interrupt import INTERRUPTED, TERMINATED, Terminated, terminable
+from clrender.cli.interrupt import INTERRUPTED, TERMINATED, Terminated, raising_signals
 from clrender.cli.streams import ReaderLeft
 from clrender.errors import ClrenderError
 from clrender.limits import nearest
@@ -105,7 +105,7 @@ class _Commands(click.Group):
         if not standalone_mode:
             return super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
         try:
-            with terminable():
+            with raising_signals():
                 code = super().main(args, prog_name or "clrender", complete_var, standalone_mode=False, **extra)
             sys.stdout.flush()
         except ClrenderError as error:

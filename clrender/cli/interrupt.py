@@ -1,20 +1,27 @@
-"""Ctrl-C and SIGTERM: the first asks a render to stop and keep its image, the second ends the program."""
+"""Ctrl-C and SIGTERM: the first asks a render to stop and keep its image, the second ends the program.
+
+Outside of renders a signal raises an exception, so that clean-up code runs. Python drops an exception that is raised
+within a finalizer or a callback of the garbage collector, and a library may catch it; then the program is ended without
+clean-up code.
+"""
 
 from __future__ import annotations
 
+import _thread
 import os
 import signal
 import socket
 import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from types import FrameType
+from typing import NoReturn
 
 from clrender.cli.crash_message import CrashMessage
 from clrender.files.access import remove_temporaries
 
-__all__ = ["INTERRUPTED", "TERMINATED", "Interrupt", "Terminated", "interruptible", "terminable"]
+__all__ = ["INTERRUPTED", "TERMINATED", "Interrupt", "Terminated", "interruptible", "raising_signals"]
 
 INTERRUPTED = 130
 """Exit code of a program ended by SIGINT (Ctrl-C)."""
@@ -23,10 +30,12 @@ TERMINATED = 143
 
 _PATIENCE = 0.6
 """Seconds that the program has to notice a signal before there is an image to keep."""
+_CLEAN_UP = 3.0
+"""Seconds from the exception that a signal raises to the end of the command."""
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM was received in a block of `terminable`."""
+    """SIGTERM was received in a block of `raising_signals`."""
 
 
 class Interrupt:
@@ -66,35 +75,73 @@ class Interrupt:
         if not self.has_picture.wait(_PATIENCE):
             self._end("interrupted before the first sample; nothing was written")
 
-    def _end(self, message: str) -> None:
-        """Exit at once, whatever the main thread is doing."""
-        remove_temporaries()
-        # Not imported here: the main thread may be importing it right now.
-        leave = getattr(sys.modules.get("clrender.device.program_cache"), "leave", None)
-        if leave is not None:
-            leave()
+    def _end(self, message: str) -> NoReturn:
         self.crash_message.cancel()
-        sys.stderr.write(f"\nerror: {message}\n")
-        sys.stderr.flush()
-        os._exit(self.exit_code)
+        _leave(message, self.exit_code)
+
+
+def _leave(message: str, exit_code: int) -> NoReturn:
+    """Exit at once, whatever the main thread is doing."""
+    remove_temporaries()
+    # Not imported here: the main thread may be importing it right now.
+    leave = getattr(sys.modules.get("clrender.device.program_cache"), "leave", None)
+    if leave is not None:
+        leave()
+    sys.stderr.write(f"\nerror: {message}\n")
+    sys.stderr.flush()
+    os._exit(exit_code)
 
 
 @contextmanager
-def terminable() -> Iterator[None]:
-    """Convert SIGTERM to `Terminated` while the block runs, so that clean-up code runs; only in the main thread."""
-    main = threading.current_thread() is threading.main_thread()
-    if not main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+def raising_signals() -> Iterator[None]:
+    """Convert SIGINT and SIGTERM to KeyboardInterrupt and `Terminated` while the block runs; only in the main thread.
+
+    The block must end soon after the exception, or the process is ended: at once if Python reports that it dropped the
+    exception, otherwise after some seconds.
+    """
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
+    done = threading.Event()
 
-    def end(_number: int, _frame: FrameType | None) -> None:
-        raise Terminated
+    def watch(exit_code: int) -> None:
+        if not done.wait(_CLEAN_UP):
+            _leave("interrupted.", exit_code)
 
-    signal.signal(signal.SIGTERM, end)
+    def handle(number: int, _frame: FrameType | None) -> None:
+        # A `threading.Thread` takes locks that the interrupted code may hold.
+        with suppress(RuntimeError):
+            _thread.start_new_thread(watch, (128 + number,))
+        raise Terminated if number == signal.SIGTERM else KeyboardInterrupt
+
+    def dropped(unraisable: sys.UnraisableHookArgs) -> None:
+        if issubclass(unraisable.exc_type, KeyboardInterrupt):
+            _leave("interrupted.", TERMINATED if issubclass(unraisable.exc_type, Terminated) else INTERRUPTED)
+        report(unraisable)
+
+    report = sys.unraisablehook
+    with _handlers(handle):
+        sys.unraisablehook = dropped
+        try:
+            yield
+        finally:
+            sys.unraisablehook = report
+            done.set()
+
+
+@contextmanager
+def _handlers(handler: Callable[[int, FrameType | None], None]) -> Iterator[list[signal.Signals]]:
+    """Handle SIGINT and SIGTERM by a function while the block runs, which is given those that are not ignored.
+
+    A signal that is ignored (a job in the background of a shell script) stays ignored.
+    """
+    caught = [s for s in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(s) not in (signal.SIG_IGN, None)]
+    previous = {s: signal.signal(s, handler) for s in caught}
     try:
-        yield
+        yield caught
     finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        for number, before in previous.items():
+            signal.signal(number, before)
 
 
 @contextmanager
@@ -113,10 +160,8 @@ def interruptible() -> Iterator[Interrupt]:
         return
     reader, writer = socket.socketpair()
     writer.setblocking(False)
-    # A signal that is ignored (a job in the background of a shell script) stays ignored.
-    caught = [s for s in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(s) is not signal.SIG_IGN]
 
-    def listen() -> None:
+    def listen(caught: Sequence[int]) -> None:
         while data := reader.recv(1):
             if data[0] in caught:
                 interrupt.take(data[0])
@@ -125,17 +170,17 @@ def interruptible() -> Iterator[Interrupt]:
         """Do nothing; only signals with a Python handler are written to the socket."""
 
     previous_descriptor = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
-    previous = {s: signal.signal(s, python_handler) for s in caught}
-    listener = threading.Thread(target=listen, daemon=True)
-    listener.start()
+    listener = None
     try:
-        yield interrupt
+        with _handlers(python_handler) as caught:
+            listener = threading.Thread(target=listen, args=(caught,), daemon=True)
+            listener.start()
+            yield interrupt
     finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
         signal.set_wakeup_fd(previous_descriptor)
         interrupt.has_picture.set()
         interrupt.crash_message.cancel()
         writer.close()
-        listener.join()
+        if listener is not None:
+            listener.join()
         reader.close()
