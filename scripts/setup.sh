@@ -133,15 +133,25 @@ pip_install() {
     fi
 }
 
+# The same in a tenth of the time, for a hundred packages. uv does not read pip's settings, so where those name an index of
+# packages, and wherever uv fails, pip does it.
+install_many() {
+    if ! "$venv/bin/python" -m pip config list 2>/dev/null | grep -q index && pip_install --quiet uv \
+        && UV_NATIVE_TLS=1 "$venv/bin/uv" pip install --python "$venv/bin/python" "$@"; then
+        return 0
+    fi
+    pip_install "$@"
+}
+
 # Make the environment and install the package in place; $1 is the extra, or "plain".
 make_environment() {
-    local what=$root log=$venv/install.log
-    [[ $1 == plain ]] || what="$root[$1]"
+    local what=$root log=$venv/install.log install=pip_install
+    [[ $1 == plain ]] || { what="$root[$1]"; install=install_many; }
     if ! "$venv/bin/python" -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null; then make_venv; fi
     # An environment that was moved still points to where it was made.
     if [[ -e $venv/.ready-plain && $(<"$venv/.ready-plain") != "$root" ]]; then make_venv; fi
     say "installing clrender and what it needs into $venv (once; about a minute)"
-    if ! pip_install --editable "$what" >"$log" 2>&1; then
+    if ! "$install" --editable "$what" >"$log" 2>&1; then
         fail "the Python packages could not be installed: $(tail -n 1 "$log"). Is there a network connection? The whole story is in $log"
     fi
     printf '%s' "$root" >"$venv/.ready-plain"

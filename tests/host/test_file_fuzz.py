@@ -46,6 +46,7 @@ def test_mutated_compressed_scenes(tmp_path: Path) -> None:
     answers(tmp_path, 20, 1, COMPRESSED)
 
 
+@pytest.mark.long
 def test_two_thousand_serialized_meshes(tmp_path: Path) -> None:
     answers(tmp_path, 2000, 4, [".serialized"])
 

@@ -283,6 +283,7 @@ def survive(folder: Path, count: int) -> None:
     assert refused > 0
 
 
+@pytest.mark.long
 @needs_meshopt
 def test_damaged_data_harm_nothing(tmp_path: Path) -> None:
     survive(tmp_path, 12)

@@ -83,6 +83,7 @@ def test_a_hidden_sky_is_black_to_the_camera_only(device: Device, integrator: st
         assert (hidden[within] == seen[within]).all() and hidden[within].max() > 0.1
 
 
+@pytest.mark.long
 def test_a_hidden_surface_with_a_texture_and_no_other_parameters(device: Device) -> None:
     """Its material has a colour where others have the number of their row."""
     scene = described(lamp=False)

@@ -122,6 +122,7 @@ def test_what_smooth_metal_shows_is_tinted_by_it(device: Device, name: str) -> N
     np.testing.assert_allclose(albedo, np.broadcast_to(expected, albedo.shape), rtol=2e-3)
 
 
+@pytest.mark.long
 def test_what_absorbs_on_the_way_tints(device: Device) -> None:
     """A block of half a metre of a medium of index 1, of which a metre leaves this share."""
     left = [0.81, 0.49, 0.04]

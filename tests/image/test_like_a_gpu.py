@@ -74,6 +74,7 @@ def test_other_groups_may_be_asked_for(device: Device, gpu: LikeGpu) -> None:
     assert groups["film_accumulate"] == groups["rows_primitives"] == groups["build_scan"] == gpu.group
 
 
+@pytest.mark.long
 def test_the_compiler_was_told(gpu: LikeGpu) -> None:
     """A kernel that was compiled for groups of 64 runs in no others."""
     render("room", [gpu])

@@ -101,6 +101,7 @@ def test_what_has_no_material_is_in_one_matte_only(device: Device) -> None:
     assert (objects[..., 1] == 1.0).all() and not materials.any()
 
 
+@pytest.mark.long
 def test_the_pixel_filter_decides_where_samples_lie(device: Device) -> None:
     """Beyond its own rim, too: half of the weight of a pixel's filter is on the left of its middle."""
     what = scene(strip(-9.0, 0.5, "wall", "left"))

@@ -228,7 +228,7 @@ def test_packets_that_take_turns(all_devices: list[Device], expected: Hashes, pa
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("scene", ["room", "bumpy"])
+@pytest.mark.parametrize("scene", ["room", pytest.param("bumpy", marks=pytest.mark.long)])
 @pytest.mark.parametrize("size", [(1, 1), (1, 70), (130, 1), (3, 5)], ids=str)
 def test_odd_sizes(all_devices: list[Device], scene: str, size: tuple[int, int]) -> None:
     hashes = {

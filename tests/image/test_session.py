@@ -161,7 +161,7 @@ class Fault(Exception):
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("end", ["well", "by the user", "by a callback", "by bad settings", "by a device"])
-@pytest.mark.parametrize("integrator", ["path", "photon", "radiosity"])
+@pytest.mark.parametrize("integrator", ["path", "photon", pytest.param("radiosity", marks=pytest.mark.long)])
 def test_everything_is_released_however_it_ends(
     device: Device, watched: Watched, monkeypatch: pytest.MonkeyPatch, end: str, integrator: str
 ) -> None:

@@ -112,6 +112,7 @@ def test_the_probe_finds_a_driver_that_spoils_small_code(device: Device) -> None
     other.close()
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("empty_cache")
 @pytest.mark.parametrize("code", [None, "small"])
 def test_long_paths_go_on_in_fast_code(device: Device, monkeypatch: pytest.MonkeyPatch, code: str | None) -> None:

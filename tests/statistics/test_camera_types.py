@@ -110,7 +110,7 @@ def test_an_orthographic_image_has_the_form_factor_of_two_squares(evidence: Evid
         evidence.mean_is(sampling, np.array(means), factor)
 
 
-@pytest.mark.parametrize("integrator", ["path", "whitted", "radiosity"])
+@pytest.mark.parametrize("integrator", ["path", "whitted", pytest.param("radiosity", marks=pytest.mark.long)])
 def test_a_fisheye_is_dark_beyond_its_angle(device: Device, studio: Studio, integrator: str) -> None:
     camera = {**FRAME, "type": "fisheye", "vertical_fov": 180.0}
     around = [{"type": "environment", "radiance": [1.0, 1.0, 1.0]}]

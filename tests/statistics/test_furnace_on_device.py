@@ -110,6 +110,7 @@ def test_places_have_the_colours_that_the_texture_has_there(device: Device) -> N
     surfaces.release()
 
 
+@pytest.mark.long
 def test_mixtures_are_the_mean_of_their_parts(device: Device) -> None:
     """At a point one of them is met; measured is what many points show. Evaluated by shares found to 2^-16."""
     inner = {"type": "mix", "materials": ["clay", "glass"], "weight": 0.25}

@@ -198,6 +198,7 @@ def test_principled_glass_absorbs_as_a_dielectric_does(evidence: Evidence, studi
     same(evidence, studio, first, on_a_table(shapes, tinted={**glass, **absorbs}, clear=glass))
 
 
+@pytest.mark.long
 def test_principled_of_index_one_is_a_boundary(evidence: Evidence, studio: Studio) -> None:
     # e^(−2σr) through the middle of what is clear; half of it diffuse, nothing is seen without a scattering event.
     sigma, radius = 0.8, 0.5

@@ -66,6 +66,7 @@ def test_shadow_of_sixty_four_sheets(evidence: Evidence, studio: Studio, integra
     np.testing.assert_allclose(seen, bare * 0.95**64, rtol=2e-5)
 
 
+@pytest.mark.long
 def test_spheres_and_disks_are_passed_twice_and_once(evidence: Evidence, studio: Studio) -> None:
     """A ray meets a sphere at its front and at its back, each with a chance of its own; light, too."""
     for shape, times in (

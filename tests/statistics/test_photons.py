@@ -46,6 +46,7 @@ def test_deposits_carry_the_power_of_the_light(evidence: Evidence, device: Devic
         assert np.mean(totals) < power * ALBEDO / (1.0 - ALBEDO) * 1.01
 
 
+@pytest.mark.long
 def test_an_inward_sphere_keeps_all_its_power(evidence: Evidence, device: Device) -> None:
     shell = sphere((0.0, 0.0, 0.0), 1.0, emission=1.0, flip_normals=True, material="wall")
     what = scene([shell], wall=lambert(ALBEDO))

@@ -94,6 +94,7 @@ def test_there_and_back_again(device: Device) -> None:
     dynamic.release()
 
 
+@pytest.mark.long
 def test_what_is_kept_up_to_date_is_what_would_be_found_anew(device: Device) -> None:
     """What arrives at each side and how much of it is covered, after steps that only say what they changed."""
     dynamic = DynamicRadiosity(room(), device, SOUGHT)

@@ -197,6 +197,7 @@ def test_paths_that_split_in_a_cloud(evidence: Evidence, studio: Studio) -> None
     evidence.equal("tiles", whole, several)
 
 
+@pytest.mark.long
 def test_a_cloud_is_as_bright_cut_in_two(evidence: Evidence, studio: Studio) -> None:
     """Surfaces inside of a medium that are no boundaries change nothing, lit by a point, however many there are."""
     whole, cut = in_smoke(lamp=False), in_smoke(lamp=False)

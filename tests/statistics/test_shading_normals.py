@@ -104,6 +104,7 @@ def test_smooth_glass_of_few_triangles_loses_no_light(studio: Studio, tmp_path: 
     assert 1.0 - white.mean() < (0.02 if material != "thin" else 1e-6)
 
 
+@pytest.mark.long
 def test_rough_glass_of_few_triangles_loses_no_light(studio: Studio, tmp_path: Path) -> None:
     seen = studio.image(of(tmp_path, ball(), "rough", AHEAD), 16, spp=1024)
     assert seen.mean() == pytest.approx(1.0, abs=0.01)

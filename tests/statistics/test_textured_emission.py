@@ -174,6 +174,7 @@ def test_a_pixel_shows_the_mean_of_its_footprint(studio: Studio, tmp_path: Path,
     np.testing.assert_allclose(image[2:], PICTURE * np.array([1.0, 2.0, 3.0]), rtol=2e-6)
 
 
+@pytest.mark.long
 def test_a_black_texture_is_no_light(studio: Studio, tmp_path: Path) -> None:
     """And black texels shine on nothing; a picture's alpha, or its scale, may make it black as well."""
     Image.fromarray(np.zeros((3, 3, 4), np.uint8) + np.array([9, 9, 9, 0], np.uint8)).save(tmp_path / "clear.png")

@@ -125,6 +125,7 @@ def test_a_tilted_map_is_tilted_geometry(
     evidence.equal(f"{map_kind}, flip {flip}", with_map, tilted)
 
 
+@pytest.mark.long
 def test_no_black_rims_and_no_light_from_below(studio: Studio, tmp_path: Path) -> None:
     """A mirror with a wild normal map sees nothing but its white surroundings; from below nothing shines through."""
     rng = np.random.default_rng(720)
