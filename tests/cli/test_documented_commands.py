@@ -13,7 +13,6 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import click.testing
 import pytest
@@ -25,8 +24,8 @@ from clrender.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
 DEVICE = os.environ.get("CLRENDER_TEST_DEVICE", "pocl")
-FAST: dict[str, Any] = {"README.md": (), "docs/start.md": pytest.mark.long}
-"""Pages that are read first: run each time. The others are slow."""
+FIRST = ("README.md", "docs/start.md")
+"""Pages that are read first. The others are slow."""
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 NO_COMMANDS = ("text", "toml", "python", "json", "{eval-rst}")
 """Languages of blocks that are no commands; scenes and Python are run by other tests."""
@@ -59,7 +58,7 @@ def named(page: Path) -> str:
 
 
 RUN = [
-    pytest.param(page, id=named(page), marks=FAST.get(named(page), pytest.mark.slow))
+    pytest.param(page, id=named(page), marks=pytest.mark.long if named(page) in FIRST else pytest.mark.slow)
     for page in PAGES
     if any(block.not_run is None and block.language == "console" for block in blocks(page))
 ]

@@ -64,6 +64,7 @@ def test_a_fork_after_a_render_is_refused_with_the_cure(device: Device, way: str
     assert done.stdout.splitlines() == ["child done", "parent done"], done.stderr
 
 
+@pytest.mark.long
 def test_a_fork_before_the_first_render_may_render(device: Device) -> None:
     code = (
         "import os, clrender\nscene = clrender.load('room')\nif not os.fork():\n"

@@ -338,6 +338,7 @@ def test_a_changed_scene_file_is_read_again_and_a_broken_one_told_of(browser: An
         assert (_image(view) == before).all()
 
 
+@pytest.mark.long
 def test_a_black_image_has_a_hint_how_to_get_back(browser: Any, server: Server) -> None:
     with view_of(browser, server, "black") as view:
         view.wait_until_done()

@@ -182,6 +182,7 @@ def test_a_difference_too_small_for_any_tile_shows_in_the_mean(cornell: Scene) -
     assert low < 1.01 < high and low > 1.0
 
 
+@pytest.mark.long
 def test_the_interval_of_the_ratio_holds_it_in_95_of_100(cornell: Scene) -> None:
     held = 0
     for trial in range(100):

@@ -59,6 +59,7 @@ def of_shapes(arrays: Any, field: str) -> NDArray[Any]:
     return np.asarray(arrays["materials"][field][arrays["shapes"]["material"]])
 
 
+@pytest.mark.long
 @for_each("name", SAME)
 def test_built_in_scenes(tmp_path: Path, name: str) -> None:
     scene = clrender.load(name)

@@ -121,6 +121,7 @@ def outcome(data: bytes) -> list[object]:
         return [str(error)]
 
 
+@pytest.mark.long
 def test_runs_are_read_as_words_are(monkeypatch: pytest.MonkeyPatch) -> None:
     """Same bits, and same errors, for 400 files; most of them have runs."""
     monkeypatch.setattr(obj_bulk, "_LEAST", 3)

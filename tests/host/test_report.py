@@ -278,6 +278,7 @@ def test_termination_gives_the_deepest_path_asked_for(deepest: int) -> None:
 # --- what is shown ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_plot_puts_points_where_they_belong() -> None:
     points = [(1.0, 1.0, 0.5, 2.0), (10.0, 10.0, 10.0, 10.0), (100.0, 100.0, 100.0, 100.0)]
     svg = plot("one", "A <plot> & more", ("x", "y"), [Series("one", points, BLUE)], (1, 10, 100)).svg

@@ -152,6 +152,7 @@ def test_only_processors_are_told_to_prefetch(device: Device, gpu: LikeGpu) -> N
     assert told == [True, False]
 
 
+@pytest.mark.long
 def test_statistics_of_many_work_items(gpu: LikeGpu, monkeypatch: pytest.MonkeyPatch) -> None:
     """They are summed up on the device, and are what the host reads otherwise."""
     known = ("rays", "shadow_rays", "image_sha256")

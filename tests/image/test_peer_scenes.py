@@ -85,6 +85,7 @@ def test_lights_of_pbrt_shine_from_their_fronts(
         np.testing.assert_allclose(image, expected, rtol=1e-5)
 
 
+@pytest.mark.long
 def test_pictures_stand_upright_or_on_their_heads(device: Device, tmp_path: Path) -> None:
     """The first row of a picture is at v = 0 in Mitsuba 3, and at v = 1 in 0.6 and pbrt."""
     Image.fromarray(np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], np.uint8)).save(

@@ -94,6 +94,7 @@ def test_shards_and_interruptions_come_to_the_same(device: Device, tmp_path: Pat
         job.shard(1, 4)
 
 
+@pytest.mark.long
 def test_a_lying_device_leaves_no_squares(device: Device) -> None:
     how: dict[str, Any] = {"size": (96, 64), "spp": 128, "tile": 16, "replicate_spp": 8, "samples_per_pass": 2}
     room = clrender.load("cornell")

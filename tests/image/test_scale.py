@@ -85,6 +85,7 @@ def peak_of(*arguments: str) -> int:
     return int(done.stdout.split()[-1]) * 1024
 
 
+@pytest.mark.long
 def test_a_ball_of_ten_thousand_triangles(all_devices: list[Device], tmp_path: Path) -> None:
     scene, triangles = ball_scene(tmp_path, 30)
     assert triangles == 10800

@@ -12,7 +12,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -94,7 +94,7 @@ class Oracle:
     more : int
         Factor for all numbers of samples.
     without : collection of str
-        Names of ways that are left out.
+        Names of ways that are left out; or ``shadow_rays``, of which all ways then have one.
     """
 
     def __init__(self, session: clrender.Session, folder: Path, more: int = 1, without: Collection[str] = ()) -> None:
@@ -126,7 +126,10 @@ class Oracle:
             yield from self._agreeing(mixed, content, draw)
 
     def _wanted(self, every: Iterable[Way]) -> list[Way]:
-        return [way for way in every if way.name not in self._without]
+        wanted = [way for way in every if way.name not in self._without]
+        if "shadow_rays" not in self._without:
+            return wanted
+        return [replace(way, settings={k: v for k, v in way.settings.items() if k != "shadow_rays"}) for way in wanted]
 
     def _scene(self, name: str, content: Json) -> clrender.Scene:
         return clrender.Scene(**content).placed(name, self._folder)

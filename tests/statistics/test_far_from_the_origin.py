@@ -34,7 +34,9 @@ def small_things(x: float, y: float, z: float) -> Scene:
 
 
 @pytest.mark.parametrize("place", FAR, ids=str)
-@pytest.mark.parametrize("integrator", ["path", "whitted", "reuse", "photon", "radiosity"])
+@pytest.mark.parametrize(
+    "integrator", ["path", "whitted", "reuse", "photon", pytest.param("radiosity", marks=pytest.mark.long)]
+)
 def test_the_image_is_the_same_far_away(studio: Studio, place: tuple[float, float, float], integrator: str) -> None:
     """The same numbers are drawn, so nearly every path is the same path; coordinates differ by roundings."""
     few: dict[str, Any] = {"photon": {"photons": 4096, "photon_radius": 0.1}, "radiosity": {"patches": 300}}
@@ -66,7 +68,7 @@ def written_there(folder: Path, x: float, y: float, z: float) -> Scene:
 
 
 @pytest.mark.parametrize("place", FAR, ids=str)
-@pytest.mark.parametrize("integrator", ["path", "radiosity"])
+@pytest.mark.parametrize("integrator", ["path", pytest.param("radiosity", marks=pytest.mark.long)])
 def test_coordinates_of_shapes_and_meshes_may_be_far_themselves(
     studio: Studio, tmp_path: Path, place: tuple[float, float, float], integrator: str
 ) -> None:

@@ -139,6 +139,7 @@ def test_a_box_of_its_own_radius_is_no_filter_and_a_wider_one_is_the_mean_of_pix
     assert inner.max() > 0.4
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", RADIUS)
 def test_what_is_even_stays_even(evidence: Evidence, studio: Studio, name: str) -> None:
     """To the bit where samples all count alike; else in the mean: the weights' mean is 1."""

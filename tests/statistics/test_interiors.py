@@ -160,6 +160,7 @@ def test_a_film_that_cuts_nested_media(studio: Studio, at: float) -> None:
         assert image[:, column] == pytest.approx(np.tile(left, (10, 1)), rel=1e-5), x
 
 
+@pytest.mark.long
 def test_a_lens_that_cuts_a_medium(evidence: Evidence, studio: Studio) -> None:
     """Half of it is in the medium, and everything is in focus."""
     camera = {"position": [1.0, 0.0, 0.0], "target": [1.0, 0.0, -1e5], "vertical_fov": 1e-4, "aperture_radius": 0.2}

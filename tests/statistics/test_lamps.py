@@ -293,7 +293,8 @@ def test_the_tree_leaves_out_no_lamp_that_shines(
     assert dark > 0.7 * lamps, "most lamps of which no light arrives are not chosen"
 
 
-@pytest.mark.parametrize("sampling", [pytest.param("mis", marks=pytest.mark.long), "light"])
+@pytest.mark.long
+@pytest.mark.parametrize("sampling", ["mis", "light"])
 def test_the_tree_and_an_even_choice_agree(evidence: Evidence, studio: Studio, tmp_path: Path, sampling: str) -> None:
     """And the tree has far less noise."""
     what = many_lamps(tmp_path, floor=True)

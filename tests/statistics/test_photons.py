@@ -54,6 +54,7 @@ def test_an_inward_sphere_keeps_all_its_power(evidence: Evidence, device: Device
     evidence.mean_is("power", np.array(totals), math.pi * 4.0 * math.pi * ALBEDO / (1.0 - ALBEDO))
 
 
+@pytest.mark.long
 def test_first_deposits_spread_as_the_cosine_says(evidence: Evidence, device: Device) -> None:
     """Inside a diffuse sphere every point sends the same to every other: all octants are alike."""
     shell = sphere((0.0, 0.0, 0.0), 1.0, emission=1.0, flip_normals=True, material="wall")

@@ -167,6 +167,7 @@ def test_a_gathered_frame_shows_what_path_tracing_shows(device: Device) -> None:
     dynamic.release()
 
 
+@pytest.mark.long
 def test_near_the_observer_first(device: Device) -> None:
     """A frame leaves more undone far away than near, and no more than it may: the rest is done by `settle`."""
     dynamic = DynamicRadiosity(room(), device, RadiositySettings(1500, 64, 16, 3e-3, refine=False))

@@ -283,6 +283,7 @@ def test_light_from_infinity_in_fog(evidence: Evidence, studio: Studio, light: s
     assert bool(albedo[..., 1].any()) == (light != "directional")
 
 
+@pytest.mark.long
 def test_light_from_infinity_in_a_cloud_without_an_end(evidence: Evidence, studio: Studio) -> None:
     """A shape that is not closed: by no way to sample light does any come through its medium from infinity."""
     smoke = {"smoke": {"scattering": 2.0, "absorption": 3.0}}

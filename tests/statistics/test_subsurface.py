@@ -119,6 +119,7 @@ def test_what_absorbs_nothing_is_invisible(evidence: Evidence, studio: Studio, n
     evidence.mean_is("furnace", batches(studio, what, spp=8, roulette="none"), 1.0, rounding=2e-5)
 
 
+@pytest.mark.long
 def test_walks_that_absorb_nothing_have_no_noise(studio: Studio) -> None:
     """Roulette ends none of them; each brings the radiance of the sky, but for roundings."""
     what = scene([sphere([0, 0, 0], 1.0, material="skin")], [SKY], BESIDE, skin=skin(g=0.5))

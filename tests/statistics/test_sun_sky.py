@@ -140,6 +140,7 @@ def test_the_horizon_cuts_the_disc(evidence: Evidence, studio: Studio) -> None:
     evidence.mean_is("light", found, exact @ WEIGHTS / math.pi, rounding=2e-4)
 
 
+@pytest.mark.long
 def test_half_a_sun(evidence: Evidence, studio: Studio) -> None:
     """In the middle of the penumbra of an edge."""
     light = sun_alone((0.0, 1.0, 0.0))
