@@ -30,8 +30,8 @@ TERMINATED = 143
 
 _PATIENCE = 0.6
 """Seconds that the program has to notice a signal before there is an image to keep."""
-_CLEAN_UP = 3.0
-"""Seconds from the exception that a signal raises to the end of the command."""
+_CLEAN_UP = 10.0
+"""Seconds from the exception that a signal raises to the end of the command; views wait 5 s for a file or a device."""
 
 
 class Terminated(KeyboardInterrupt):
@@ -81,15 +81,17 @@ class Interrupt:
 
 
 def _leave(message: str, exit_code: int) -> NoReturn:
-    """Exit at once, whatever the main thread is doing."""
-    remove_temporaries()
-    # Not imported here: the main thread may be importing it right now.
-    leave = getattr(sys.modules.get("clrender.device.program_cache"), "leave", None)
-    if leave is not None:
-        leave()
-    sys.stderr.write(f"\nerror: {message}\n")
-    sys.stderr.flush()
-    os._exit(exit_code)
+    """Exit at once, whatever the main thread is doing, and even if it is writing to stderr in this very moment."""
+    try:
+        remove_temporaries()
+        # Not imported here: the main thread may be importing it right now.
+        leave = getattr(sys.modules.get("clrender.device.program_cache"), "leave", None)
+        if leave is not None:
+            leave()
+        sys.stderr.write(f"\nerror: {message}\n")
+        sys.stderr.flush()
+    finally:
+        os._exit(exit_code)
 
 
 @contextmanager

@@ -135,20 +135,24 @@ kept = Object()
 reference = weakref.ref(kept, call)
 del kept
 """,
-    "caught": """
+}
+CAUGHT = """
 try:
     {signal}
 except BaseException:
     pass
-""",
-}
+"""
 """Where a signal arrives. Python has ends of its own for some exceptions there, and drops others."""
+
+
+def signalled(text: str, name: str) -> str:
+    return text.replace("{signal}", SIGNAL).replace("{name}", name)
 
 
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize(("module", "name"), [("click", "SIGINT"), ("numpy", "SIGINT"), ("numpy", "SIGTERM")])
 def test_a_signal_while_modules_load(tmp_path: Path, module: str, name: str, place: str) -> None:
-    text = PLACES[place].replace("{signal}", SIGNAL).replace("{name}", name)
+    text = signalled(PLACES[place], name)
     (tmp_path / f"{module}.py").write_text(f"{text}\nimport time; time.sleep(60)\n")
     paths = {"PYTHONPATH": f"{tmp_path}{os.pathsep}{Path(clrender.__path__[0]).parent}"}
     command = [sys.executable, "-m", "clrender", "render", "room", "-oa.png"]
@@ -158,6 +162,42 @@ def test_a_signal_while_modules_load(tmp_path: Path, module: str, name: str, pla
         out, err = child.communicate(timeout=50)
     assert child.returncode == 128 + signal.Signals[name], err
     assert out == "" and "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds", "expected"),
+    [
+        (CAUGHT, 0.2, "error: interrupted."),
+        ("import sys; sys.stderr = None\n" + PLACES["finalizer"], 60.0, ""),  # no message can be written
+        ("try:\n    {signal}\nfinally:\n    time.sleep(0.2); print('cleaned', file=sys.stderr)", 60.0, "cleaned"),
+    ],
+    ids=["caught", "without stderr", "clean-up"],
+)
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_signal_ends_a_command(name: str, text: str, seconds: float, expected: str) -> None:
+    """Also if a library catches it; but code that cleans up is waited for."""
+    code = f"""
+import sys, time
+from clrender.cli import interrupt
+interrupt._CLEAN_UP = {seconds}
+try:
+    with interrupt.raising_signals():
+        exec({signalled(text, name)!r})
+        time.sleep(60)
+except KeyboardInterrupt as error:
+    sys.exit(143 if isinstance(error, interrupt.Terminated) else 130)
+"""
+    paths = {"PYTHONPATH": str(Path(clrender.__path__[0]).parent)}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        timeout=50,
+        env={**os.environ, **paths},
+        check=False,
+    )
+    assert done.returncode == 128 + signal.Signals[name], done.stderr
+    assert done.stderr.strip() == expected
 
 
 @pytest.mark.long
