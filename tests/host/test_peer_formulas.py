@@ -449,7 +449,8 @@ def test_parts_of_round_shapes(
     if normal is not None:
         assert (mesh.normals == normal).all()
     elif kind == "sphere":
-        assert mesh.normals * np.linalg.norm(mesh.vertices, axis=1).max() == pytest.approx(mesh.vertices, abs=1e-5)
+        radius = np.linalg.norm(mesh.vertices, axis=1).max()
+        np.testing.assert_allclose(mesh.normals * radius, mesh.vertices, rtol=0.0, atol=1e-5)
     assert (mesh.uvs.min(), mesh.uvs.max()) == (0.0, 1.0)
 
 
@@ -471,7 +472,7 @@ def test_bilinear_patches_are_where_the_formula_has_them(tmp_path: Path) -> None
     scene = pbrt(tmp_path, f'Material "diffuse"\nShape "bilinearmesh" "point3 P" [{corners}]\n')
     mesh = scene.mesh(0)
     x, y, z = np.asarray(mesh.vertices, np.float64).T
-    assert z == pytest.approx(x * y, abs=1e-7)
+    np.testing.assert_allclose(z, x * y, rtol=0.0, atol=1e-7)
     a, b, c = (np.asarray(mesh.vertices, np.float64)[mesh.triangles[:, i]] for i in range(3))
     middle = (a + b + c) / 3.0
     assert np.abs(middle[:, 2] - middle[:, 0] * middle[:, 1]).max() < 1e-4

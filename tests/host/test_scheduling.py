@@ -42,14 +42,17 @@ def pixel_of(slot: int, width: int, tile: int) -> tuple[int, int]:
     return column * tile + block_column * 4 + slot % 4, row * tile + block_row * 4 + slot // 4 % 4
 
 
+@cache
 def sample_words(x: int, y: int, sample: int) -> list[int]:
     """What a sample adds to the three sums of its pixel: any 128-bit numbers of its own, of both signs."""
     mixed = [(x * 0x9E3779B97F4A7C15 + y * 0xC2B2AE3D27D4EB4F + sample * 0x165667B19E3779F9 + c) for c in range(3)]
     return [((m * m) >> 7) % 2**118 - 2**117 for m in mixed]
 
 
-def to_words(value: int) -> list[int]:
-    return [(value >> (32 * k)) & 0xFFFFFFFF for k in range(4)]
+def words_of(totals: Sequence[Sequence[int]]) -> npt.NDArray[np.uint32]:
+    """128-bit numbers (n, 3), four words each."""
+    data = b"".join((value % 2**128).to_bytes(16, "little") for slot in totals for value in slot)
+    return np.frombuffer(data, "<u4").reshape(-1, 3, 4).astype(np.uint32)
 
 
 class FakeWorker:
@@ -89,8 +92,7 @@ class FakeWorker:
                 self.before(self.asked, unit)
         if (done == unit.sample_count).all():
             self.done.append(unit)
-        sums = np.array([[to_words(value) for value in slot] for slot in totals], np.uint32)
-        return UnitSums(sums, counts, done, rays, rays // 2, unit.first_sample + 1)
+        return UnitSums(words_of(totals), counts, done, rays, rays // 2, unit.first_sample + 1)
 
 
 def go(

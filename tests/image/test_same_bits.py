@@ -417,12 +417,14 @@ def test_two_drivers_inside_pocl(
 @pytest.mark.oclgrind
 @pytest.mark.skipif(shutil.which("oclgrind") is None, reason="Oclgrind is not installed")
 def test_oclgrind(all_devices: list[Device], monkeypatch: pytest.MonkeyPatch) -> None:
-    """An interpreter, so that nothing of the hardware's can help: small images, as it would render and in 16 lanes."""
+    """An interpreter, so that nothing of the hardware's can help: small images, as it would render and in one lane.
+
+    Of a rich scene it compiles for minutes; tests/kernel/test_oclgrind.py has the programs of those in small scenes.
+    """
     monkeypatch.setenv("PYTHONPATH", f"{ROOT}:{Path(__file__).parent}")
     settings = "size=(32, 32), spp=1"
-    for scene in SCENES:
-        # Rich scenes take it a minute and a half each.
-        for cutting in ("Cutting()", "Cutting(1, 'single', 16, 1, 16)")[: 2 if scene in FEW else 1]:
+    for scene in FEW:
+        for cutting in ("Cutting()", "Cutting(1, 'single', 16, 1, 16)"):
             code = (
                 "from clrender.drivers import select; from image_support import *; "
                 f"print(render({scene!r}, select('oclgrind'), {cutting}, {settings}).stats['image_sha256'])"
