@@ -5,9 +5,11 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import shutil
 import signal
+import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -26,6 +28,24 @@ PARTS = ("::test_many_mixed_scenes",)
 # A shell that starts the tests in the background has them ignore Ctrl-C, and so would the programs they send it to.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _part(text: str) -> tuple[int, int]:
+    number, _, count = text.partition("/")
+    if not (number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count)):
+        raise argparse.ArgumentTypeError(f"{text!r} is no part; the second of four is 2/4")
+    return int(number), int(count)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    what = "one of N parts of about the same size, for several machines or for one run after the other"
+    parser.addoption("--part", metavar="K/N", type=_part, default=(1, 1), help=what)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Keep the tests of ``--part``: by their names, so that all processes and machines agree on them."""
+    number, count = config.getoption("part")
+    items[:] = [item for item in items if zlib.crc32(item.nodeid.encode()) % count == number - 1]
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -1,7 +1,8 @@
 // Every scatterer behind one triple: bsdf_at, bsdf_eval, bsdf_sample. World space; directions point away from the surface.
 //
 // Materials that have rows of parameters, and all lobes that they are made of, are built only where a scene has them (-D MATERIALS): a
-// scene without pays nothing for them.
+// scene without pays nothing for them. What a program without SUBSURFACE or MEDIA lacks is nowhere by bsdf_passes and bsdf_in_medium, so
+// that compilers leave it out.
 #ifndef MATERIAL_BSDF_H
 #define MATERIAL_BSDF_H
 
@@ -15,9 +16,7 @@
 #ifdef MATERIALS
 #include "material/layering.h"
 #endif
-#ifdef MEDIA
 #include "medium/phase.h"
-#endif
 #ifdef TEXTURES
 #include "texture/normal_map.h"
 #include "texture/parameter.h"
@@ -49,6 +48,28 @@ typedef struct {
     vec3 weight;         // f |cosθ| / pdf; zero ends the path
     vfloat pdf;          // per steradian; 0 where the BSDF is specular (but whether it is, the mask says)
 } BsdfSample;
+
+static vmask bsdf_passes(const Bsdf* b) {
+#ifdef SUBSURFACE
+    return b->passes;
+#else
+    return mask_none();
+#endif
+}
+static vmask bsdf_in_medium(const Bsdf* b) {
+#ifdef MEDIA
+    return b->medium;
+#else
+    return mask_none();
+#endif
+}
+static vfloat bsdf_mean_cosine(const Bsdf* b) {
+#ifdef MEDIA
+    return b->g;
+#else
+    return splat(0.0f);
+#endif
+}
 
 // The shading normal on the side of the viewer. That of what is glossy and opaque is bent if it is interpolated; a normal map's already is.
 static vec3 bsdf_normal(const Surface* s, vec3 shading, vec3 side, vec3 direction, vmask glossy) {
@@ -153,10 +174,14 @@ static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* 
     }
 #endif
 #ifdef SUBSURFACE
-    // What enters is never seen to: by the geometry's normal none of it gets lost
     b->passes = s->kind == MATERIAL_SUBSURFACE;
-    shading = choose(b->passes & s->front, s->normal, shading);
 #endif
+#ifdef MEDIA
+    b->medium = s->kind == MATERIAL_MEDIUM;
+    b->g = s->g;
+#endif
+    // What enters is never seen to: by the geometry's normal none of it gets lost
+    shading = choose(bsdf_passes(b) & s->front, s->normal, shading);
 #ifdef MATERIALS
     const vmask glossy = any_described ? parameters_glossy(&p) : s->kind == MATERIAL_MIRROR;
 #else
@@ -167,47 +192,32 @@ static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* 
     b->color = color;
     b->eta = s->front ? s->ior : quotient(splat(1.0f), s->ior);
     b->kind = s->kind;
-    b->specular = s->kind != MATERIAL_LAMBERT;
-#ifdef SUBSURFACE
-    b->specular = b->specular & !b->passes;
-#endif
-#ifdef MEDIA
-    b->medium = s->kind == MATERIAL_MEDIUM;
-    b->g = s->g;
-    b->specular = b->specular & !b->medium;
-#endif
+    b->specular = (s->kind != MATERIAL_LAMBERT) & !bsdf_passes(b) & !bsdf_in_medium(b);
 #ifdef MATERIALS
     if (any_described)
         bsdf_read_rows(scene, s, direction, &p, b);
     else
         bsdf_no_rows(b);
 #endif
-#ifdef SUBSURFACE
     // A material without an index of its own has MATCHED_IOR
-    b->eta = b->passes & (absolute(b->eta - 1.0f) < 4.0f * EPSILON) ? splat(1.0f) : b->eta;
-#endif
+    b->eta = bsdf_passes(b) & (absolute(b->eta - 1.0f) < 4.0f * EPSILON) ? splat(1.0f) : b->eta;
 }
 
 // Where light is scattered that arrives on either side.
 static vmask bsdf_is_clear(const Bsdf* b) {
-    vmask clear = b->kind == MATERIAL_DIELECTRIC;
+    const vmask clear = (b->kind == MATERIAL_DIELECTRIC) | bsdf_in_medium(b);
 #ifdef MATERIALS
-    clear = clear | closure_passes(&b->closure);
-#endif
-#ifdef MEDIA
-    clear = clear | b->medium;
-#endif
+    return clear | closure_passes(&b->closure);
+#else
     return clear;
+#endif
 }
 
 // What makes flux of radiance that comes along `wi` (world): the square of the index there over that on wo's side.
 static vfloat bsdf_index_squared(const Bsdf* b, vec3 wi) {
     const vmask through = inner(wi, b->side) < 0.0f;
-    vmask bends = b->kind == MATERIAL_DIELECTRIC;
+    vmask bends = (b->kind == MATERIAL_DIELECTRIC) | bsdf_passes(b);
     vfloat eta = b->eta;
-#ifdef SUBSURFACE
-    bends = bends | b->passes;
-#endif
 #ifdef MATERIALS
     const Glass* glass = &b->closure.glass;
     const vmask lobes = b->closure.present & glass->present;
@@ -228,40 +238,24 @@ static vfloat bsdf_other_side(const Bsdf* b, vmask above, vmask above_shading) {
 
 // Where light is also reflected by the surface of a subsurface material: what arrives in a denser medium than is behind it, and cannot pass.
 static vmask bsdf_keeps(const Bsdf* b) {
-#ifdef SUBSURFACE
-    return b->passes & (b->eta < 1.0f);
-#else
-    return mask_none();
-#endif
+    return bsdf_passes(b) & (b->eta < 1.0f);
 }
 
 // At the surface of a subsurface material, whose two sides scatter as a Lambertian one each: the side that light comes from, to be taken for
 // that of `wo`. The others stay as they are.
 static vec3 bsdf_turn(const Bsdf* b, vec3 v, vmask through) {
-#ifdef SUBSURFACE
-    return choose(b->passes & through, negate(v), v);
-#else
-    return v;
-#endif
+    return choose(bsdf_passes(b) & through, negate(v), v);
 }
 static vec3 bsdf_turn_local(const Bsdf* b, vec3 wi, vmask through) {
-#ifdef SUBSURFACE
-    return vec3_of(wi.x, wi.y, b->passes & through ? -wi.z : wi.z);
-#else
-    return wi;
-#endif
+    return vec3_of(wi.x, wi.y, bsdf_passes(b) & through ? -wi.z : wi.z);
 }
 
 // What the radiance from either side counts there, and how often it is sampled; elsewhere 1.
 static vfloat bsdf_share(const Bsdf* b, vmask through, vfloat* sampled) {
-#ifdef SUBSURFACE
+    const vmask passes = bsdf_passes(b);
     const vfloat passing = index_passes(b->eta), chosen = through ? passing : splat(1.0f) - passing;
-    *sampled = b->passes ? chosen : splat(1.0f);
-    return b->passes ? (through ? chosen * index_radiance(b->eta) : chosen) : splat(1.0f);
-#else
-    *sampled = splat(1.0f);
-    return splat(1.0f);
-#endif
+    *sampled = passes ? chosen : splat(1.0f);
+    return passes ? (through ? chosen * index_radiance(b->eta) : chosen) : splat(1.0f);
 }
 
 // The normal of the side that light has to arrive on to be scattered; zero: on either.
@@ -307,16 +301,14 @@ static vec3 bsdf_eval(const Bsdf* b, vec3 direction, vfloat* pdf) {
 #ifdef MATERIALS
     const vmask passes = closure_passes(&b->closure);
     if (lane_any(passes)) f = choose(passes, scale(f, bsdf_other_side(b, above, wi.z > 0.0f)), f);
-    vmask seen = !b->specular & ((above & (wi.z > 0.0f)) | passes);
+    const vmask scatters = !b->specular & ((above & (wi.z > 0.0f)) | passes);
 #else
-    vmask seen = !b->specular & above;
+    const vmask scatters = !b->specular & above;
 #endif
-#ifdef MEDIA
-    const vfloat phase = phase_eval(b->g, -wi.z);
-    f = choose(b->medium, vec3_of(phase, phase, phase), f);
-    density = b->medium ? phase : density;
-    seen = seen | b->medium;
-#endif
+    const vmask medium = bsdf_in_medium(b), seen = scatters | medium;
+    const vfloat phase = phase_eval(bsdf_mean_cosine(b), -wi.z);
+    f = choose(medium, vec3_of(phase, phase, phase), f);
+    density = medium ? phase : density;
     *pdf = seen ? density : splat(0.0f);
     return choose(seen, f, vec3_all(0.0f));
 }
@@ -378,14 +370,14 @@ static BsdfSample bsdf_sample(const Bsdf* b, vuint bits_u, vuint bits_v) {
         wi = choose(b->specular, delta, wi);
         s.pdf = b->specular ? splat(0.0f) : s.pdf;
     }
-#ifdef MEDIA
-    if (lane_any(b->medium)) {
-        const vec3 turned = phase_sample(b->g, u, v);
-        wi = choose(b->medium, vec3_of(turned.x, turned.y, -turned.z), wi);
-        s.weight = choose(b->medium, vec3_all(1.0f), s.weight);
-        s.pdf = b->medium ? phase_eval(b->g, turned.z) : s.pdf;
+    const vmask medium = bsdf_in_medium(b);
+    if (lane_any(medium)) {
+        const vfloat g = bsdf_mean_cosine(b);
+        const vec3 turned = phase_sample(g, u, v);
+        wi = choose(medium, vec3_of(turned.x, turned.y, -turned.z), wi);
+        s.weight = choose(medium, vec3_all(1.0f), s.weight);
+        s.pdf = medium ? phase_eval(g, turned.z) : s.pdf;
     }
-#endif
     const vfloat share = bsdf_share(b, through, &sampled);
     s.weight = scale(s.weight, share * inverse_or_one(sampled));
     s.pdf = s.pdf * sampled;
@@ -393,10 +385,7 @@ static BsdfSample bsdf_sample(const Bsdf* b, vuint bits_u, vuint bits_v) {
     s.direction = direction_again(frame_to_world(b->frame, wi));
     // A direction on the other side of the geometry than it is of the shading normal carries no light, but in glass
     const vmask above = inner(s.direction, b->side) > 0.0f;
-    vmask crossed = above != (wi.z > 0.0f);
-#ifdef MEDIA
-    crossed = crossed & !b->medium;
-#endif
+    const vmask crossed = (above != (wi.z > 0.0f)) & !medium;
     if (lane_any(crossed)) {
         const vmask glass = bsdf_is_clear(b);
         const vec3 scaled = scale(s.weight, bsdf_other_side(b, above, wi.z > 0.0f));

@@ -26,7 +26,12 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+LONG = ("shared light", "roulette")
+
+
+@pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=pytest.mark.long) if case in LONG else case for case in CASES]
+)
 def test_sound_files(device: Device, tmp_path: Path, case: str) -> None:
     scene, how = CASES[case]
     image = clrender.render(clrender.load(scene), device=device, size=SIZE, spp=3, **how)

@@ -139,7 +139,7 @@ def test_long_paths_go_on_in_fast_code(device: Device, monkeypatch: pytest.Monke
 
 @pytest.mark.parametrize(
     "scene",
-    [name if name == "surfaces" else pytest.param(name, marks=pytest.mark.slow) for name in builtin_names()],
+    [name if name == "room" else pytest.param(name, marks=pytest.mark.slow) for name in builtin_names()],
 )
 def test_both_give_the_same_bits(device: Device, scene: str) -> None:
     opened = select(str(device.info.index))[0]

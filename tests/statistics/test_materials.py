@@ -120,9 +120,8 @@ def furnace(device: Device, material: dict[str, Any], seed: int, count: int = 2*
 
 
 FAST = (
-    *("oren_nayar 1.0", "conductor 0.1", "conductor 1.0", "glass 0.5", "thin 0.1", "cloth 0.4", "coat 0.1 on metal"),
-    *("beckmann 0.5", "beckmann glass 1.0", "thin beckmann 1.0", "sheet 0.6", "rough sheet"),
-    *("beckmann plastic 0.5", "rough beckmann plastic"),
+    *("oren_nayar 1.0", "conductor 0.1", "glass 0.5", "cloth 0.4", "coat 0.1 on metal"),
+    *("beckmann 0.5", "thin beckmann 1.0", "sheet 0.6", "beckmann plastic 0.5"),
 )
 
 

@@ -6,6 +6,7 @@ A failure names its scenes. ``python tests/statistics/mixed_scenes.py KIND NUMBE
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Iterator
 from contextlib import nullcontext
 from itertools import product
@@ -35,11 +36,12 @@ if TYPE_CHECKING:
 
 ALARM = 1e-3
 """Chance that a correct renderer fails either of the two tests of scenes, each time its bits change."""
-FEW = {"white": (3, 20, 32, 10), "light": (24, 3, 18, 21), "black": (21, 32, 1, 2)}
+FEW = {"white": (3, 20, 32), "light": (24, 3, 18), "black": (21, 32, 1)}
 """Of two programs: with an environment and without volumes, with volumes and without an environment."""
 SIDE_BY_SIDE = {"white": (10,), "light": (18, 21), "black": (0, 3)}
 """With volumes, where an index of refraction once depended on the materials that other paths had met."""
-MANY = 500
+MANY = int(os.environ.get("CLRENDER_MIXED_SCENES", "100"))
+"""Of the slow test; 500 take hours."""
 PARTS = 10
 NATURAL = 10
 """Of so many scenes one is rendered without the features that it lacks, by the program of the path tracer alone."""
@@ -85,7 +87,7 @@ def told(found: list[Comparison]) -> str:
 def test_a_few_mixed_scenes(oracle: Oracle) -> None:
     scenes = [mixed_scene(kind, number) for kind, numbers in FEW.items() for number in numbers]
     made = [comparison for mixed in scenes for comparison in oracle.judged(mixed)]
-    assert len(made) > 40
+    assert len(made) > 30
     assert not (found := surprising(made, ALARM)), told(found)
 
 
@@ -154,7 +156,7 @@ def test_volumes_that_a_scene_lacks_change_no_bit(
 
 @pytest.mark.slow
 def test_mixed_scenes_have_the_same_bits_in_all_lanes(session: clrender.Session, folder: Path) -> None:
-    scenes = [mixed_scene(kind, number) for kind in KINDS for number in range(50)]
+    scenes = [mixed_scene(kind, number) for kind in KINDS for number in range(16)]
     ways = (IN_PIECES, *({"lanes": lanes, "code": "fast"} for lanes in (1, 4, 8, 16)))
     assert [mixed.name for mixed in scenes if len(cut(session, folder, mixed, *ways)) != 1] == []
 

@@ -64,6 +64,7 @@ def test_first_deposits_spread_as_the_cosine_says(evidence: Evidence, device: De
     evidence.histogram("octants", np.bincount(octant, minlength=8), np.full(8, 0.125))
 
 
+@pytest.mark.long
 def test_no_photon_gains_from_a_grazing_direction(device: Device) -> None:
     """Between walls that all reflect the same every photon keeps its power, in ten million scattering events too."""
     more, power = LIGHTS["point"]

@@ -110,6 +110,7 @@ def test_rough_glass_of_few_triangles_loses_no_light(studio: Studio, tmp_path: P
     assert seen.mean() == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.long
 def test_a_mirror_of_few_triangles_has_no_dark_rim(studio: Studio, tmp_path: Path) -> None:
     seen = studio.image(of(tmp_path, ball(), "mirror", AHEAD), 16, spp=64)
     assert seen.max() <= 1.0

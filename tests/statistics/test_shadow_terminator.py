@@ -118,6 +118,7 @@ def test_whitted_agrees_with_direct_light(evidence: Evidence, studio: Studio, tm
     evidence.equal("light", studio.tiles(what, range(40, 56), spp=16, integrator="whitted"), direct)
 
 
+@pytest.mark.long
 def test_no_light_gets_into_a_closed_mesh(studio: Studio, tmp_path: Path) -> None:
     """Seen from inside it is hollow: no tangent plane is above it, and its triangles remain before what is outside."""
     inside = {"position": [0.2, 0.1, 0.3], "target": [1.0, 0.3, 0.0], "vertical_fov": 120.0}

@@ -63,7 +63,7 @@ def test_a_pixel_shows_the_mean_of_its_footprint(studio: Studio, tmp_path: Path,
     np.testing.assert_allclose(image, expected, atol=0.7 / size / 64)
 
 
-@pytest.mark.parametrize("integrator", ["path", "whitted"])
+@pytest.mark.parametrize("integrator", ["path", pytest.param("whitted", marks=pytest.mark.long)])
 def test_a_texture_of_one_colour_is_that_colour_to_the_bit(device: Device, tmp_path: Path, integrator: str) -> None:
     """And a flat normal map, or bump map, changes none, on flat and on round shapes."""
     write_image(tmp_path / "one.exr", np.tile(np.array([0.25, 0.5, 0.75], np.float32), (3, 5, 1)))
