@@ -40,7 +40,7 @@ FEW = {"white": (3, 20, 32), "light": (24, 3, 18), "black": (21, 32, 1)}
 """Of two programs: with an environment and without volumes, with volumes and without an environment."""
 SIDE_BY_SIDE = {"white": (10,), "light": (18, 21), "black": (0, 3)}
 """With volumes, where an index of refraction once depended on the materials that other paths had met."""
-MANY = int(os.environ.get("CLRENDER_MIXED_SCENES", "100"))
+MANY = int(os.environ.get("CLRENDER_TEST_MIXED", "100"))
 """Of the slow test; 500 take hours."""
 PARTS = 10
 NATURAL = 10
