@@ -41,7 +41,7 @@ FEW = {"white": (3, 20, 32), "light": (24, 3, 18), "black": (21, 32, 1)}
 SIDE_BY_SIDE = {"white": (10,), "light": (18, 21), "black": (0, 3)}
 """With volumes, where an index of refraction once depended on the materials that other paths had met."""
 MANY = int(os.environ.get("CLRENDER_TEST_MIXED", "100"))
-"""Of the slow test; 500 take hours."""
+"""Of the slow test; 500 take an hour."""
 PARTS = 10
 NATURAL = 10
 """Of so many scenes one is rendered without the features that it lacks, by the program of the path tracer alone."""
@@ -207,7 +207,7 @@ def test_scenes_have_all_of_the_schema() -> None:
     schema = Scene.model_json_schema()
     known = {part for part in parts_of_schema(schema) if part[:2] not in NEVER and part[0] not in ("Image", "Render")}
     found = {
-        part for kind in KINDS for n in range(MANY) for part in parts_of_scene(schema, mixed_scene(kind, n).content)
+        part for kind in KINDS for n in range(500) for part in parts_of_scene(schema, mixed_scene(kind, n).content)
     }
     assert not known - found
     assert found <= parts_of_schema(schema)
@@ -239,9 +239,9 @@ def test_every_setting_is_varied() -> None:
 
 @pytest.mark.thorough
 def test_every_scene_is_accepted(folder: Path) -> None:
-    """With all features and without: the slow tests render most of them."""
+    """With all features and without, whether or not the slow test renders them."""
     refused = dict[str, str]()
-    for mixed in (mixed_scene(KINDS[number % len(KINDS)], number // len(KINDS)) for number in range(MANY)):
+    for mixed in (mixed_scene(KINDS[number % len(KINDS)], number // len(KINDS)) for number in range(500)):
         for content in (mixed.content, with_all_features(mixed.content)):
             try:
                 Mixed(mixed.name, content).scene(folder)
