@@ -159,7 +159,7 @@ def all_devices(request: pytest.FixtureRequest, cache_folder: Path) -> list[Devi
         patch.setenv("CLRENDER_PROBE_SECONDS", os.environ.get("CLRENDER_PROBE_SECONDS", "1800"))
         chosen = select("all")
     late = [info.title for info in inventory() if info.probe == "unknown"]
-    assert not late, f"the tests of {late} would fall away, for their probes did not end"
+    assert not late, f"the tests of {late} would fall away: no verdict of their probes was kept"
     return sorted(chosen, key=lambda device: "pocl" not in device.info.version.lower())
 
 

@@ -110,8 +110,8 @@ def test_a_few_kills(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_fifty_kills(tmp_path: Path) -> None:
-    assert survive(tmp_path, 50, 150_000, "33x26", 0.4) <= 10.0
+def test_two_hundred_kills(tmp_path: Path) -> None:
+    assert survive(tmp_path, 200, 600_000, "33x26", 0.4) <= 10.0
 
 
 @pytest.mark.slow

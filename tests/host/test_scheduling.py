@@ -43,10 +43,10 @@ def pixel_of(slot: int, width: int, tile: int) -> tuple[int, int]:
 
 
 @cache
-def sample_words(x: int, y: int, sample: int) -> list[int]:
+def sample_words(x: int, y: int, sample: int) -> tuple[int, ...]:
     """What a sample adds to the three sums of its pixel: any 128-bit numbers of its own, of both signs."""
     mixed = [(x * 0x9E3779B97F4A7C15 + y * 0xC2B2AE3D27D4EB4F + sample * 0x165667B19E3779F9 + c) for c in range(3)]
-    return [((m * m) >> 7) % 2**118 - 2**117 for m in mixed]
+    return tuple(((m * m) >> 7) % 2**118 - 2**117 for m in mixed)
 
 
 def words_of(totals: Sequence[Sequence[int]]) -> npt.NDArray[np.uint32]:

@@ -306,11 +306,11 @@ def lie_and_see(device: Device, seed: int) -> tuple[bool, float]:
 
 
 @pytest.mark.slow
-def test_forty_lying_devices(device: Device) -> None:
+def test_a_hundred_lying_devices(device: Device) -> None:
     """Each spoils all or a third of its units, whole or a fifth of their blocks."""
-    seen = [lie_and_see(device, seed) for seed in range(40)]
+    seen = [lie_and_see(device, seed) for seed in range(100)]
     print(f"found {sum(found for found, _ in seen)}, most {max(cost for _, cost in seen):.4f} done twice")
-    assert sum(found for found, _ in seen) >= 39
+    assert sum(found for found, _ in seen) >= 99
     assert max(cost for _, cost in seen) <= 0.01
 
 

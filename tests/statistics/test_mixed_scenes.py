@@ -6,7 +6,6 @@ A failure names its scenes. ``python tests/statistics/mixed_scenes.py KIND NUMBE
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Iterator
 from contextlib import nullcontext
 from itertools import product
@@ -40,8 +39,7 @@ FEW = {"white": (3, 20, 32), "light": (24, 3, 18), "black": (21, 32, 1)}
 """Of two programs: with an environment and without volumes, with volumes and without an environment."""
 SIDE_BY_SIDE = {"white": (10,), "light": (18, 21), "black": (0, 3)}
 """With volumes, where an index of refraction once depended on the materials that other paths had met."""
-MANY = int(os.environ.get("CLRENDER_TEST_MIXED", "100"))
-"""Of the slow test; 500 take an hour."""
+MANY = 500
 PARTS = 10
 NATURAL = 10
 """Of so many scenes one is rendered without the features that it lacks, by the program of the path tracer alone."""
@@ -207,7 +205,7 @@ def test_scenes_have_all_of_the_schema() -> None:
     schema = Scene.model_json_schema()
     known = {part for part in parts_of_schema(schema) if part[:2] not in NEVER and part[0] not in ("Image", "Render")}
     found = {
-        part for kind in KINDS for n in range(500) for part in parts_of_scene(schema, mixed_scene(kind, n).content)
+        part for kind in KINDS for n in range(MANY) for part in parts_of_scene(schema, mixed_scene(kind, n).content)
     }
     assert not known - found
     assert found <= parts_of_schema(schema)
@@ -239,9 +237,9 @@ def test_every_setting_is_varied() -> None:
 
 @pytest.mark.thorough
 def test_every_scene_is_accepted(folder: Path) -> None:
-    """With all features and without, whether or not the slow test renders them."""
+    """With all features and without: the slow tests render most of them."""
     refused = dict[str, str]()
-    for mixed in (mixed_scene(KINDS[number % len(KINDS)], number // len(KINDS)) for number in range(500)):
+    for mixed in (mixed_scene(KINDS[number % len(KINDS)], number // len(KINDS)) for number in range(MANY)):
         for content in (mixed.content, with_all_features(mixed.content)):
             try:
                 Mixed(mixed.name, content).scene(folder)
