@@ -98,6 +98,22 @@ class TexelTable:
             return [numbers[0] * self._scale[0]] * 3
         return [number * scale for number, scale in zip(numbers, self._scale, strict=True)]
 
+    def lit_tiles(self, first: int, last: int) -> NDArray[np.bool_]:
+        """Which tiles may hold a value other than 0, (tiles,), of the texels from `first` to before `last` of the image.
+
+        It is known from the stored bytes alone, without decoding them: most texels of many emission textures are black.
+        """
+        tiles = (last - first) // self.per_tile
+        if self._ones or (len(self.decoding) and self.decoding[0] != 0.0):
+            return np.ones(tiles, bool)
+        used = [0, 1, 2] if self._luminance else self._channels
+        mask = np.zeros((self.per_tile, self._numbers, self._stored.itemsize), np.uint8)
+        mask[:, used] = 255
+        begin = (self.first + first) * self._numbers
+        words = self._stored[begin : begin + tiles * self.per_tile * self._numbers].view(np.uint64)
+        lit: NDArray[np.bool_] = (words.reshape(tiles, -1) & mask.reshape(-1).view(np.uint64)).any(axis=1)
+        return lit
+
     @property
     def is_grey(self) -> bool:
         """Whether all channels are the same."""

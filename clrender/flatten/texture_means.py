@@ -92,18 +92,23 @@ class TextureMeans:
         return self._mean_of_rows(step, within)
 
     def whole(self) -> tuple[_Floats, _Floats, _Floats, NDArray[np.bool_]]:
-        """Mean, smallest and largest numbers of the image, (3,) each, and which tiles are not black, (tiles,)."""
+        """Mean, smallest and largest numbers of the image, (3,) each, and which tiles may not be black, (tiles,)."""
         table = self.table
         total, least, most = np.zeros(3), np.full(3, math.inf), np.zeros(3)
         lit: list[NDArray[np.bool_]] = []
         at_once = max(1, SUMMED // table.per_tile) * table.per_tile
         for first in range(0, table.count, at_once):
-            position = np.arange(first, min(first + at_once, table.count)) + table.first
-            channels = table.at(position)  # zero beyond the image's edges
+            tiles = table.lit_tiles(first, min(first + at_once, table.count))
+            lit.append(tiles)
+            if not tiles.all():
+                least = np.zeros(3)
+            if not tiles.any():
+                continue
+            begins = np.flatnonzero(tiles) * table.per_tile + (table.first + first)
+            channels = table.at((begins[:, None] + np.arange(table.per_tile)).reshape(-1))  # zero beyond the edges
             total += [np.cumsum(values)[-1] for values in channels]
             least = np.minimum(least, [values.min() for values in channels])
             most = np.maximum(most, [values.max() for values in channels])
-            lit.append(np.any([values != 0.0 for values in channels], axis=0).reshape(-1, table.per_tile).any(axis=1))
         width, height = self.size
         return total / (width * height), least, most, np.concatenate(lit)
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from PIL import Image
 
 import clrender
 from clrender.flatten import emission_means
@@ -37,7 +38,7 @@ def lamp(folder: Path, count: int, strength: float, **how: Any) -> clrender.Scen
         - 0.5
         + rng.random((count, 3, 2)) * np.where(rng.random((count, 1, 1)) < 0.3, 3.0, 0.2)
     )
-    emission = {"texture": "p.exr", **how}
+    emission = {"texture": "p.exr"} | how
     material = {"type": "principled", "emission": emission, "emission_strength": strength}
     mesh = {
         "type": "mesh", "vertices": rng.random((3 * count, 3)).tolist(), "uvs": uvs.reshape(-1, 2).tolist(),
@@ -117,6 +118,29 @@ def test_the_whole_picture_has_the_bits_of_plain_sampling(tmp_path: Path, streng
     wanted, lows, highs, _ = TextureMeans(textures, 0).whole()
     assert np.array_equal(mean.astype(np.float32), wanted.astype(np.float32))
     assert (least, most) == (lows.min(), highs.max())
+
+
+@pytest.mark.parametrize("channel", [None, "g", "luminance", "a"])
+@pytest.mark.parametrize(("mode", "depth"), [("L", np.uint8), ("RGB", np.uint8), ("RGBA", np.uint8), ("I;16", np.uint16)])
+def test_black_tiles_are_known_from_their_bytes(tmp_path: Path, mode: str, depth: type, channel: str | None) -> None:
+    """In every way that texels are stored: the sums, the bounds and the tiles are those of all texels, one by one."""
+    channels = {"L": (), "RGB": (3,), "RGBA": (4,), "I;16": ()}[mode]
+    pixels = np.zeros((95, 83, *channels), depth)
+    pixels[40:52, 30:50] = np.random.default_rng(6).integers(1, np.iinfo(depth).max, (12, 20, *channels))
+    if mode == "RGBA":
+        pixels[..., 3] = 200
+    Image.fromarray(pixels).save(tmp_path / "p.png")
+    how = {} if channel is None else {"channel": channel}
+    textures = flat_textures(lamp(tmp_path, 1, 0.7, texture="p.png", **how))
+    means = TextureMeans(textures, 0)
+    mean, least, most, lit = means.whole()
+    table = means.table
+    values = np.stack(table.at(np.arange(table.first, table.first + table.count)), axis=-1)
+    tiles = values.reshape(-1, table.per_tile, 3)
+    assert np.array_equal(lit, tiles.any(axis=(1, 2)))
+    assert lit.all() == (channel == "a" or (lit.size == 1))
+    assert np.array_equal(mean, np.cumsum(values, axis=0)[-1] / (95 * 83))
+    assert np.array_equal(least, values.min(axis=0)) and np.array_equal(most, values.max(axis=0))
 
 
 def points_sampled(monkeypatch: pytest.MonkeyPatch) -> list[int]:
