@@ -99,7 +99,7 @@ class TexelTable:
         return [number * scale for number, scale in zip(numbers, self._scale, strict=True)]
 
     def lit_tiles(self, first: int, last: int) -> NDArray[np.bool_]:
-        """Which tiles may hold a value other than 0, (tiles,), of the texels from `first` to before `last` of the image.
+        """Which tiles may hold a value other than 0, (tiles,), among texels `first` to `last` (exclusive) of the image.
 
         It is known from the stored bytes alone, without decoding them: most texels of many emission textures are black.
         """
