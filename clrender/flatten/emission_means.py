@@ -107,8 +107,8 @@ class EmissionMeans:
         plain: _Floats = self._get(b"triangles", corners.tobytes(), lambda: (self._triangles(corners),))[0]
         most = float(self._whole()[2].max())
         means: _Floats = plain * self._scale
-        # Of up to MOST_POINTS additions, and of the interpolation between texels
-        errors = _ROUNDING * self._scale * (2.0 * MOST_POINTS * plain + 16.0 * most)
+        # Of up to MOST_POINTS additions, and of the interpolation between texels; a sum of 0 is one of zeros only
+        errors = np.where(plain == 0.0, 0.0, _ROUNDING * self._scale * (2.0 * MOST_POINTS * plain + 16.0 * most))
         unsure = _unsure(means, errors).any(axis=1) & bool((self._scale != 1.0).any())
         if unsure.any():
             means[unsure] = self._scaled.triangles(corners[unsure])

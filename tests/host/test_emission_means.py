@@ -185,3 +185,18 @@ def test_triangles_on_black_texels_are_not_sampled(tmp_path: Path, monkeypatch: 
     wanted, all_points = TextureMeans(textures, 0).triangles(corners), sum(points)
     assert np.array_equal(EmissionMeans(textures, 0).triangles(corners), wanted)
     assert sum(points) - all_points < 0.75 * all_points and wanted.any()
+
+
+def test_an_edit_does_not_sample_triangles_on_black_texels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pixels = np.zeros((HEIGHT, WIDTH, 3), np.float32)
+    pixels[3, 4] = 1.0
+    write_image(tmp_path / "p.exr", pixels)
+    first, stronger = (lamp(tmp_path, 300, strength, wrap=["clamp", "clamp"]) for strength in (1.0, 1.7))
+    corners = corners_of(first)
+    means = EmissionMeans(flat_textures(first), 0).triangles(corners)
+    points = points_sampled(monkeypatch)
+    edited = EmissionMeans(flat_textures(stronger), 0).triangles(corners)
+    assert not points
+    wanted = TextureMeans(flat_textures(stronger), 0).triangles(corners)
+    assert np.array_equal(edited.astype(np.float32), wanted.astype(np.float32))
+    assert 0 < means.any(axis=1).sum() < 250
