@@ -50,12 +50,12 @@ def textured(folder: Path, name: str = "reflectance", **texture: Any) -> Scene:
 def launch(
     device: Device, kernel: str, points: npt.NDArray[Any], outputs: int, *more: Any, defines: Mapping[str, int]
 ) -> Floats:
-    """(outputs, count) results of a kernel of textures.cl, in 16 lanes if nothing else is said."""
+    """(outputs, count) results of a kernel of textures.cl, in 8 lanes if nothing else is said."""
     count = points.shape[1]
     given = device.upload(np.ascontiguousarray(points, np.float32))
     results = device.empty(4 * outputs * count)
-    program = device.program(SOURCE, {"LANES": 16, **defines})
-    device.launch(program, kernel, count // defines.get("LANES", 16), 16, [given, *more, np.uint32(count), results])
+    program = device.program(SOURCE, {"LANES": 8, **defines})
+    device.launch(program, kernel, count // defines.get("LANES", 8), 16, [given, *more, np.uint32(count), results])
     out = np.empty((outputs, count), np.float32)
     device.read(results, out)
     for buffer in (given, results):

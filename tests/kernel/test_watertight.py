@@ -88,8 +88,8 @@ def left(
     named = {**arrays.buffers, "settings": buffers[0]}
     arguments: list[Any] = [named[name] for name in scene_array_names()]
     arguments += [buffers[1], buffers[2], np.uint32(outwards), np.uint32(count), *buffers[3:]]
-    program = device.program(FOLDER / "leave.cl", {"LANES": 16})
-    device.launch(program, "leave", -(-count // 256) * 16, 16, arguments)
+    program = device.program(FOLDER / "leave.cl", {"LANES": 8})
+    device.launch(program, "leave", -(-count // 128) * 16, 16, arguments)
     hits, seconds = np.empty((2, count), np.uint32), np.empty((6, count), np.float32)
     device.read(buffers[3], hits)
     device.read(buffers[4], seconds)

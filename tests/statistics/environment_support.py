@@ -24,7 +24,7 @@ __all__ = ["PICTURES", "DevicePicture", "brighter", "cells", "irradiance", "lumi
 Floats = npt.NDArray[np.float64]
 
 SOURCE = Path(__file__).resolve().with_name("environment.cl")
-LANES = 16
+LANES = 8
 _WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 
 

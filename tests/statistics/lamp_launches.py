@@ -22,6 +22,7 @@ __all__ = ["Lamps", "around", "hammersley"]
 Floats = npt.NDArray[np.float64]
 
 SOURCE = Path(__file__).resolve().with_name("lamp.cl")
+LANES = 8
 
 
 def around(steps: int = 64) -> Floats:
@@ -45,8 +46,8 @@ class Lamps:
         count = numbers.shape[1]
         buffers = [self.device.upload(np.ascontiguousarray(numbers)), self.device.empty(4 * outputs * count)]
         arguments: list[Any] = [*self.scene, buffers[0], np.uint32(number), np.uint32(count), buffers[1]]
-        program = self.device.program(SOURCE, {"LANES": 16, "LAMPS": 1})
-        self.device.launch(program, kernel, count // 16, 16, arguments)
+        program = self.device.program(SOURCE, {"LANES": LANES, "LAMPS": 1})
+        self.device.launch(program, kernel, count // LANES, 16, arguments)
         results = np.empty((outputs, count), np.float32)
         self.device.read(buffers[1], results)
         return results.astype(np.float64)

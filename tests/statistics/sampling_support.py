@@ -23,7 +23,7 @@ Uints = npt.NDArray[np.uint32]
 
 SOURCE = Path(__file__).resolve().with_name("sampling.cl")
 COUNT = 1 << 18
-LANES = 16
+LANES = 8
 
 
 def launch(

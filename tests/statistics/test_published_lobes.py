@@ -11,7 +11,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from material_support import SOURCE, Floats, chances, conductor, counted, dielectric, oren_nayar, principled, sampled
+from material_support import (
+    LANES,
+    SOURCE,
+    Floats,
+    chances,
+    conductor,
+    counted,
+    dielectric,
+    oren_nayar,
+    principled,
+    sampled,
+)
 from stats_support import Evidence
 
 if TYPE_CHECKING:
@@ -61,7 +72,7 @@ def facets(device: Device, along: Floats, alpha: tuple[float, float], beckmann: 
         np.uint32(count),
         buffers[1],
     ]
-    device.launch(device.program(SOURCE, {"LANES": 16}), "material_facets", count // 16, 16, given)
+    device.launch(device.program(SOURCE, {"LANES": LANES}), "material_facets", count // LANES, 16, given)
     out = np.empty((2, count), np.float32)
     device.read(buffers[1], out)
     for buffer in buffers:
