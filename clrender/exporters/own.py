@@ -20,6 +20,7 @@ from clrender.exporters.mesh_ply import write_ply
 from clrender.scene import Mesh, Scene
 from clrender.scene.content_hash import put_at
 from clrender.scene.environment import ENDINGS
+from clrender.scene.ies import ies_text
 from clrender.scene.load import SCENE_FILE_LIMIT
 from clrender.wording import place, quoted
 
@@ -147,6 +148,8 @@ def _copied(export: Export, scene: Scene, folder: str, name: str, where: str) ->
 
 def _lamp(scene: Scene, name: str, where: str) -> bytes:
     """An IES file, with the tilt factors included if it names a file of them."""
+    if " (" in Path(name).suffix:  # an importer made it
+        return ies_text(scene.files.profile(name, where)).encode("latin-1")
     with scene.files.opened(name, where) as (file, _):
         data = file.read()
     lines = data.decode("latin-1").replace("\x1a", "").replace("\r\n", "\n").replace("\r", "\n").split("\n")

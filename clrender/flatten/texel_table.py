@@ -111,8 +111,8 @@ class TexelTable:
         mask[:, used] = 255
         begin = (self.first + first) * self._numbers
         words = self._stored[begin : begin + tiles * self.per_tile * self._numbers].view(np.uint64)
-        lit: NDArray[np.bool_] = (words.reshape(tiles, -1) & mask.reshape(-1).view(np.uint64)).any(axis=1)
-        return lit
+        lit = np.bitwise_or.reduce(words.reshape(tiles, -1) & mask.reshape(-1).view(np.uint64), axis=1)
+        return np.asarray(lit != 0)
 
     @property
     def is_grey(self) -> bool:

@@ -9,6 +9,7 @@ from clrender.errors import SceneError
 from clrender.meshes.data import MeshData
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.groups import TransformArray
+from clrender.scene.ies import IesProfile
 
 __all__ = ["Draft"]
 
@@ -35,6 +36,8 @@ class Draft:
         Encoded images by that name, each with the extension of its format, such as ``.png``.
     environments : dict of str to EnvironmentPicture
         By the file name of the environment light.
+    profiles : dict of str to IesProfile
+        By the file name of the IES light.
     places : dict of str to TransformArray
         Transforms of instances, by their file name.
     notes : list of str
@@ -53,6 +56,7 @@ class Draft:
     meshes: dict[str, MeshData] = field(default_factory=dict)
     pictures: dict[str, tuple[bytes, str]] = field(default_factory=dict)
     environments: dict[str, EnvironmentPicture] = field(default_factory=dict)
+    profiles: dict[str, IesProfile] = field(default_factory=dict)
     places: dict[str, TransformArray] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     wants_light: bool = False

@@ -76,10 +76,13 @@ def completed(draft: Draft, files: AssetFiles, up: str = "y", *, surrounded: boo
     scene = scene.placed(files.source, files.folder, files.allow_paths)
     held = {shape.asset for _, shape in scene.all_shapes() if isinstance(shape, Mesh) and shape.file in draft.meshes}
     meshes = {asset: frozen(draft.meshes[asset[0]]) for asset in held}
-    places, pictures = (
-        {name: frozen(content) for name, content in each.items()} for each in (draft.places, draft.environments)
+    places, pictures, profiles = (
+        {name: frozen(content) for name, content in each.items()}
+        for each in (draft.places, draft.environments, draft.profiles)
     )
-    scene = scene.with_files(meshes=meshes, transforms=places, encoded=draft.pictures, environments=pictures)
+    scene = scene.with_files(
+        meshes=meshes, transforms=places, encoded=draft.pictures, environments=pictures, profiles=profiles
+    )
     if framed:
         keys, side = _around(scene, up)
         which = "" if up == "y" else "; z is up, or y with --up y"

@@ -18,7 +18,7 @@ from clrender.files.named import open_named_file
 from clrender.scene.values import POWER_LIMIT
 from clrender.wording import quoted
 
-__all__ = ["IesProfile", "read_ies"]
+__all__ = ["IesProfile", "ies_text", "read_ies"]
 
 _FILE_LIMIT: Final = 2**24
 _COUNT_LIMIT: Final = 2**20
@@ -128,6 +128,21 @@ def read_ies(name: str, base_folder: Path, allow_paths: Sequence[Path], place: s
         tilt = _tilt(more)
         more.end()
     return _profile(numbers, 1986 if year is None else int(year[1] or 1991), tilt)
+
+
+def ies_text(profile: IesProfile) -> str:
+    """A file, of LM-63-2019, from which `read_ies` reads the same profile, but for rounding of intensities.
+
+    Parameters
+    ----------
+    profile : IesProfile
+        Without tilt factors.
+    """
+    assert not profile.tilt.size
+    rows = (profile.vertical, profile.horizontal, *profile.candela.T)
+    counts = f"1 -1 1 {len(profile.vertical)} {len(profile.horizontal)} 1 2 0 0 0"
+    lines = ["IES:LM-63-2019", "TILT=NONE", counts, "1 1 0", *(" ".join(map(repr, row.tolist())) for row in rows)]
+    return "".join(f"{line}\r\n" for line in lines)
 
 
 def _lines(name: str, base_folder: Path, allow_paths: Sequence[Path], label: str) -> list[str]:

@@ -13,6 +13,7 @@ from clrender.exact.angles import sin_cos, tangent
 from clrender.exact.elementary import sines_cosines
 from clrender.exact.matrices import inner, times, total
 from clrender.importers.pbrt.film import Exposure
+from clrender.importers.pbrt.goniometric import goniometric_keys
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.shared.cameras import vertical_angle
@@ -57,6 +58,7 @@ class LightReader:
             "distant": self._distant,
             "infinite": self._infinite,
             "projection": self._projection,
+            "goniometric": self._goniometric,
         }
         if kind not in known:
             self._staging.note(f"a light of type {quoted(kind)} is not known and left out")
@@ -130,6 +132,17 @@ class LightReader:
         if power > 0.0:
             scale *= power / max(_flux(picture, keys["vertical_fov"]), 1e-30)
         return {**keys, "even": False, "scale": [max(scale, 0.0)] * 3}
+
+    def _goniometric(self, parameters: Parameters, matrix: Matrix) -> dict[str, Any] | None:
+        file, power = parameters.text("filename"), parameters.number("power", -1.0)
+        if not file:
+            self._staging.note('a light of type "goniometric" without a picture is left out')
+            return None
+        made = goniometric_keys(self._staging, file, parameters.values["filename"].line, matrix)
+        if made is None:
+            return None
+        keys, mean = made
+        return {**keys, "scale": self._color(parameters, "I", power / (4.0 * math.pi * mean) if power > 0.0 else 1.0)}
 
     def _infinite(self, parameters: Parameters, matrix: Matrix) -> dict[str, Any]:
         lux = parameters.number("illuminance", -1.0)
