@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -131,7 +132,7 @@ def read_ies(name: str, base_folder: Path, allow_paths: Sequence[Path], place: s
 
 
 def ies_text(profile: IesProfile) -> str:
-    """A file, of LM-63-2019, from which `read_ies` reads the same profile, but for rounding of intensities.
+    """A file, of LM-63-2019, from which `read_ies` reads the same profile.
 
     Parameters
     ----------
@@ -141,8 +142,9 @@ def ies_text(profile: IesProfile) -> str:
     assert not profile.tilt.size
     rows = (profile.vertical, profile.horizontal, *profile.candela.T)
     counts = f"1 -1 1 {len(profile.vertical)} {len(profile.horizontal)} 1 2 0 0 0"
-    lines = ["IES:LM-63-2019", "TILT=NONE", counts, "1 1 0", *(" ".join(map(repr, row.tolist())) for row in rows)]
-    return "".join(f"{line}\r\n" for line in lines)
+    numbers = (textwrap.fill(" ".join(map(repr, row.tolist())), 120) for row in rows)
+    text = "\n".join(["IES:LM-63-2019", "TILT=NONE", counts, "1 1 0", *numbers, ""])
+    return text.replace("\n", "\r\n")
 
 
 def _lines(name: str, base_folder: Path, allow_paths: Sequence[Path], label: str) -> list[str]:
