@@ -112,6 +112,7 @@ def test_its_flux_is_that_of_the_picture(folder: Path) -> None:
     assert flux * light.scale[0] == pytest.approx(7.0, rel=1e-6)
 
 
+@pytest.mark.long
 def test_it_lights_a_wall(folder: Path, device: Any) -> None:
     """The brightness of a small quad in some directions, by the renderer, against the formula."""
     with clrender.Session(device.info.index) as session:

@@ -302,7 +302,7 @@ def test_one_texel_at_random_has_the_mean_of_four(device: Device, tmp_path: Path
     assert len(np.unique(found[0])) <= 4
 
 
-@pytest.mark.parametrize("lanes", [1, 4, 8])
+@pytest.mark.parametrize("lanes", [1, *(pytest.param(lanes, marks=pytest.mark.long) for lanes in (4, 16))])
 def test_lanes_change_nothing(device: Device, tmp_path: Path, lanes: int) -> None:
     Image.fromarray(BYTES).save(tmp_path / "a.png")
     scene, points = textured(tmp_path, texture="a.png", wrap=["mirror", "clamp"]), some_points()

@@ -46,8 +46,8 @@ def interpolated(size: int) -> tuple[np.ndarray, np.ndarray]:
     ("integrator", "material"),
     [
         ("path", "lambert"),
-        ("whitted", "lambert"),
         ("path", "mix"),
+        pytest.param("whitted", "lambert", marks=pytest.mark.long),
         *(pytest.param(name, "lambert", marks=pytest.mark.slow) for name in ("direct", "reuse", "photon")),
     ],
 )

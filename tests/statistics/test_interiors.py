@@ -212,7 +212,7 @@ def test_principled_of_index_one_is_a_boundary(evidence: Evidence, studio: Studi
     assert not studio.pixels(half, 16, spp=8, max_depth=0).any()
 
 
-@pytest.mark.parametrize("integrator", ["path", "whitted"])
+@pytest.mark.parametrize("integrator", ["path", pytest.param("whitted", marks=pytest.mark.long)])
 def test_lamp_and_floor_under_water(evidence: Evidence, studio: Studio, integrator: str) -> None:
     # a / π · I / h² at the floor, and e^(−σ d) on both ways: from the lamp at height h and up to the camera at c.
     sigma, lamp, up, reflectance = 0.7, 1.2, 0.25, 0.6

@@ -279,6 +279,7 @@ def test_irradiance(evidence: Evidence, studio: Studio, tmp_path: Path, name: st
     evidence.mean_is("radiance", pixels, 0.6 / math.pi * exact, rounding=5e-5)
 
 
+@pytest.mark.long
 def test_whitted_takes_the_mean_from_the_centre(studio: Studio, tmp_path: Path) -> None:
     """Each triangle of a mesh shines from its centre with its mean radiance, a disk and a sphere with theirs."""
     side = 3
