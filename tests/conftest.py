@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import os
 import shutil
 import signal
@@ -46,6 +47,15 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Keep the tests of ``--part``: by their names, so that all processes and machines agree on them."""
     number, count = config.getoption("part")
     items[:] = [item for item in items if zlib.crc32(item.nodeid.encode()) % count == number - 1]
+
+
+def pytest_collection_finish() -> None:
+    """Spare the garbage collector what lives to the end, and run it as seldom as the command line does."""
+    from clrender.__main__ import COLLECT_EVERY
+
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(COLLECT_EVERY)
 
 
 @pytest.hookimpl(optionalhook=True)
