@@ -7,18 +7,16 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.errors import OutOfMemory, SceneError
 from clrender.exact.elementary import sines_cosines
 from clrender.exact.matrices import inner, inverse, length, lengths, times, total
-from clrender.files.named import allowed_file
 from clrender.image.exposure import LUMENS_PER_WATT
+from clrender.importers.shared.light_pictures import made_of_picture
 from clrender.importers.shared.matrices import Matrix, is_similarity
 from clrender.importers.shared.sky_maps import square_place
 from clrender.importers.shared.staging import Staging
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.ies import IesProfile
 from clrender.scene.values import cross
-from clrender.wording import quoted
 
 __all__ = ["goniometric_keys"]
 
@@ -52,34 +50,30 @@ def goniometric_keys(staging: Staging, file: str, line: int, matrix: Matrix) -> 
     Raises
     ------
     SceneError
-        The picture is in a folder that is not allowed, or too large for this machine; or there is another fault, and
-        the files are strict.
+        As of `made_of_picture`.
     """
-    files, place = staging.files, f"line {line}"
-    name = files.name(file, place)
-    label = f"{files.source}: {place}"
-    allowed_file(name, files.folder, files.allow_paths, f"{label}: {quoted(name)}")
-    try:
-        pixels = EnvironmentPicture.read(name, files.folder, files.allow_paths, label).pixels
-        height, width, _ = pixels.shape
+    axis, zero = (_unit(times(matrix[:3, :3], along)) for along in ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]))
+    zero = _unit(zero - inner(zero, axis) * axis)
+
+    def table_of(picture: EnvironmentPicture) -> tuple[IesProfile, float]:
+        height, width, _ = picture.pixels.shape
         if height != width:
             sentence = f"the picture of the light has {width} by {height} pixels; it must be as wide as high"
             raise staging.fault(line, sentence)
-        values = inner(pixels.astype(np.float64), np.full(3, 1.0 / 3.0))
+        values = inner(picture.pixels.astype(np.float64), np.full(3, 1.0 / 3.0))
         mean = float(total(total(values))) / (width * height)
         if mean <= 0.0:
             raise staging.fault(line, "the picture of the light is black; give it another")
-        axis, zero = (_unit(times(matrix[:3, :3], along)) for along in ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]))
-        zero = _unit(zero - inner(zero, axis) * axis)
+        back = inverse(matrix[:3, :3])
         try:
-            profile = _profile(values, inverse(matrix[:3, :3]), axis, zero, mean if is_similarity(matrix) else None)
+            return _profile(values, back, axis, zero, mean if is_similarity(matrix) else None), mean
         except ValueError:
             raise staging.fault(line, "the picture of the light is too bright; give it a smaller scale") from None
-    except OutOfMemory:
-        raise
-    except SceneError as fault:
-        staging.draft.leave_out(fault, files.source, files.strict)
+
+    made = made_of_picture(staging, file, line, table_of)
+    if made is None:
         return None
+    _, (profile, mean) = made
     table = f"{file} (goniometric, line {line})"
     staging.draft.profiles[table] = profile
     keys = {

@@ -7,14 +7,12 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from clrender.errors import OutOfMemory, SceneError
 from clrender.exact.matrices import length
-from clrender.files.named import allowed_file
+from clrender.importers.shared.light_pictures import made_of_picture
 from clrender.importers.shared.matrices import Matrix, handedness, is_affine
 from clrender.importers.shared.staging import Staging
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.light_kinds import WIDEST_PICTURE
-from clrender.wording import quoted
 
 __all__ = ["projector_keys"]
 
@@ -52,32 +50,28 @@ def projector_keys(
     Raises
     ------
     SceneError
-        The picture is in a folder that is not allowed, or too large for this machine; or there is another fault, and
-        the files are strict.
+        As of `made_of_picture`.
     """
-    files, place = staging.files, f"line {line}"
-    name = files.name(file, place)
-    label = f"{files.source}: {place}"
-    allowed_file(name, files.folder, files.allow_paths, f"{label}: {quoted(name)}")
-    try:
+
+    def judged(picture: EnvironmentPicture) -> tuple[EnvironmentPicture, float]:
         if not is_affine(matrix):
             raise staging.fault(line, "the projector's transform cannot be inverted; give it another")
-        picture = EnvironmentPicture.read(name, files.folder, files.allow_paths, label)
         height, width, _ = picture.pixels.shape
         if (degrees := field(width, height)) > WIDEST_PICTURE:
             sentence = f"the picture of the projector is {degrees:g} degrees high; at most {WIDEST_PICTURE:g} is known"
             raise staging.fault(line, sentence)
-    except OutOfMemory:
-        raise
-    except SceneError as fault:
-        staging.draft.leave_out(fault, files.source, files.strict)
+        return picture, degrees
+
+    made = made_of_picture(staging, file, line, judged)
+    if made is None:
         return None
+    name, (picture, degrees) = made
     # Our right is forward x up = z x y, which is -x of a right-handed projector
     mirrored = (handedness(matrix) > 0.0) == rightward
     if mirrored or factor is not None:
         pixels = picture.pixels[:, ::-1] if mirrored else picture.pixels
         pixels = pixels if factor is None else pixels * np.asarray(factor, np.float32)
-        picture = EnvironmentPicture.checked(np.ascontiguousarray(pixels), label)
+        picture = EnvironmentPicture.checked(np.ascontiguousarray(pixels), f"{staging.files.source}: line {line}")
         name = f"{file} ({'mirrored' if mirrored else 'balanced'})"
         staging.draft.environments[name] = picture
     keys = {
