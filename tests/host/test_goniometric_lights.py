@@ -112,6 +112,15 @@ def test_its_flux_is_that_of_the_picture(folder: Path) -> None:
     assert flux * light.scale[0] == pytest.approx(7.0, rel=1e-6)
 
 
+def test_each_light_of_a_file_that_is_included_twice_has_its_table(folder: Path) -> None:
+    (folder / "lamp.pbrt").write_text('LightSource "goniometric" "string filename" "lobes.exr"\n')
+    both = 'Include "lamp.pbrt"\nScale -1 1 1\nInclude "lamp.pbrt"\n'
+    (folder / "a.pbrt").write_text(f'Camera "perspective"\nWorldBegin\n{both}Shape "sphere"\n')
+    scene = clrender.load(folder / "a.pbrt")
+    plain, mirrored = (scene.ies_profile(index).candela for index in range(2))
+    assert not np.array_equal(plain, mirrored)
+
+
 @pytest.mark.long
 def test_it_lights_a_wall(folder: Path, device: Any) -> None:
     """The brightness of a small quad in some directions, by the renderer, against the formula."""

@@ -74,7 +74,8 @@ def goniometric_keys(staging: Staging, file: str, line: int, matrix: Matrix) -> 
     if made is None:
         return None
     _, (profile, mean) = made
-    table = f"{file} (goniometric, line {line})"
+    # A number, as the lines of a file that is included twice say nothing
+    table = f"{file} (goniometric {len(staging.draft.profiles) + 1})"
     staging.draft.profiles[table] = profile
     keys = {
         "type": "ies",
