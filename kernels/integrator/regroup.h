@@ -74,7 +74,7 @@ static int regroup_order(const Scene* scene, const Path* path, const Hit* hit, v
     REGROUP_VEC3(FLOAT, path->radiance)                                                        \
     UINT(path->depth)                                                                          \
     REGROUP_VEC3(FLOAT, path->normal)                                                          \
-    MASK(path->counts_in_full)                                                               \
+    MASK(path->counts_in_full)                                                                 \
     FLOAT(path->bsdf_samples)                                                                  \
     FLOAT(path->bsdf_pdf)                                                                      \
     REGROUP_INTERIOR(UINT)                                                                     \

@@ -15,7 +15,7 @@
 typedef struct {
     vmask met;               // the path has met that surface
     vmask back;              // it is back there: light was added before
-    Ray ray;                 // that met it
+    vec3 origin, direction;  // of the ray that met it
     Hit hit;                 // there
     Interior interior;       // on its way there
     vec3 throughput;         // share of each ray
@@ -27,7 +27,7 @@ typedef struct {
 static Split split_none(void) {
     Split s;
     s.met = s.back = mask_none();
-    s.ray = ray_make(vec3_all(0.0f), vec3_all(1.0f));
+    s.origin = s.direction = vec3_all(0.0f);
     s.interior = interior_none();
     s.throughput = vec3_all(0.0f);
     s.index_squared = splat(1.0f);
@@ -46,12 +46,14 @@ static vmask split_back(const Split* s) { return s->back; }
 // Of the BSDF's samples, which the MIS weights count at the first such surface, those of this one.
 static vfloat split_bsdf_samples(const Split* s, uint samples) { return s->met & !s->back ? splat((float)min(samples, 1u)) : splat((float)samples); }
 
-// At a surface that is not a delta, before its BSDF is sampled: where it is the first, remember it. `hit`: what the ray met there.
+// At a surface that is not a delta, before its BSDF is sampled: where it is the first, remember it. `hit`: what the ray met there. The ray is not
+// traced again, so of it only the line is needed.
 static void split_leave(Split* s, const Ray* ray, Hit hit, Interior interior, vec3* throughput, vfloat* index_squared, Sampler* sampler,
                         vuint depth, vmask samples_lights, uint rays) {
     const vmask opens = samples_lights & !s->met;
     if (lane_any(opens)) {
-        ray_replace(&s->ray, *ray, opens);
+        s->origin = choose(opens, ray->origin, s->origin);
+        s->direction = choose(opens, ray->direction, s->direction);
         interior_replace(&s->interior, interior, opens);
         s->throughput = choose(opens, scale(*throughput, quotient(splat(1.0f), splat((float)rays))), s->throughput);
         s->index_squared = opens ? *index_squared : s->index_squared;
@@ -76,7 +78,8 @@ static void split_leave(Split* s, const Ray* ray, Hit hit, Interior interior, ve
 // Paths that ended go back while rays are left there. Returns those that are at their end.
 static vmask split_resume(Split* s, Ray* ray, Interior* interior, vuint* depth, vmask ended) {
     s->back = ended & s->met & (s->left > 0u);
-    ray_replace(ray, s->ray, s->back);
+    ray->origin = choose(s->back, s->origin, ray->origin);
+    ray->direction = choose(s->back, s->direction, ray->direction);
     interior_replace(interior, s->interior, s->back);
     *depth = s->back ? s->depth : *depth;
     return ended & !s->back;
