@@ -105,7 +105,7 @@ def is_private(folder: Path) -> bool:
         if not stat.S_ISDIR(own.st_mode) or own.st_uid != os.geteuid() or own.st_mode & 0o022:
             return False
         # Parents of both the path and its target: a link in the path could be replaced.
-        above = [parent.stat() for parent in (*folder.parents, *folder.resolve(strict=True).parents)]
+        above = [parent.stat() for parent in {*folder.parents, *folder.resolve(strict=True).parents}]
     except OSError:
         return False
     return all(

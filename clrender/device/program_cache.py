@@ -45,8 +45,10 @@ def compiler_folder() -> Path | None:
     If there is no cache folder, it is a folder of this process only; None if there is no space for it anywhere.
     """
     base = _base()
-    if base is None:
-        return cache.process_folder()
+    return cache.process_folder() if base is None else _folder_of(base)
+
+
+def _folder_of(base: Path) -> Path | None:
     Sentinel.collect(base)
     folder = base / str(_generation(base))
     try:
@@ -163,7 +165,8 @@ class Sentinel:
         if key in self._keys:
             return
         if self._path is None:
-            base, folder = _base(), compiler_folder()
+            base = _base()
+            folder = None if base is None else _folder_of(base)
             if base is None or folder is None:
                 return  # nothing is cached, so nothing can be damaged
             self._path = base / "busy" / f"{platform.node()}.{self._pid}.{self._number}"

@@ -95,15 +95,25 @@ def expand(entry: str | Path, root: Path | None = None) -> str:
     entry : str or Path
         Name below `root`, or an absolute path.
     root : Path, optional
-        Folder that includes are relative to; default: the kernels folder.
+        Folder that includes are relative to; default: the kernels folder, whose files are expanded only once.
 
     Raises
     ------
     RenderError
         When a file is missing or cannot be read, an include is not quoted, or includes form a cycle.
     """
-    expander = _Expander(root or kernels_folder())
-    return "".join(expander.file(str(entry), []))
+    if root is None and not Path(entry).is_absolute():
+        return _expand_once(str(entry))
+    return _expand(str(entry), root or kernels_folder())
+
+
+def _expand(entry: str, root: Path) -> str:
+    return "".join(_Expander(root).file(entry, []))
+
+
+@cache
+def _expand_once(entry: str) -> str:
+    return _expand(entry, kernels_folder())
 
 
 def kernels_sha256(root: Path | None = None) -> str:
