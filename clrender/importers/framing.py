@@ -27,7 +27,7 @@ from clrender.scene import EnvironmentLight, Mesh, Scene
 from clrender.scene.frozen import frozen
 from clrender.scene.validation_errors import scene_error
 from clrender.scene.values import Vector, cross
-from clrender.wording import quoted
+from clrender.wording import place, quoted
 
 __all__ = ["completed"]
 
@@ -102,7 +102,23 @@ def completed(draft: Draft, files: AssetFiles, up: str = "y", *, surrounded: boo
             raise
         return completed(draft, files, up, surrounded=surrounded)
     said = (f"{files.source}: {note}" for note in notes)
-    return scene.with_notes(said, files.opened, (draft.forgiven, draft.left_out))
+    forgiven, left_out = _faults_of_meshes(scene, files)
+    return scene.with_notes(said, files.opened, (draft.forgiven + forgiven, draft.left_out + left_out))
+
+
+def _faults_of_meshes(scene: Scene, files: AssetFiles) -> tuple[int, int]:
+    """How many faults of meshes were forgiven, and for how many triangles were left out. Each mesh counts once.
+
+    The flat scene has their warnings.
+    """
+    found: dict[tuple[str, str | None], tuple[int, int]] = {}
+    for at, shape in scene.all_shapes():
+        if isinstance(shape, Mesh) and shape.file is not None:
+            mesh = scene.mesh_of(at, shape)
+            if files.strict and (mesh.forgiven or mesh.left_out):
+                raise SceneError(f"{files.source}: {place(at)}: {mesh.warning}; export it again")
+            found[shape.asset] = mesh.forgiven, mesh.left_out
+    return sum(each for each, _ in found.values()), sum(each for _, each in found.values())
 
 
 def _leave_out_flat(draft: Draft, files: AssetFiles) -> None:

@@ -6,12 +6,22 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["COORDINATE_LIMIT", "CORNER_ARRAYS", "TRIANGLE_LIMIT", "MeshData", "crossed_warning", "inline_mesh"]
+__all__ = [
+    "COORDINATE_LIMIT",
+    "CORNER_ARRAYS",
+    "TRIANGLE_LIMIT",
+    "MeshData",
+    "crossed_warning",
+    "filled",
+    "inline_mesh",
+]
+
+_Float = TypeVar("_Float", bound=np.floating)
 
 COORDINATE_LIMIT: Final = 1e12
 """Largest magnitude of a coordinate, metres: its cube, used in ray-triangle intersection, fits single precision."""
@@ -42,6 +52,8 @@ class MeshData:
         then the sign, + if v grows along normal x tangent, - if against it. Zero: derive it from the coordinates.
     warning : str
         Warning about the mesh, for users; usually empty.
+    forgiven, left_out : int
+        Faults of its file that were forgiven, and those for which triangles were left out; the warning names them.
     """
 
     vertices: NDArray[np.floating]
@@ -52,6 +64,8 @@ class MeshData:
     uvs_1: NDArray[np.float32] | None = None
     colors: NDArray[np.float32] | None = None
     tangents: NDArray[np.float32] | None = None
+    forgiven: int = 0
+    left_out: int = 0
 
     def sha256(self) -> str:
         """Hash of the arrays (as float64, so that the precision in the file does not count)."""
@@ -71,6 +85,25 @@ class MeshData:
                 assert array is not None
                 digest.update(np.ascontiguousarray(array[start : start + 2**18], dtype=kind).tobytes())
         return digest.hexdigest()
+
+
+def filled(rows: NDArray[_Float]) -> tuple[NDArray[_Float], NDArray[np.bool_] | None]:
+    """Rows with zeros in the place of those that are not finite.
+
+    Parameters
+    ----------
+    rows : (..., n) float
+
+    Returns
+    -------
+    (..., n) float
+    (...) bool, or None
+        Which rows are not finite; None if all are.
+    """
+    if not rows.size or (np.isfinite(rows.min()) and np.isfinite(rows.max())):
+        return rows, None
+    gaps: NDArray[np.bool_] = ~np.isfinite(rows).all(axis=-1)
+    return np.where(gaps[..., None], rows.dtype.type(0), rows), gaps
 
 
 def crossed_warning(count: int) -> str:

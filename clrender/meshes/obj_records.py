@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
-from clrender.meshes.data import TRIANGLE_LIMIT
+from clrender.meshes.data import TRIANGLE_LIMIT, filled
 from clrender.meshes.obj_bulk import Run, alike_corners, alike_vectors, runs
 from clrender.meshes.obj_faces import Lines, bad_line, face_corners
 from clrender.meshes.text import CONTINUATION, Block, line_blocks, parse_numbers, word_spans
@@ -23,6 +23,8 @@ __all__ = ["ObjRecords", "Statement", "read_records"]
 
 _Whole = NDArray[np.int64]
 _NUMBER: Final = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]{1,4})?")
+_NO_NUMBER: Final = re.compile(r"[-+]?(?:nan(?:\([^)]*\))?|inf(?:inity)?)", re.IGNORECASE)
+"""What C libraries print for a number that is not finite."""
 _INDEXED: Final = ("v", "vt", "vn")
 """Keywords of the records that corners of faces index, in this order."""
 _VECTORS: Final = {2: "pair of texture coordinates", 3: "position or normal", 6: "position with a colour"}
@@ -34,6 +36,11 @@ _STATEMENT_LIMIT: Final = 2**20
 _OUTLINES: Final = re.compile(rb"(?m)^([ \t]*)fo(?=[ \t])")
 _FACES: Final = "such faces are left out"
 _NORMALS: Final = "such corners have the normal of their face"
+_GAPS: Final = {
+    "v": "the faces of such vertices are left out",
+    "vt": "such texture coordinates are taken as 0",
+    "vn": _NORMALS,
+}
 _KIND_LIMIT: Final = 256
 """Most other keywords that are counted."""
 
@@ -182,10 +189,14 @@ def _leave_out(found: ObjRecords, label: str) -> None:
         np.concatenate(parts) for parts in (found.sizes, found.corners, found.corner_uvs, found.corner_normals)
     )
     kept = sizes >= 3
+    parts = [filled(part) for part in found.positions]
+    found.positions = [part for part, _ in parts]
+    gaps = np.concatenate([np.zeros(len(part), bool) if wrong is None else wrong for part, wrong in parts])
     face = np.repeat(np.arange(len(sizes)), sizes)
     kept[face[(corners < 0) | (corners >= found.counts["v"])]] = False
+    kept[face[gaps[np.clip(corners, 0, len(gaps) - 1)]]] = False
     if not kept.any():
-        raise SceneError(f"{label} holds no face that can be drawn: {found.faults[0].partition(': such ')[0]}")
+        raise SceneError(f"{label} holds no face that can be drawn: {found.faults[0].rpartition(': ')[0]}")
     normals[normals >= found.counts["vn"]] = -1
     of_kept = kept[face]
     found.sizes, found.counts["f"] = [sizes[kept]], int(np.count_nonzero(kept))
@@ -274,17 +285,17 @@ def _read_block(block: Block, found: ObjRecords, label: str, colors: bool | None
         some = lines("v")
         size = 6 if colors or (colors is None and bool((some.words >= 6).all())) else 3
         try:
-            found.positions.append(_vectors(some, size, block, found, label))
+            found.positions.append(_vectors(some, "v", size, block, found, label))
         except SceneError:
             if size == 3 or colors:
                 raise
             size = 3
-            found.positions.append(_vectors(some, size, block, found, label))
+            found.positions.append(_vectors(some, "v", size, block, found, label))
         found.some_colored |= size == 3 and bool((some.words >= 6).any())
         found.counts["v"] += len(some.words)
     for kind, into, size in (("vt", found.uvs, 2), ("vn", found.normals, 3)):
         if is_kind[kind].any():
-            into.append(_vectors(lines(kind), size, block, found, label))
+            into.append(_vectors(lines(kind), kind, size, block, found, label))
             found.counts[kind] += len(into[-1])
     if is_kind["f"].any():
         of_faces = {kind: before[kind][is_kind["f"]] for kind in _INDEXED}
@@ -308,7 +319,7 @@ def _add_statements(block: Block, found: ObjRecords, keys: _Whole, lines: _Whole
             found.statements.append(Statement(keyword, said, count, line))
 
 
-def _vectors(lines: Lines, size: int, block: Block, found: ObjRecords, label: str) -> NDArray[np.float64]:
+def _vectors(lines: Lines, kind: str, size: int, block: Block, found: ObjRecords, label: str) -> NDArray[np.float64]:
     """The first `size` numbers of each line; more may follow (a weight, a colour)."""
     numbers = parse_numbers(lines.text, (lines.starts, lines.ends))
     if size == 2 and (lines.words == 1).all() and numbers is not None:
@@ -331,6 +342,9 @@ def _vectors(lines: Lines, size: int, block: Block, found: ObjRecords, label: st
                 fault = bad_line(block, int(lines.places[0]), label, what)
                 found.forgive(fault, label, "its commas are read as decimal points")
                 return numbers.reshape(-1, size)
+        with_gaps = _with_gaps(lines, kind, size, block, found, label)
+        if with_gaps is not None:
+            return with_gaps
         for place in lines.places.tolist():
             words = block.line(place).split()[1:]
             if len(words) < size or not all(_NUMBER.fullmatch(word) and np.isfinite(float(word)) for word in words):
@@ -340,6 +354,29 @@ def _vectors(lines: Lines, size: int, block: Block, found: ObjRecords, label: st
         return numbers.reshape(-1, size)
     first = np.cumsum(lines.words) - lines.words
     return np.asarray(numbers[first[:, None] + np.arange(size)])
+
+
+def _with_gaps(
+    lines: Lines, kind: str, size: int, block: Block, found: ObjRecords, label: str
+) -> NDArray[np.float64] | None:
+    """Lines of numbers, some of which are not finite; None if some hold no numbers at all."""
+    rows = np.empty((len(lines.words), size))
+    for row, place in enumerate(lines.places.tolist()):
+        words = block.line(place).split()[1 : size + 1]
+        if len(words) < size or not all(_NUMBER.fullmatch(word) or _NO_NUMBER.fullmatch(word) for word in words):
+            return None
+        rows[row] = [float(word) if _NUMBER.fullmatch(word) else np.nan for word in words]
+    gaps = ~np.isfinite(rows).all(axis=1)
+    if not gaps.any() or not np.isfinite(rows[:, 3:]).all():
+        return None
+    fault = bad_line(block, int(lines.places[np.argmax(gaps)]), label, "has a number that is not finite")
+    if kind == "v":
+        found.tell(fault, label, _GAPS[kind])
+        found.doubtful = True
+    else:
+        found.forgive(fault, label, _GAPS[kind])
+        rows[gaps] = 0.0
+    return rows
 
 
 def _add_faces(lines: Lines, before: Mapping[str, _Whole], block: Block, found: ObjRecords, label: str) -> None:

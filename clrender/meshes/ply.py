@@ -102,7 +102,7 @@ def read_ply(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
     mesh = _mesh(table, indices, sizes, part(normal), part(uv), linear, corners, label)
     if header.unknown:
         text = f"{header.unknown} lines of its header are none of PLY's, and not read"
-        mesh = replace(mesh, warning="; ".join(each for each in (text, mesh.warning) if each))
+        mesh = replace(mesh, warning="; ".join(each for each in (text, mesh.warning) if each), forgiven=1)
     return mesh
 
 

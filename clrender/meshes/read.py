@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import BinaryIO, Final, TypeVar
+from typing import Any, BinaryIO, Final, TypeVar
 
 import numpy as np
 
 from clrender.errors import OutOfMemory, SceneError
 from clrender.files.named import allowed_file, open_named_file
-from clrender.meshes.data import COORDINATE_LIMIT, MeshData
+from clrender.meshes.data import COORDINATE_LIMIT, CORNER_ARRAYS, MeshData, filled
 from clrender.meshes.vertex_colors import VertexColors
 from clrender.wording import quoted
 
@@ -128,29 +128,51 @@ def _reader(ending: str) -> Callable[[BinaryIO, int, str, VertexColors | None], 
     return None
 
 
-def _with_finite_normals(mesh: MeshData) -> MeshData:
-    """The mesh, whose normals are zero where they are not finite: there it has those of its triangles."""
-    normals = mesh.normals
-    if normals is None or not len(normals) or (np.isfinite(normals.min()) and np.isfinite(normals.max())):
-        return mesh
-    finite = np.isfinite(normals).all(axis=1)
-    if finite.all():
-        return mesh
-    count = int(np.count_nonzero(~finite))
-    text = f"{count} normals are not finite: there the surface has those of its triangles"
-    warning = "; ".join(each for each in (mesh.warning, text) if each)
-    return replace(mesh, normals=np.where(finite[:, None], normals, normals.dtype.type(0)), warning=warning)
+def _finite(mesh: MeshData) -> MeshData:
+    """The mesh without what is not finite.
+
+    Where normals are not, it has those of its triangles. Texture coordinates become 0, and triangles with such a corner
+    are left out, unless all are: then the mesh stays as it is.
+    """
+    said = [mesh.warning] if mesh.warning else []
+    changes: dict[str, Any] = {}
+    forgiven, left_out = mesh.forgiven, mesh.left_out
+    if mesh.normals is not None:
+        normals, gaps = filled(mesh.normals)
+        if gaps is not None:
+            changes["normals"] = normals
+            said.append(
+                f"{np.count_nonzero(gaps)} normals are not finite: there the surface has those of its triangles"
+            )
+            forgiven += 1
+    for name in ("uvs", "uvs_1"):
+        given = getattr(mesh, name)
+        uvs, gaps = (None, None) if given is None else filled(given)
+        if gaps is not None:
+            changes[name] = uvs
+            said.append(f"{np.count_nonzero(gaps)} corners have texture coordinates that are not finite: taken as 0")
+            forgiven += 1
+    vertices, gaps = filled(mesh.vertices)
+    if gaps is not None and (kept := ~gaps[mesh.triangles].any(axis=1)).any():
+        changes["vertices"] = vertices
+        for name in ("triangles", *CORNER_ARRAYS):
+            rows = changes.get(name, getattr(mesh, name))
+            changes[name] = None if rows is None else rows[kept]
+        if not kept.all():
+            said.append(f"{np.count_nonzero(~kept)} triangles have a corner that is not finite: left out")
+            left_out += 1
+    return replace(mesh, **changes, warning="; ".join(said), forgiven=forgiven, left_out=left_out) if changes else mesh
 
 
 def checked_mesh(mesh: MeshData, label: str) -> MeshData:
-    """Validate that all numbers of a mesh are finite and in range; normals that are not finite become zeros.
+    """Validate that all numbers of a mesh are in range, and mend what is not finite as far as it leaves something.
 
     Raises
     ------
     SceneError
         The message begins with `label`.
     """
-    mesh = _with_finite_normals(mesh)
+    mesh = _finite(mesh)
     for array, what in ((mesh.vertices, "vertex"), (mesh.normals, "normal")):
         for start in range(0, 0 if array is None else len(array), 2**20):
             assert array is not None

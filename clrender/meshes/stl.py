@@ -51,9 +51,10 @@ def read_stl(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
     head = file.read(_HEAD)
     count = int.from_bytes(head[80:84], "little") if len(head) == _HEAD else -1
     warnings: list[str] = []
+    faults: list[str] = []
     # Some binary files begin with "solid", too; the file size tells them apart
     if size == _HEAD + 50 * count or head.removeprefix(b"\xef\xbb\xbf").lstrip()[:5].lower() != b"solid":
-        points, normals = _binary(file, size, count, head, label, warnings)
+        points, normals = _binary(file, size, count, head, label, warnings, faults)
     else:
         file.seek(0)
         points, normals = read_facets(file, label)
@@ -64,11 +65,11 @@ def read_stl(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
         which = "one facet has a normal" if against == 1 else f"{against} facets have normals"
         warnings.append(f"{which} against the order of the corners, which alone counts")
     vertices, triangles = _shared(points)
-    return MeshData(vertices, triangles, warning="; ".join(warnings))
+    return MeshData(vertices, triangles, warning="; ".join(faults + warnings), forgiven=len(faults))
 
 
 def _binary(
-    file: BinaryIO, size: int, count: int, head: bytes, label: str, warnings: list[str]
+    file: BinaryIO, size: int, count: int, head: bytes, label: str, warnings: list[str], faults: list[str]
 ) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Corners (F, 3, 3) and normals (F, 3) of the facets."""
     if count < 0:
@@ -77,7 +78,7 @@ def _binary(
     if size != _HEAD + 50 * count and whole and (rest == 0 or count <= whole):
         # Writers that do not know the number beforehand, or add something of their own
         known = whole if count == 0 or count > whole else count
-        warnings.append(f"says that it holds {count} facets, but has bytes for {whole}: {known} are read")
+        faults.append(f"says that it holds {count} facets, but has bytes for {whole}: {known} are read")
         count = known
     if count > TRIANGLE_LIMIT:
         raise SceneError(f"{label} holds {count} triangles, but at most {TRIANGLE_LIMIT} are read")

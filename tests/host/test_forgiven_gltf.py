@@ -189,6 +189,31 @@ def test_normals_that_are_not_finite_are_those_of_the_triangles(tmp_path: Path, 
     assert any("is not finite" in note for note in scene.notes)
 
 
+@for_each("value", [math.nan, math.inf])
+def test_triangles_with_a_corner_that_is_not_finite_are_left_out(tmp_path: Path, value: float) -> None:
+    model = Model()
+    points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, value, 0)]
+    attributes = {
+        "POSITION": model.accessor(points),
+        "TEXCOORD_0": model.accessor([(0, 0), (1, value), (1, 1), (0, 1)]),
+    }
+    model.root["meshes"] = [
+        {"primitives": [{"attributes": attributes, "indices": model.accessor([0, 1, 2, 0, 2, 3], "uint16")}]}
+    ]
+    model.node(mesh=0)
+    path = model.write(tmp_path / "m.glb")
+    scene = clrender.load(path)
+    ((at, shape),) = scene.all_shapes()
+    assert len(scene.mesh_of(at, shape).triangles) == 1  # type: ignore[arg-type]
+    assert scene.faults == {"forgiven": 1, "left_out": 1}
+    assert any("POSITION has a number in element 3 that is not finite" in note for note in scene.notes)
+    with pytest.raises(SceneError, match="that is not finite"):
+        clrender.load(path, strict=True)
+    model.root["meshes"][0]["primitives"][0]["indices"] = model.accessor([0, 2, 3], "uint16")
+    with pytest.raises(SceneError, match="POSITION has a number in element 3"):
+        clrender.load(model.write(path))
+
+
 def test_triangles_of_vertices_that_there_are_not(tmp_path: Path) -> None:
     model = Model()
     mesh = model.quad()

@@ -33,6 +33,16 @@ def sound(folder: Path) -> MeshData:
     return read(folder, "sound.ply", HEAD % b"ascii" + FACE + TEXT)
 
 
+def forgiven_alone(path: Path, count: int) -> None:
+    """So many faults of a mesh are counted, each once, and refuse it where that is asked for."""
+    assert clrender.load(path).faults == {"forgiven": count, "left_out": 0}
+    if count:
+        with pytest.raises(SceneError, match=rf"{path.name}: shapes\[0\]: .*; export it again$"):
+            clrender.load(path, strict=True)
+    else:
+        clrender.load(path, strict=True)
+
+
 def binary_faces() -> bytes:
     return b"".join(struct.pack("<B3i", 3, *face) for face in FACES)
 
@@ -52,6 +62,7 @@ def test_a_comment_without_the_word(tmp_path: Path) -> None:
     header = HEAD.replace(b"element vertex", b"Made by an old exporter\nelement vertex")
     mesh = read(tmp_path, "a.ply", header % b"ascii" + FACE + TEXT)
     assert mesh.sha256() == sound(tmp_path).sha256() and "1 lines of its header are none of PLY's" in mesh.warning
+    forgiven_alone(tmp_path / "a.ply", 1)
     with pytest.raises(SceneError, match="has a header line that cannot be read"):
         read(tmp_path, "b.ply", HEAD % b"ascii" + b"element face\n" + FACE + TEXT)
 
@@ -114,6 +125,60 @@ def test_normals_that_are_not_finite(tmp_path: Path, value: bytes) -> None:
     mesh = read(tmp_path, "a.ply", head + rows % value)
     zero = read(tmp_path, "b.ply", head + rows.replace(b"%b 0 1", b"0 0 0"))
     assert mesh.sha256() == zero.sha256() and "1 normals are not finite" in mesh.warning
+    forgiven_alone(tmp_path / "a.ply", 1)
+    forgiven_alone(tmp_path / "b.ply", 0)
+    (tmp_path / "s.pbrt").write_text(BEGIN + 2 * 'Shape "plymesh" "string filename" "a.ply"\n')
+    forgiven_alone(tmp_path / "s.pbrt", 1)
+
+
+LEFT_OUT = {"forgiven": 0, "left_out": 1}
+OBJ = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv {} 1 0\nvt {} 0\nvn 0 {} 1\n"
+
+
+@for_each("value", ["nan", "-nan", "inf", "-nan(ind)", "1e999"])
+def test_what_is_not_finite_in_an_obj_file(tmp_path: Path, value: str) -> None:
+    wanted = read(tmp_path, "w.obj", OBJ.format(0, 0, 0).encode() + b"f 1 2 3\n")
+    (tmp_path / "a.obj").write_text(OBJ.format(value, 0, 0) + "f 1 5 3 4\nf 1 2 3\n")
+    mesh = read_mesh("a.obj", tmp_path, (), "here")
+    np.testing.assert_array_equal(mesh.vertices[mesh.triangles], wanted.vertices[wanted.triangles])
+    scene = clrender.load(tmp_path / "a.obj")
+    assert scene.faults == LEFT_OUT and any("line 5 has a number that is not finite" in each for each in scene.notes)
+    with pytest.raises(SceneError, match="line 5 has a number that is not finite"):
+        clrender.load(tmp_path / "a.obj", strict=True)
+    (tmp_path / "b.obj").write_text(OBJ.format(0, value, value) + "f 1/1/1 2/1/1 3/1/1\n")
+    zero = read(tmp_path, "z.obj", b"v 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvn 0 0 0\nf 1/1/1 2/1/1 3/1/1\n")
+    mesh = read_mesh("b.obj", tmp_path, (), "here")
+    np.testing.assert_array_equal(mesh.uvs, zero.uvs)
+    assert mesh.normals is None or not mesh.normals.any()
+    assert clrender.load(tmp_path / "b.obj").faults == {"forgiven": 2, "left_out": 0}
+    with pytest.raises(SceneError, match='holds no face that can be drawn: line 1 has a number that is not finite: "v'):
+        read(tmp_path, "c.obj", f"v {value} 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n".encode())
+    with pytest.raises(SceneError, match="is not a position or normal of 3 numbers"):
+        read(tmp_path, "d.obj", f"v {value} 0 none\nv 1 0 0\nv 1 1 0\nf 1 2 3\n".encode())
+
+
+def test_triangles_with_a_corner_that_is_not_finite(tmp_path: Path) -> None:
+    """And texture coordinates; a mesh of nothing else is refused."""
+    points = POINTS.copy()
+    points[3, 1] = np.nan
+    face = FACE.replace(b"end_header", b"property list uchar float texcoord\nend_header")
+    corners = [struct.pack("<B3iB6f", 3, *each, 6, 0, 0, 1, 0, 1, np.inf) for each in FACES]
+    (tmp_path / "a.ply").write_bytes(HEAD % b"binary_little_endian" + face + points.tobytes() + b"".join(corners))
+    mesh = read_mesh("a.ply", tmp_path, (), "here")
+    assert mesh.triangles.tolist() == [[0, 1, 2]] and mesh.uvs is not None and mesh.uvs.shape == (1, 3, 2)
+    np.testing.assert_array_equal(mesh.uvs[0], [(0, 0), (1, 0), (0, 0)])
+    assert (mesh.forgiven, mesh.left_out) == (1, 1) and np.isfinite(mesh.vertices).all()
+    assert clrender.load(tmp_path / "a.ply").faults == {"forgiven": 1, "left_out": 1}
+    for faces in ((FACES[1], FACES[1]), ((0, 3, 1), (3, 2, 1))):
+        data = b"".join(struct.pack("<B3i", 3, *each) for each in faces)
+        with pytest.raises(SceneError, match=r"vertex 3 is \(0, nan, 0\), but must be finite"):
+            read(tmp_path, "b.ply", HEAD % b"binary_little_endian" + FACE + points.tobytes() + data)
+    # A quad is cut along a diagonal by where its corners are
+    quad = HEAD % b"ascii" + FACE.replace(b"face 2", b"face 1") + b"0 0 0\n1 0 0\n1 1 0\n0 nan 0\n4 0 1 2 3\n"
+    assert 0 < len(read(tmp_path, "c.ply", quad).triangles) < 3
+    stl = bytearray(binary_stl(2))
+    stl[84 + 12 : 84 + 16] = struct.pack("<f", np.nan)
+    assert len(read(tmp_path, "d.stl", bytes(stl)).triangles) == 1
 
 
 def test_the_picture_of_a_comment(tmp_path: Path) -> None:
@@ -165,6 +230,7 @@ def test_stl_files(tmp_path: Path, data: bytes, words: str) -> None:
     mesh, wanted = read(tmp_path, "a.stl", data), read(tmp_path, "b.stl", binary_stl(2))
     np.testing.assert_array_equal(mesh.vertices[mesh.triangles], wanted.vertices[wanted.triangles])
     assert words in mesh.warning and bool(mesh.warning) == bool(words)
+    forgiven_alone(tmp_path / "a.stl", 1 if words else 0)
 
 
 # --- pbrt -------------------------------------------------------------------------------------------------------------

@@ -105,13 +105,19 @@ class Accessors:
         buffers = {index: self._document.items("bufferViews")[index]["buffer"] for index in views}
         return all(index in self._decoded or self._buffers[buffers[index]] is not None for index in views)
 
-    @cached_property
-    def _directions(self) -> set[int]:
-        """Accessors of normals and tangents."""
+    def _named(self, *beginnings: str) -> set[int]:
+        """Accessors of attributes whose names begin so."""
         primitives = [each for mesh in self._document.items("meshes") for each in mesh["primitives"]]
-        return {
-            each["attributes"][key] for each in primitives for key in ("NORMAL", "TANGENT") if key in each["attributes"]
-        }
+        attributes = [item for each in primitives for item in each["attributes"].items()]
+        return {accessor for name, accessor in attributes if name.startswith(beginnings)}
+
+    @cached_property
+    def _dispensable(self) -> set[int]:
+        return self._named("NORMAL", "TANGENT", "TEXCOORD_")
+
+    @cached_property
+    def _positions(self) -> set[int]:
+        return self._named("POSITION")
 
     def _check(self, index: int, accessor: dict[str, Any]) -> None:
         at = f"/accessors/{index}"
@@ -120,7 +126,9 @@ class Accessors:
         if numbers.dtype.kind == "f" and not (np.isfinite(low).all() and np.isfinite(high).all()):
             finite = np.isfinite(numbers.reshape(len(numbers), -1)).all(axis=1)
             text = f"has a number in element {int(np.argmax(~finite))} that is not finite; export it again"
-            if index not in self._directions:
+            if index in self._positions:
+                return  # the triangles there are left out, by whoever knows them
+            if index not in self._dispensable:
                 raise self._document.fault(at, text)
             self._document.forgive(at, text)
             # As of no length: there the surface has its own normal

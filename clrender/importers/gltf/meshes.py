@@ -15,7 +15,7 @@ from clrender.importers.gltf.materials import Materials, Used
 from clrender.importers.gltf.matrices import Matrix
 from clrender.importers.shared.meshes import without_area
 from clrender.importers.shared.tangents import mikktspace
-from clrender.meshes.data import COORDINATE_LIMIT, MeshData
+from clrender.meshes.data import COORDINATE_LIMIT, MeshData, filled
 from clrender.meshes.read import UV_LIMIT
 
 __all__ = ["Meshes", "Part"]
@@ -107,12 +107,16 @@ class Meshes:
         surface = morphed(self._accessors, primitive, weights, given)
         if joints is not None:
             surface = skinned(self._document, self._accessors, primitive, at, joints, surface)
-        positions = surface.positions
+        positions, gaps = filled(surface.positions)
         if not np.abs(positions).max() <= COORDINATE_LIMIT:
             raise self._document.fault(
                 f"{at}/attributes/POSITION", f"goes beyond {COORDINATE_LIMIT:g}; make it smaller"
             )
         triangles = self._triangles(primitive, mode, len(positions), at)
+        if triangles is not None and gaps is not None:
+            text = f"has a number in element {int(np.argmax(gaps))} that is not finite; export it again"
+            self._document.leave_out(f"{at}/attributes/POSITION", text)
+            triangles = triangles[~gaps[triangles].any(axis=1)]
         if triangles is None or without_area(positions, triangles):
             self._document.note(f"{at} was left out: it has no triangle with an area")
             return None
