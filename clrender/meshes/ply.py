@@ -193,12 +193,12 @@ def _mesh(
         warnings.append(warning)
         by_name[name] = by_name[name] if found is None else found
     faces = corners.reshape(-1, 3) if places is None else corners[places]
-    of_triangles = (
+    uvs, uvs_1, shades, tangents = (
         None if each is None else each.reshape(-1, 3, each.shape[1]) if places is None else each[places]
         for each in by_name.values()
     )
     text = "; ".join(each for each in warnings if each)
-    return MeshData(vertices, faces.astype(np.uint32), normals, text, *of_triangles)
+    return MeshData(vertices, faces.astype(np.uint32), normals, text, uvs, uvs_1, shades, tangents)
 
 
 def _corner_table(

@@ -57,8 +57,7 @@ def body(tangents: bool) -> MeshData:
         along /= np.sqrt((along * along).sum(axis=1))[:, None]
         directions = np.concatenate([along, np.where(points[:, :1] > 0.0, 1.0, -1.0)], axis=1).astype(np.float32)[faces]
         directions[:, :, 3] = directions[:, :1, 3]
-    more = {} if directions is None else {"tangents": directions}
-    return MeshData(points * 0.6, faces.astype(np.uint32), points, "", uvs, **more)
+    return MeshData(points * 0.6, faces.astype(np.uint32), points, "", uvs, tangents=directions)
 
 
 @pytest.fixture(scope="module")
