@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.exact.matrices import length
+from clrender.exact.matrices import inner, length
 from clrender.exporters.mitsuba_xml import Element, element, value
 from clrender.exporters.surfaces import inside_of
 from clrender.exporters.target import Target
@@ -52,8 +53,38 @@ class Volume:
         """Volume of its box."""
         return float(np.prod(self.vertices.max(axis=0) - self.vertices.min(axis=0)))
 
-    def contains(self, point: NDArray[np.float64]) -> bool:
-        """Whether a point is inside."""
+    def contains(self, point: NDArray[np.float64], camera: NDArray[np.float64]) -> bool:
+        """Whether a point is inside.
+
+        A surface that does not close, such as the front of a room of smoke whose other sides are its walls, has behind
+        it what a straight way from the camera to the point enters by it.
+        """
+        if isinstance(self.shape, Sphere) or self._closed:
+            return self._encloses(point)
+        return self._encloses(camera) + self._entries(camera, point) > 0
+
+    @cached_property
+    def _closed(self) -> bool:
+        """Whether every edge, between places of corners, is that of one triangle in each direction."""
+        _, places = np.unique(self.vertices, axis=0, return_inverse=True)
+        corners = places.reshape(-1)[self.triangles].astype(np.int64)
+        begins, ends = corners.reshape(-1), np.roll(corners, -1, axis=1).reshape(-1)
+        count = len(self.vertices)
+        edges, counts = np.unique(begins * count + ends, return_counts=True)
+        back, others = np.unique(ends * count + begins, return_counts=True)
+        return np.array_equal(edges, back) and np.array_equal(counts, others)
+
+    def _entries(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> int:
+        """How often a straight way enters by the triangles' fronts, less how often it leaves by their backs."""
+        a, b, c = (self.vertices[self.triangles[:, i]] for i in range(3))
+        across = np.cross(b - a, c - a)
+        before, behind = inner(across, start - a), inner(across, end - a)
+        sides = [inner(np.cross(p - start, q - start), end - start) for p, q in ((a, b), (b, c), (c, a))]
+        enters = (before > 0.0) & (behind <= 0.0) & np.all([side <= 0.0 for side in sides], axis=0)
+        leaves = (before <= 0.0) & (behind > 0.0) & np.all([side >= 0.0 for side in sides], axis=0)
+        return int(np.count_nonzero(enters)) - int(np.count_nonzero(leaves))
+
+    def _encloses(self, point: NDArray[np.float64]) -> bool:
         low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
         if not ((low < point) & (point < high)).all():
             return False
@@ -132,11 +163,12 @@ class MediumWriter:
             Called if parts of the surface are in different volumes.
         """
         others = [each for each in self.volumes if each.shape is not of]
-        found = [_innermost(others, each) for each in points[:: max(1, len(points) // _POINTS)]]
+        camera = np.array(self._target.scene.camera.position)
+        found = [_innermost(others, each, camera) for each in points[:: max(1, len(points) // _POINTS)]]
         if any(each is not found[0] for each in found):
             told()
         return (self.fog, 1.0) if found[0] is None else (found[0].medium, found[0].index)
 
 
-def _innermost(volumes: list[Volume], point: NDArray[np.float64]) -> Volume | None:
-    return min((each for each in volumes if each.contains(point)), key=lambda each: each.size, default=None)
+def _innermost(volumes: list[Volume], point: NDArray[np.float64], camera: NDArray[np.float64]) -> Volume | None:
+    return min((each for each in volumes if each.contains(point, camera)), key=lambda each: each.size, default=None)

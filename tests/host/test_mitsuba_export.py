@@ -344,6 +344,34 @@ def test_media_around_surfaces(tmp_path: Path) -> None:
     assert near(again.media["inside of glass"].absorption, absorption)
 
 
+@for_each(
+    ("at", "radius", "outside"),
+    [
+        ((0.0, 0.0, -2.0), 0.5, ["smoke"]),  # behind the front of the room
+        ((2.6, 2.6, -2.0), 0.5, []),  # seen past it
+        ((0.0, 0.0, 2.0), 0.5, []),  # before it
+    ],
+)
+def test_glass_in_a_room_of_smoke(
+    tmp_path: Path, at: tuple[float, float, float], radius: float, outside: list[str]
+) -> None:
+    """Of the smoke there is only the front; its other sides are the walls."""
+    front = {"type": "quad", "origin": [-1.5, -1.5, 0.0], "edge_u": [3.0, 0.0, 0.0], "edge_v": [0.0, 3.0, 0.0]}
+    points = [[-1.5, -1.5, 0.0], [1.5, -1.5, 0.0], [1.5, 1.5, 0.0], [-1.5, 1.5, 0.0]]
+    mesh = {"type": "mesh", "vertices": points, "faces": [[0, 1, 2], [0, 2, 3]], "interior": "smoke"}
+    wall = {**front, "origin": [-1.5, -1.5, -4.0], "material": "m"}
+    scene = described(
+        media={"smoke": {"scattering": 0.1}},
+        materials={"glass": {"type": "dielectric", "ior": 1.5}, "m": GREY},
+        shapes=[mesh, wall, {**BALL, "center": list(at), "radius": radius, "material": "glass"}],
+    )
+    assert tuple(scene.camera.position)[2] > 3.0
+    written(scene, tmp_path)
+    ball = xml(tmp_path).findall("shape")[2]
+    assert [each.get("id") for each in ball.findall("ref[@name='exterior']")] == outside
+    assert not ball.findall("ref[@name='interior']")
+
+
 def test_fog_is_outside_of_all(tmp_path: Path) -> None:
     """Also if a shape has the same medium inside, and around glass."""
     scene = described(
