@@ -173,6 +173,8 @@ class ObjFaces:
             "; ".join(each for each in (*self.records.told, crossed_warning(crossed), warning) if each),
             by_triangle(uvs),
             colors=by_triangle(shades),
+            forgiven=len(self.records.forgiven),
+            left_out=len(self.records.faults),
         )
 
     def _of(self, faces: _Whole | None, sizes: _Whole) -> tuple[_Whole, _Whole, _Whole]:

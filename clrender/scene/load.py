@@ -17,7 +17,7 @@ from clrender.files.package_data import scenes_folder
 from clrender.scene.description import Scene
 from clrender.scene.shapes import Mesh
 from clrender.scene.validation_errors import scene_error
-from clrender.wording import quoted, suggestion
+from clrender.wording import place, quoted, suggestion
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -69,13 +69,12 @@ def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) ->
     except RecursionError:
         raise SceneError(f"{source}: the scene is nested too deeply; a scene has no more than a few levels") from None
     scene = scene.placed(source, path.parent, folders)
+    scene.read_named()
     for at, shape in scene.all_shapes():
-        if isinstance(shape, Mesh) and shape.file is not None:
-            scene.mesh_of(at, shape)
-    for index, _ in scene.instances():
-        scene.transforms(index)
-    scene.read_lights()
-    scene.textures()
+        if isinstance(shape, Mesh) and shape.file is not None and (mesh := scene.mesh_of(at, shape)).left_out:
+            # Others of its files are read whole as well, or refused
+            where = f"{source}: {place((*at, 'file'))}: {quoted(shape.file)}"
+            raise SceneError(f"{where}: {mesh.warning}; export it again")
     return scene
 
 
@@ -118,8 +117,8 @@ def _parsed(path: Path, source: str) -> Any:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         column = error.start - (data.rfind(b"\n", 0, error.start) + 1) + 1
-        place = f"{source}: line {line}, column {column}"
-        raise SceneError(f"{place}: not UTF-8; save the file in that encoding") from None
+        where = f"{source}: line {line}, column {column}"
+        raise SceneError(f"{where}: not UTF-8; save the file in that encoding") from None
     try:
         if path.suffix.lower() == ".json":
             return _from_json(text)

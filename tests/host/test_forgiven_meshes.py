@@ -169,6 +169,12 @@ def test_triangles_with_a_corner_that_is_not_finite(tmp_path: Path) -> None:
     np.testing.assert_array_equal(mesh.uvs[0], [(0, 0), (1, 0), (0, 0)])
     assert (mesh.forgiven, mesh.left_out) == (1, 1) and np.isfinite(mesh.vertices).all()
     assert clrender.load(tmp_path / "a.ply").faults == {"forgiven": 1, "left_out": 1}
+    own = '[camera]\nposition = [0, 0, 3]\ntarget = [0, 0, 0]\n[[shapes]]\ntype = "mesh"\nfile = "a.ply"\n'
+    (tmp_path / "own.toml").write_text(
+        own + 'material = "m"\n[materials.m]\ntype = "lambert"\nreflectance = [0.5, 0.5, 0.5]\n'
+    )
+    with pytest.raises(SceneError, match=r'own\.toml: shapes\[0\]\.file: "a\.ply": .*left out; export it again'):
+        clrender.load(tmp_path / "own.toml")
     for faces in ((FACES[1], FACES[1]), ((0, 3, 1), (3, 2, 1))):
         data = b"".join(struct.pack("<B3i", 3, *each) for each in faces)
         with pytest.raises(SceneError, match=r"vertex 3 is \(0, nan, 0\), but must be finite"):

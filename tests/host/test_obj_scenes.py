@@ -332,7 +332,6 @@ def test_lines_written_alike_are_read_as_others_are(tmp_path: Path, corner: str,
         "v 1.0 2.0 -.",
         "v 1.0 2.0",
         "v 1.0 2.0 3-.0",
-        "v 1. 2. nan",
     ],
 )
 def test_a_wrong_line_among_many_alike(tmp_path: Path, line: str) -> None:
@@ -342,6 +341,15 @@ def test_a_wrong_line_among_many_alike(tmp_path: Path, line: str) -> None:
     (tmp_path / "m.obj").write_text("\n".join([*lines[:at], line, *lines[at:]]) + "\n")
     with pytest.raises(SceneError, match=f"line {at + 1} "):
         read_mesh("m.obj", tmp_path, (), "x")
+
+
+def test_a_number_that_is_not_finite_among_many_alike(tmp_path: Path) -> None:
+    lines = ["v 0.0 1.0 2.0"] * 600 + ["f 1 2 3"] * 600
+    lines[300], lines[900] = "v 1. 2. nan", "f 1 301 3"
+    (tmp_path / "m.obj").write_text("\n".join(lines) + "\n")
+    mesh = read_mesh("m.obj", tmp_path, (), "x")
+    assert mesh.warning.startswith("line 301 has a number that is not finite") and mesh.left_out == 1
+    assert len(mesh.triangles) == 599 and np.isfinite(mesh.vertices).all()
 
 
 def test_many_statements_beside_one_continued_line(tmp_path: Path) -> None:
