@@ -14,6 +14,7 @@ import numpy as np
 
 from clrender.bench.crowd import crowd_scene
 from clrender.bench.foliage import foliage_scene
+from clrender.bench.hard import HARD_SCENES, hard_scene
 from clrender.bench.rich import rich_scene
 from clrender.bench.shapes import bumpy_body, geodesic, quad, write_ply
 from clrender.errors import UsageError
@@ -33,6 +34,7 @@ SCENES: Final[Mapping[str, str]] = {
     "S5": "S1's room, its front open to a sky with a sun, with metals, rough glass, coats, textures and a normal map",
     "S6": "a tree of 20,000 leaves, squares cut out by the alpha of a picture, under a sky with a sun",
     "S7": "ten thousand instances of a mesh of 100,820 triangles",
+    **HARD_SCENES,
 }
 _FREQUENCY: Final = {"S3-10k": 22, "S3-100k": 71, "S3-1M": 224, "S3-4M": 447}
 _SPHERE_FREQUENCY: Final = 16
@@ -78,6 +80,9 @@ def write_scene(name: str, folder: Path, triangles: bool = False) -> Path:
         return path
     if name == "S6":
         path.write_text(json.dumps(foliage_scene(folder)), encoding="utf-8")
+        return path
+    if name in HARD_SCENES:
+        path.write_text(json.dumps(hard_scene(name, folder)), encoding="utf-8")
         return path
     if name == "S7":
         path.write_text(json.dumps(crowd_scene(folder)), encoding="utf-8")

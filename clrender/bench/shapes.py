@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["bumpy_body", "geodesic", "quad", "write_ply"]
+__all__ = ["bumpy_body", "geodesic", "quad", "torus", "write_ply"]
 
 Points = npt.NDArray[np.float64]
 Corners = npt.NDArray[np.int32]
@@ -46,6 +46,30 @@ def geodesic(frequency: int) -> tuple[Points, Corners]:
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     count = len(weights)
     return points, np.concatenate([grid + count * k for k in range(len(faces))]).astype(np.int32)
+
+
+def torus(radius: float, tube: tuple[float, float], around: int, along: int) -> tuple[Points, Corners, Points]:
+    """A torus around the y axis, of 2 `around` `along` triangles, with normals.
+
+    `radius` is that of the circle in the middle of the tube, which is an ellipse of the semi-axes `tube`, outward and
+    upward.
+    """
+    turn = np.arange(around)[:, None] * (2.0 * np.pi / around)
+    tilt = np.arange(along)[None, :] * (2.0 * np.pi / along)
+    out, up = tube[0] * np.cos(tilt), tube[1] * np.sin(tilt)
+    slope = np.stack([np.cos(tilt) / tube[0], np.sin(tilt) / tube[1]]) / np.sqrt(
+        (np.cos(tilt) / tube[0]) ** 2 + (np.sin(tilt) / tube[1]) ** 2
+    )
+
+    def turned(outward: Points, upward: Points) -> Points:
+        whole = np.broadcast_arrays(outward * np.cos(turn), upward, outward * np.sin(turn))
+        return np.stack(whole, axis=-1).reshape(-1, 3)
+
+    i, j = np.meshgrid(np.arange(around), np.arange(along), indexing="ij")
+    a, b = i * along + j, (i + 1) % around * along + j
+    c, d = (i + 1) % around * along + (j + 1) % along, i * along + (j + 1) % along
+    faces = np.concatenate([np.stack([a, c, b], -1), np.stack([a, d, c], -1)]).reshape(-1, 3)
+    return turned(radius + out, up), faces.astype(np.int32), turned(slope[0], slope[1])
 
 
 def bumpy_body(frequency: int) -> tuple[Points, Corners]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from cases import for_each
 from PIL import Image
 
 import clrender
@@ -15,10 +17,14 @@ from clrender.bench import SCENES, Peer, Run, measure, peer_from, summary, write
 from clrender.bench.foliage import LEAVES
 from clrender.bench.measure import relative_error
 from clrender.bench.peers import PEERS, SEGMENTS, Task
+from clrender.bench.shapes import torus
 from clrender.errors import RenderError, UsageError
 from clrender.flatten.flat_scene import flatten
 from clrender.image.files import read_image
 from clrender.meshes.read import read_mesh
+
+if TYPE_CHECKING:
+    from clrender.device import Device
 
 TRIANGLES = {"S1": 28, "S1-tess": 28 + 10240, "S2": 28, "S2-tess": 28 + 10240, "S3-10k": 16 + 9680, "S4": 24 + 1000}
 
@@ -60,6 +66,34 @@ def test_the_body_is_closed(tmp_path: Path) -> None:
     forward, counts = np.unique(edges, axis=0, return_counts=True)
     assert (counts == 1).all()
     assert np.array_equal(forward, np.unique(edges[:, ::-1], axis=0))
+
+
+def test_a_torus_is_closed_and_its_normals_look_outward() -> None:
+    points, faces, normals = torus(0.5, (0.03, 0.18), 192, 64)
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    forward, counts = np.unique(edges, axis=0, return_counts=True)
+    assert (counts == 1).all() and np.array_equal(forward, np.unique(edges[:, ::-1], axis=0))
+    corners = points[faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    assert (across[:, None] * normals[faces]).sum(axis=2).min() > 0.9
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-12)
+    # By Pappus' theorem; of polygons inscribed in the ellipse and in the circle
+    volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
+    ellipse, circle = (np.sin(2.0 * np.pi / n) / (2.0 * np.pi / n) for n in (64, 192))
+    assert volume == pytest.approx(2.0 * np.pi * 0.5 * np.pi * 0.03 * 0.18 * ellipse * circle, rel=1e-3)
+
+
+@for_each(("name", "hard"), [("S1", False), ("X1", True), ("X8", True), ("X9", True)])
+def test_light_is_hard_to_find_there(device: Device, tmp_path: Path, name: str, hard: bool) -> None:
+    """A path sample has more than twice its own mean squared as variance, and less than that in the plain room."""
+    scene = clrender.load(str(write_scene(name, tmp_path)))
+    assert flatten(scene, 8, 8).warnings == ()
+    with clrender.Session(device) as session:
+        images = np.array([session.render(scene, size=(32, 24), spp=16, seed=seed).linear for seed in range(8)])
+    mean = images.mean(axis=0)
+    relative = 16.0 * images.var(axis=0, ddof=1) / (mean**2 + (0.1 * mean.mean()) ** 2)
+    assert mean.mean() > 0.0 and (relative.mean() > 2.0) == hard, relative.mean()
 
 
 def test_every_scene_has_a_description_and_no_other_is_known(tmp_path: Path) -> None:

@@ -1,0 +1,288 @@
+"""Hard light: the error of every way to render it at equal time, on scenes whose light paths seldom find.
+
+    .venv/bin/python scripts/hard_bench.py reference SCENE… --way path --minutes 20
+    .venv/bin/python scripts/hard_bench.py measure SCENE… [--ways path,reuse,photon] [--seconds 20] [--seeds 4]
+    .venv/bin/python scripts/hard_bench.py agree SCENE…
+
+X1, X8 and X9 are made here (`clrender.bench.hard`). X2 to X7 are scenes of the field, in pbrt's format, whose folder is
+`--standard`: veach-ajar, veach-bidir, classroom, dining-room, water-caustic and volumetric-caustic.
+
+The error is relMSE: the mean over pixels and channels of (x - r)² / (r² + (0.1 mean(r))²). Of an unbiased way it falls
+as 1 / seconds, so that their product says how good a way is, and says it of each seed; training of a way counts, as it
+is part of the render.
+
+A reference is the mean of many renders by one way, which `reference` adds to; its own error, estimated between them, is
+told, and `measure` says where it is more than a fiftieth of an error that is measured with it. `agree` compares
+references by different ways with each other, by means and by tiles.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+import clrender
+from clrender.bench import write_scene
+from clrender.bench.hard import HARD_SCENES
+
+__all__: list[str] = []
+
+Floats = npt.NDArray[np.float64]
+
+STANDARD: Final[Mapping[str, tuple[str, tuple[int, int]]]] = {
+    "X2": ("veach-ajar", (160, 90)),
+    "X3": ("veach-bidir", (128, 128)),
+    "X4": ("classroom", (160, 90)),
+    "X5": ("dining-room", (160, 90)),
+    "X6": ("water-caustic", (128, 128)),
+    "X7": ("volumetric-caustic", (128, 128)),
+}
+"""Folders of the scenes of the field, and the image's size."""
+WAYS: Final[Mapping[str, Mapping[str, Any]]] = {
+    "path": {"integrator": "path"},
+    "reuse": {"integrator": "reuse"},
+    "photon": {"integrator": "photon"},
+}
+"""Settings of a render. `photon` has a bias as well, which falls with its passes."""
+PROBE_SPP: Final = 4
+BATCH_SECONDS: Final = 30.0
+"""CPU seconds of one of the renders of a reference."""
+REFERENCE_SEED: Final = 1 << 20
+SHARE: Final = 50.0
+"""How much smaller than an error that is measured with it a reference's own error has to be."""
+TILES: Final = 4
+
+
+@dataclass
+class Reference:
+    """Sums over renders of one way.
+
+    Attributes
+    ----------
+    count : int
+        Renders.
+    total, squares : (H, W, 3) float64
+    """
+
+    count: int
+    total: Floats
+    squares: Floats
+    tiles: list[Floats]
+
+    @property
+    def mean(self) -> Floats:
+        """(H, W, 3) radiance."""
+        return self.total / self.count
+
+    @property
+    def error(self) -> float:
+        """Its relMSE, estimated from the variance between its renders."""
+        if self.count < 2:
+            return math.inf
+        variance = (self.squares - np.square(self.total) / self.count) / (self.count - 1) / self.count
+        return float(np.mean(variance / (np.square(self.mean) + floor(self.mean))))
+
+
+def floor(reference: Floats) -> float:
+    """Added to the square of a pixel, so that black ones do not decide."""
+    return float((0.1 * reference.mean()) ** 2)
+
+
+def relative_error(image: npt.NDArray[Any], reference: Floats) -> float:
+    """relMSE of an image, (H, W, 3)."""
+    return float(np.mean(np.square(image - reference) / (np.square(reference) + floor(reference))))
+
+
+def scene_of(name: str, standard: Path | None, folder: Path) -> tuple[clrender.Scene, tuple[int, int]]:
+    """A scene and its image's size."""
+    if name in HARD_SCENES:
+        scene = clrender.load(write_scene(name, folder))
+        return scene, (scene.image.width, scene.image.height)
+    if name not in STANDARD:
+        raise SystemExit(f"there is no scene {name}; choose of {', '.join((*HARD_SCENES, *STANDARD))}")
+    if standard is None:
+        raise SystemExit(f"{name} is {STANDARD[name][0]}: name the folder that has it by --standard")
+    place, size = STANDARD[name]
+    (file,) = sorted((standard / place).glob("scene*.pbrt"))
+    return clrender.load(file), size
+
+
+@dataclass(frozen=True)
+class Timed:
+    """An image and what it took."""
+
+    image: Floats
+    cpu_seconds: float
+
+
+class Renders:
+    """Renders of one scene by one way, in a session, with as many samples as take a given time."""
+
+    def __init__(
+        self, session: clrender.Session, scene: clrender.Scene, size: tuple[int, int], settings: Mapping[str, Any]
+    ) -> None:
+        self._session, self._scene, self._settings = session, scene, {**settings, "size": size, "keep_film": False}
+        for spp in (1, PROBE_SPP):  # the first one compiles
+            self._rate = self.timed(spp, 0).cpu_seconds / spp
+
+    def timed(self, spp: int, seed: int) -> Timed:
+        """A render of so many samples a pixel."""
+        begun = time.process_time()
+        image = self._session.render(self._scene, spp=spp, seed=seed, **self._settings)
+        return Timed(image.linear.astype(np.float64), time.process_time() - begun)
+
+    def samples_for(self, seconds: float) -> int:
+        """Samples a pixel that take about so many CPU seconds: twice, as fixed costs make the first guess low."""
+        spp = max(1, round(seconds / self._rate))
+        if spp > 8 * PROBE_SPP:
+            self._rate = self.timed(spp // 8, 0).cpu_seconds / (spp // 8)
+        return max(1, round(seconds / self._rate))
+
+
+def tiles_of(image: Floats) -> Floats:
+    """Means of TILES × TILES parts."""
+    parts = [part for row in np.array_split(image, TILES) for part in np.array_split(row, TILES, axis=1)]
+    return np.array([part.mean() for part in parts])
+
+
+def read_reference(path: Path) -> Reference | None:
+    if not path.exists():
+        return None
+    with np.load(path) as kept:
+        return Reference(int(kept["count"]), kept["total"], kept["squares"], list(kept["tiles"]))
+
+
+def add_to_references(arguments: argparse.Namespace) -> None:
+    arguments.references.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder, clrender.Session(arguments.device) as session:
+        for name in arguments.scenes:
+            scene, size = scene_of(name, arguments.standard, Path(folder))
+            path = arguments.references / f"{name}.{arguments.way}.npz"
+            found = read_reference(path)
+            renders = Renders(session, scene, size, WAYS[arguments.way])
+            spp = renders.samples_for(BATCH_SECONDS)
+            end = time.process_time() + 60.0 * arguments.minutes
+            while time.process_time() < end:
+                image = renders.timed(spp, REFERENCE_SEED + (0 if found is None else found.count)).image
+                if found is None:
+                    found = Reference(0, np.zeros_like(image), np.zeros_like(image), [])
+                found.count += 1
+                found.total += image
+                found.squares += np.square(image)
+                found.tiles.append(tiles_of(image))
+                part = path.with_suffix(".part.npz")
+                np.savez(part, count=found.count, total=found.total, squares=found.squares, tiles=np.array(found.tiles))
+                part.replace(path)
+            if found is not None:
+                print(f"{name} {arguments.way}: {found.count} renders, relMSE {found.error:.2e}", flush=True)
+
+
+def best_reference(folder: Path, name: str) -> tuple[str, Reference] | None:
+    """The reference with the least error of its own, and the way that made it."""
+    found = [(path.name.split(".")[1], read_reference(path)) for path in sorted(folder.glob(f"{name}.*.npz"))]
+    known = [(way, each) for way, each in found if each is not None and each.count > 1 and ".part" not in way]
+    return min(known, key=lambda item: item[1].error, default=None)
+
+
+def measure(arguments: argparse.Namespace) -> None:
+    ways = arguments.ways.split(",")
+    with tempfile.TemporaryDirectory() as folder, clrender.Session(arguments.device) as session:
+        for name in arguments.scenes:
+            best = best_reference(arguments.references, name)
+            if best is None:
+                raise SystemExit(f"{name} has no reference in {arguments.references}; make one by `reference {name}`")
+            by, reference = best
+            scene, size = scene_of(name, arguments.standard, Path(folder))
+            rows = [row_of(session, scene, size, way, reference, arguments) for way in ways]
+            plain = next((row["product"] for row in rows if row["way"] == "path"), math.nan)
+            for row in rows:
+                row |= {"scene": name, "against_path": round(plain / row["product"], 3), "reference": by}
+                row["reference_suffices"] = reference.error * SHARE <= row["relmse"]
+                print(json.dumps(row), flush=True)
+
+
+def row_of(
+    session: clrender.Session,
+    scene: clrender.Scene,
+    size: tuple[int, int],
+    way: str,
+    reference: Reference,
+    arguments: argparse.Namespace,
+) -> dict[str, Any]:
+    """Errors of several seeds."""
+    renders = Renders(session, scene, size, WAYS[way])
+    spp = renders.samples_for(arguments.seconds)
+    made = [renders.timed(spp, 1 + seed) for seed in range(arguments.seeds)]
+    errors = np.array([relative_error(each.image, reference.mean) for each in made])
+    seconds = np.array([each.cpu_seconds for each in made])
+    return {
+        "way": way,
+        "spp": spp,
+        "cpu_seconds": round(float(seconds.mean()), 2),
+        "relmse": float(f"{errors.mean():.4g}"),
+        "relmse_of_seeds": [float(f"{each:.4g}") for each in errors],
+        "reference_relmse": float(f"{reference.error:.3g}"),
+        "mean": float(f"{np.mean([each.image.mean() for each in made]):.6g}"),
+        "reference_mean": float(f"{reference.mean.mean():.6g}"),
+        "product": float(f"{errors.mean() * seconds.mean():.5g}"),
+    }
+
+
+def agree(arguments: argparse.Namespace) -> None:
+    for name in arguments.scenes:
+        found = {
+            path.name.split(".")[1]: each
+            for path in sorted(arguments.references.glob(f"{name}.*.npz"))
+            if (each := read_reference(path)) is not None and each.count > 1 and ".part" not in path.name
+        }
+        for way, each in found.items():
+            print(f"{name} {way}: {each.count} renders, relMSE {each.error:.2e}, mean {each.mean.mean():.6g}")
+        names = list(found)
+        for i, one in enumerate(names):
+            for other in names[i + 1 :]:
+                a, b = np.array(found[one].tiles), np.array(found[other].tiles)
+                means = f"means {a.mean() / b.mean():.5f}, z {z_of(a.mean(axis=1), b.mean(axis=1)):.2f}"
+                print(f"{name} {one}, {other}: {means}; tiles: largest |z| {np.abs(z_of(a, b)).max():.2f}")
+
+
+def z_of(a: Floats, b: Floats) -> Floats:
+    """Differences of means over the first axis, in standard errors."""
+    error = np.sqrt(a.var(axis=0, ddof=1) / len(a) + b.var(axis=0, ddof=1) / len(b))
+    return np.asarray((a.mean(axis=0) - b.mean(axis=0)) / error)
+
+
+def main(given: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(dest="command", required=True)
+    for name, run in (("reference", add_to_references), ("measure", measure), ("agree", agree)):
+        each = commands.add_parser(name)
+        each.set_defaults(run=run)
+        each.add_argument("scenes", nargs="+", metavar="SCENE")
+        each.add_argument("--standard", type=Path, help="folder with the scenes X2 to X7")
+        each.add_argument(
+            "--references", type=Path, default=Path("references"), help="folder of references (./references)"
+        )
+        each.add_argument("--device", help="as for `clrender render`")
+        if name == "reference":
+            each.add_argument("--way", choices=WAYS, default="path")
+            each.add_argument("--minutes", type=float, default=10.0, help="CPU minutes to add to each scene's (10)")
+        if name == "measure":
+            each.add_argument("--ways", default="path,reuse,photon")
+            each.add_argument("--seconds", type=float, default=20.0, help="CPU seconds of a render (20)")
+            each.add_argument("--seeds", type=int, default=4)
+    arguments = parser.parse_args(given)
+    arguments.run(arguments)
+
+
+if __name__ == "__main__":
+    main()
