@@ -22,6 +22,7 @@ _SCENES: Final = {
     "foliage": 256,
     "product": 1024,
     "fisheye": 512,
+    "pool": 128,
 }
 """Samples per pixel, by built-in scene."""
 _WIDTH: Final = 640

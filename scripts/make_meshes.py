@@ -20,7 +20,18 @@ sys.path.insert(0, str(ROOT))
 
 from clrender.exact.angles import sin_cos_degrees  # noqa: E402
 
-__all__ = ["bumpy_sphere", "candle", "geodesic", "head", "lathe", "liquid", "ply_bytes", "tumbler", "write_or_compare"]
+__all__ = [
+    "bumpy_sphere",
+    "candle",
+    "geodesic",
+    "head",
+    "lathe",
+    "liquid",
+    "ply_bytes",
+    "tumbler",
+    "water",
+    "write_or_compare",
+]
 
 
 def geodesic(frequency: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -133,6 +144,49 @@ def liquid() -> tuple[NDArray[np.float64], None, NDArray[np.int64]]:
     return vertices, None, triangles
 
 
+def water() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """The water of a pool of 5 m by 3 m, 1.2 m deep: waves from all sides, and 2 cm more at its walls and its floor."""
+    columns, rows, half_x, half_z, bottom = 64, 38, 2.52, 1.52, -1.22
+    # Lengths of the waves, metres, and directions, degrees, spread by the golden angle
+    waves = [(0.34 * 1.17**i, 137.50776405 * i) for i in range(10)]
+    vertices, normals = [], []
+    for j in range(rows + 1):
+        for i in range(columns + 1):
+            x, z = half_x * (2.0 * i / columns - 1.0), half_z * (2.0 * j / rows - 1.0)
+            height, slope_x, slope_z = 0.0, 0.0, 0.0
+            for length, direction in waves:
+                sine, cosine = sin_cos_degrees(direction)
+                across = 360.0 / length
+                rise, along = sin_cos_degrees(across * (cosine * x + sine * z) + 50.0 * direction)
+                height += 0.012 * length * rise
+                steepness = 0.012 * length * math.radians(across) * along
+                slope_x, slope_z = slope_x + steepness * cosine, slope_z + steepness * sine
+            size = math.sqrt(slope_x * slope_x + 1.0 + slope_z * slope_z)
+            vertices.append((x, height, z))
+            normals.append((-slope_x / size, 1.0 / size, -slope_z / size))
+    triangles = []
+    for j in range(rows):
+        for i in range(columns):
+            a = j * (columns + 1) + i
+            b, c, d = a + 1, a + columns + 2, a + columns + 1
+            triangles += [(a, d, c), (a, c, b)]
+    rim = [*range(columns), *(j * (columns + 1) + columns for j in range(rows))]
+    rim += [rows * (columns + 1) + i for i in range(columns, 0, -1)]
+    rim += [j * (columns + 1) for j in range(rows, 0, -1)]
+    # Of vertices without a normal triangles are flat
+    above = len(vertices)
+    for y in (None, bottom):
+        vertices += [(vertices[i][0], vertices[i][1] if y is None else y, vertices[i][2]) for i in rim]
+    vertices.append((0.0, bottom, 0.0))
+    normals += [(0.0, 0.0, 0.0)] * (len(vertices) - above)
+    below = above + len(rim)
+    for i in range(len(rim)):
+        k = (i + 1) % len(rim)
+        triangles += [(above + i, above + k, below + k), (above + i, below + k, below + i)]
+        triangles.append((below + i, below + k, len(vertices) - 1))
+    return np.array(vertices), np.array(normals), np.array(triangles)
+
+
 def head(frequency: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
     """A head without hair, 21 cm high, that looks along +z: vertices, unit normals, triangles.
 
@@ -233,6 +287,7 @@ MESHES: Final[Mapping[str, Callable[[], bytes]]] = {
     "liquid": lambda: ply_bytes(*liquid()),
     "head": lambda: ply_bytes(*head(36)),
     "candle": lambda: ply_bytes(*candle()),
+    "water": lambda: ply_bytes(*water()),
 }
 
 

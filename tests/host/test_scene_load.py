@@ -47,7 +47,7 @@ NEEDED = {
     "point-plane", "directional-plane", "quad-plane", "sphere-plane", "mirror-light", "slab", "inside-sphere", "bumpy",
     "metals", "sky", "drink", "surfaces", "lamps", "haze", "sundial",
     "candles",
-    "foliage", "product", "fisheye", "avenue",
+    "foliage", "product", "fisheye", "avenue", "pool",
 }  # fmt: skip
 INEXACT = {
     "avenue",
@@ -67,6 +67,7 @@ INEXACT = {
     "foliage",
     "product",
     "fisheye",
+    "pool",
 }
 EXACT = NEEDED - INEXACT
 

@@ -247,3 +247,33 @@ def test_caustics_on_curved_floors_are_not_too_bright(evidence: Evidence, studio
     cosine = 2.0 / 3.0 * (1.0 - lowest**3) / (1.0 - lowest**2)
     # In a tenth of a millimetre's view straight light from the side is below a thousandth of that.
     evidence.mean_is("radiance", means, cosine * DARK / math.pi, rounding=1e-3)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 50.0])
+def test_the_floor_of_a_pool(evidence: Evidence, studio: Studio, degrees: float) -> None:
+    """Sunlight through flat water that absorbs, by Snell, Fresnel, Beer and Lambert.
+
+    Of depth 3 there is no light that the floor has had before: light enters, the floor scatters it, and it leaves.
+    """
+    index, left, depth = 1.33, np.array([0.5, 0.7, 0.9]), 1.0
+    sine, cosine = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
+    within = math.sqrt(1.0 - (sine / index) ** 2)
+
+    def enters(above: float, below: float) -> float:
+        across = (above - index * below) / (above + index * below)
+        along = (index * above - below) / (index * above + below)
+        return 1.0 - 0.5 * (across * across + along * along)
+
+    water = {"type": "dielectric", "ior": index, "priority": 1}
+    water |= {"attenuation_color": left.tolist(), "attenuation_distance": depth}
+    pool = {"type": "box", "center": [0.0, -0.6, 0.0], "size": [6.0, 1.2, 6.0], "material": "water"}
+    floor = quad((-2.9, -depth, 2.9), (5.8, 0.0, 0.0), (0.0, 0.0, -5.8), material="floor")
+    sun = {"type": "directional", "direction": [sine, -cosine, 0.0], "irradiance": [1.0, 1.0, 1.0]}
+    view = {"position": [0.0, 1.0, 0.0], "target": [0.0, 0.0, 0.0], "up": [0.0, 0.0, -1.0], "vertical_fov": 10.0}
+    what = scene([pool, floor], [sun], view, floor=lambert(DARK), water=water)
+    settings: dict[str, Any] = {"integrator": "photon", "photons": 1 << 14, "spp": 8, "max_depth": 3}
+    images = [studio.image(what, 16, seed=seed, **settings).mean((0, 1)) for seed in range(8)]
+    arrives = cosine * enters(cosine, within) * left ** (1.0 / within)
+    wanted = DARK / math.pi * arrives * left * enters(1.0, 1.0) / index**2
+    for channel, name in enumerate("rgb"):
+        evidence.mean_is(name, np.array(images)[:, channel], wanted[channel], rounding=0.005)
