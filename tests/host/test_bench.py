@@ -84,6 +84,7 @@ def test_a_torus_is_closed_and_its_normals_look_outward() -> None:
     assert volume == pytest.approx(2.0 * np.pi * 0.5 * np.pi * 0.03 * 0.18 * ellipse * circle, rel=1e-3)
 
 
+@pytest.mark.long
 @for_each(("name", "hard"), [("S1", False), ("X1", True), ("X8", True), ("X9", True)])
 def test_light_is_hard_to_find_there(device: Device, tmp_path: Path, name: str, hard: bool) -> None:
     """A path sample has more than twice its own mean squared as variance, and less than that in the plain room."""

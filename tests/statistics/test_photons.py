@@ -249,7 +249,7 @@ def test_caustics_on_curved_floors_are_not_too_bright(evidence: Evidence, studio
     evidence.mean_is("radiance", means, cosine * DARK / math.pi, rounding=1e-3)
 
 
-@pytest.mark.parametrize("degrees", [0.0, 50.0])
+@pytest.mark.parametrize("degrees", [pytest.param(0.0, marks=pytest.mark.long), 50.0])
 def test_the_floor_of_a_pool(evidence: Evidence, studio: Studio, degrees: float) -> None:
     """Sunlight through flat water that absorbs, by Snell, Fresnel, Beer and Lambert.
 
