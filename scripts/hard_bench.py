@@ -57,7 +57,8 @@ WAYS: Final[Mapping[str, Mapping[str, Any]]] = {
 PROBE_SPP: Final = 4
 BATCH_SECONDS: Final = 30.0
 """CPU seconds of one of the renders of a reference."""
-REFERENCE_SEED: Final = 1 << 20
+REFERENCE_SEEDS: Final = {way: (1 + number) << 20 for number, way in enumerate(WAYS)}
+"""First seeds: ways that are compared share no random numbers."""
 SHARE: Final = 50.0
 """How much smaller than an error that is measured with it a reference's own error has to be."""
 TILES: Final = 4
@@ -72,6 +73,8 @@ class Reference:
     count : int
         Renders.
     total, squares : (H, W, 3) float64
+    tiles : list of (TILES²,) float64
+        Of each render.
     """
 
     count: int
@@ -173,35 +176,38 @@ def add_to_references(arguments: argparse.Namespace) -> None:
             spp = renders.samples_for(BATCH_SECONDS)
             end = time.process_time() + 60.0 * arguments.minutes
             while time.process_time() < end:
-                image = renders.timed(spp, REFERENCE_SEED + (0 if found is None else found.count)).image
+                image = renders.timed(spp, REFERENCE_SEEDS[arguments.way] + (0 if found is None else found.count)).image
                 if found is None:
                     found = Reference(0, np.zeros_like(image), np.zeros_like(image), [])
                 found.count += 1
                 found.total += image
                 found.squares += np.square(image)
                 found.tiles.append(tiles_of(image))
-                part = path.with_suffix(".part.npz")
-                np.savez(part, count=found.count, total=found.total, squares=found.squares, tiles=np.array(found.tiles))
+                part = path.with_suffix(".part")
+                with part.open("wb") as file:
+                    sums = {"count": found.count, "total": found.total, "squares": found.squares}
+                    np.savez(file, **sums, tiles=np.array(found.tiles))
                 part.replace(path)
             if found is not None:
                 print(f"{name} {arguments.way}: {found.count} renders, relMSE {found.error:.2e}", flush=True)
 
 
-def best_reference(folder: Path, name: str) -> tuple[str, Reference] | None:
-    """The reference with the least error of its own, and the way that made it."""
-    found = [(path.name.split(".")[1], read_reference(path)) for path in sorted(folder.glob(f"{name}.*.npz"))]
-    known = [(way, each) for way, each in found if each is not None and each.count > 1 and ".part" not in way]
-    return min(known, key=lambda item: item[1].error, default=None)
+def references_of(folder: Path, name: str) -> dict[str, Reference]:
+    """The references of a scene, of two renders at least, by the way that made them."""
+    found = {path.name.split(".")[1]: read_reference(path) for path in sorted(folder.glob(f"{name}.*.npz"))}
+    return {way: each for way, each in found.items() if each is not None and each.count > 1}
 
 
 def measure(arguments: argparse.Namespace) -> None:
     ways = arguments.ways.split(",")
+    if unknown := [way for way in ways if way not in WAYS]:
+        raise SystemExit(f"there is no way {unknown[0]}; choose of {', '.join(WAYS)}")
     with tempfile.TemporaryDirectory() as folder, clrender.Session(arguments.device) as session:
         for name in arguments.scenes:
-            best = best_reference(arguments.references, name)
-            if best is None:
+            known = references_of(arguments.references, name)
+            if not known:
                 raise SystemExit(f"{name} has no reference in {arguments.references}; make one by `reference {name}`")
-            by, reference = best
+            by, reference = min(known.items(), key=lambda item: item[1].error)
             scene, size = scene_of(name, arguments.standard, Path(folder))
             rows = [row_of(session, scene, size, way, reference, arguments) for way in ways]
             plain = next((row["product"] for row in rows if row["way"] == "path"), math.nan)
@@ -240,11 +246,7 @@ def row_of(
 
 def agree(arguments: argparse.Namespace) -> None:
     for name in arguments.scenes:
-        found = {
-            path.name.split(".")[1]: each
-            for path in sorted(arguments.references.glob(f"{name}.*.npz"))
-            if (each := read_reference(path)) is not None and each.count > 1 and ".part" not in path.name
-        }
+        found = references_of(arguments.references, name)
         for way, each in found.items():
             print(f"{name} {way}: {each.count} renders, relMSE {each.error:.2e}, mean {each.mean.mean():.6g}")
         names = list(found)

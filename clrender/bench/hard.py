@@ -88,13 +88,7 @@ def _torus_in_glass(folder: Path) -> dict[str, Any]:
                 "material": "orange",
                 "transform": {"rotate_degrees": [50.0, 0.0, 25.0], "translate": [0.0, 0.81, 0.0]},
             },
-            {
-                "type": "sphere",
-                "center": [-1.5, 4.5, 1.5],
-                "radius": 0.12,
-                "material": "black",
-                "emission": [260.0, 240.0, 200.0],
-            },
+            _lamp([-1.5, 4.5, 1.5], 0.12, [260.0, 240.0, 200.0]),
         ],
     }
 
@@ -114,15 +108,13 @@ def _ring(folder: Path) -> dict[str, Any]:
         "shapes": [
             quad((-4.0, 0.0, 4.0), (4.0, 0.0, 4.0), (-4.0, 0.0, -4.0), material="table"),
             {"type": "mesh", "file": "ring.ply", "material": "gold", "transform": {"translate": [0.0, 0.181, 0.0]}},
-            {
-                "type": "sphere",
-                "center": [-2.4, 1.7, 0.6],
-                "radius": 0.05,
-                "material": "black",
-                "emission": [900.0, 850.0, 760.0],
-            },
+            _lamp([-2.4, 1.7, 0.6], 0.05, [900.0, 850.0, 760.0]),
         ],
     }
+
+
+def _lamp(center: list[float], radius: float, emission: list[float]) -> dict[str, Any]:
+    return {"type": "sphere", "center": center, "radius": radius, "material": "black", "emission": emission}
 
 
 _MAKERS: Final[Mapping[str, Callable[[Path], dict[str, Any]]]] = {
