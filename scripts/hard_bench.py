@@ -185,8 +185,8 @@ def add_to_references(arguments: argparse.Namespace) -> None:
                 found.tiles.append(tiles_of(image))
                 part = path.with_suffix(".part")
                 with part.open("wb") as file:
-                    sums = {"count": found.count, "total": found.total, "squares": found.squares}
-                    np.savez(file, **sums, tiles=np.array(found.tiles))
+                    tiles = np.array(found.tiles)
+                    np.savez(file, count=found.count, total=found.total, squares=found.squares, tiles=tiles)
                 part.replace(path)
             if found is not None:
                 print(f"{name} {arguments.way}: {found.count} renders, relMSE {found.error:.2e}", flush=True)
