@@ -53,6 +53,9 @@ MEDIUM_FLAG_DARK: Final = 2
 MEDIUM_FLAG_OPEN: Final = 4
 """Flags of a medium's row: a subsurface material; no lights inside, so that light sampling is useless there."""
 
+LIGHT_VERTICES: Final = 8
+"""Vertices of a light path that are kept, each as likely, to stand for all."""
+
 GGX_ROWS: Final = 48
 GGX_COLUMNS: Final = 48
 GGX_LOST_ROWS: Final = 4 * (GGX_ROWS - 1) + 1
@@ -293,6 +296,10 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ),
         ("replicate_spp", "uint", "samples of a replicate, a power of two; 0: a pixel's samples are one sequence"),
         ("filter_lines", "float[256]", "FILTER_LINES times FILTER_LINE_*, from the pixel's centre outwards"),
+        ("bounds", "float4", "of integrators whose paths start at lights: a sphere around all that rays can hit"),
+        ("light_paths", "uint", "of those: paths from the lights for each sample of all pixels"),
+        ("filter_radius", "float", "pixels"),
+        ("padding", "uint[2]", ""),
     ),
 }
 
@@ -458,6 +465,17 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("AXIS", 18, 3, "unit, towards its middle"),
         ("SPREAD", 21, 1, "1 - cosine of its angular radius"),
         ("LIGHT", 22, 1, "bits: which light it is"),
+    ),
+    "LIGHT_VERTEX": (
+        ("ORIGIN", 0, 3, "vertex of a light path: of the ray that met it"),
+        ("DIRECTION", 3, 3, "unit"),
+        ("FLUX", 6, 3, "that arrives, watts, of one path if it were the only one"),
+        ("DISTANCE", 9, 1, "along the ray"),
+        ("PRIMITIVE", 10, 1, "bits"),
+        ("EDGE", 11, 1, "weights: kernels/bidirectional/techniques.h"),
+        ("EARLIER", 12, 1, ""),
+        ("DEPTH", 13, 1, "bits: scattering events before it"),
+        ("MEDIA", 14, 2, "bits: those that the ray was in, highest first"),
     ),
     "CONE": (
         ("AXIS", 0, 3, "child of a node of the light BVH: unit, middle of a cone with all directions of its light"),

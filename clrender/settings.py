@@ -245,6 +245,14 @@ class RenderSettings:
         integrator="photon",
         metavar="R",
     )
+    light_paths: int | None = _setting(
+        None,
+        Range(1, 2**28, whole=True),
+        "For integrator bdpt: paths from the lights for each sample of the image",
+        "as many as pixels",
+        integrator="bdpt",
+        metavar="N",
+    )
     patches: int = _setting(
         8000,
         Range(1, 2**20, whole=True),
@@ -405,6 +413,7 @@ class RenderSettings:
             "bsdf_samples": 0 if self.sampling == "light" else indirect,
             "reuse": self.reuse,
             "replicate_spp": self.replicate_spp or 0,
+            "light_paths": self.light_paths or self.width * self.height,
             **(fixed or {}),
         }
         if self.filter != "box" or self.filter_radius not in (None, 0.5):  # which random numbers are in any case
@@ -413,6 +422,7 @@ class RenderSettings:
             table = filter_table(self.filter, self.filter_radius)
             settings["filter_lines"] = table.lines.ravel()
             settings["filter_negative"], settings["filter_weight"] = table.negative, table.weight
+            settings["filter_radius"] = table.radius
         for name, value in values.items():
             settings[name] = value
         return settings

@@ -22,6 +22,7 @@
 #define MEDIUM_FLAG_SUBSURFACE 1u
 #define MEDIUM_FLAG_DARK 2u
 #define MEDIUM_FLAG_OPEN 4u
+#define LIGHT_VERTICES 8u
 #define GGX_ROWS 48u
 #define GGX_COLUMNS 48u
 #define GGX_LOST_ROWS 189u
@@ -208,6 +209,10 @@ typedef struct {
     float filter_weight;        // of a sample: integral of the filter's absolute value over that of the filter; 0: a box
     uint replicate_spp;         // samples of a replicate, a power of two; 0: a pixel's samples are one sequence
     float filter_lines[256];    // FILTER_LINES times FILTER_LINE_*, from the pixel's centre outwards
+    float4 bounds;              // of integrators whose paths start at lights: a sphere around all that rays can hit
+    uint light_paths;           // of those: paths from the lights for each sample of all pixels
+    float filter_radius;        // pixels
+    uint padding[2];
 } Settings;
 
 #define INSTANCE_ROW_TO_OBJECT 0        // first row of an instance: world to object, three rows of the linear part and the offset
@@ -354,6 +359,16 @@ typedef struct {
 #define SUN_ROW_AXIS 18                 // unit, towards its middle
 #define SUN_ROW_SPREAD 21               // 1 - cosine of its angular radius
 #define SUN_ROW_LIGHT 22                // bits: which light it is
+
+#define LIGHT_VERTEX_ROW_ORIGIN 0       // vertex of a light path: of the ray that met it
+#define LIGHT_VERTEX_ROW_DIRECTION 3    // unit
+#define LIGHT_VERTEX_ROW_FLUX 6         // that arrives, watts, of one path if it were the only one
+#define LIGHT_VERTEX_ROW_DISTANCE 9     // along the ray
+#define LIGHT_VERTEX_ROW_PRIMITIVE 10   // bits
+#define LIGHT_VERTEX_ROW_EDGE 11        // weights: kernels/bidirectional/techniques.h
+#define LIGHT_VERTEX_ROW_EARLIER 12
+#define LIGHT_VERTEX_ROW_DEPTH 13       // bits: scattering events before it
+#define LIGHT_VERTEX_ROW_MEDIA 14       // bits: those that the ray was in, highest first
 
 #define CONE_ROW_AXIS 0                 // child of a node of the light BVH: unit, middle of a cone with all directions of its light
 #define CONE_ROW_COSINE 3               // of half the cone's angle

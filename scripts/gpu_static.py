@@ -133,6 +133,11 @@ def _programs() -> dict[str, Program]:
     ):
         for tier in ("simple", "everything"):
             made[f"{name}, {tier}"] = Program(f"{name}.cl", _TIERS[tier])
+    unsplit = {name: value for name, value in _TIERS["everything"].items() if name != "PATH_SPLITS"}
+    for name, more in (("integrator/bdpt", {}), ("bidirectional/light_paths", {"LIGHTS_IN_MEDIA": 1})):
+        made[f"{name}, simple"] = Program(f"{name}.cl", _TIERS["simple"])
+        made[f"{name}, everything"] = Program(f"{name}.cl", {**unsplit, **more})
+    made["film/accumulate, splats"] = Program("film/accumulate.cl", {"SPLATS": 1})
     for name in (*_SCENELESS, *(f"radiosity/{part}" for part in _RADIOSITY)):
         made[name] = Program(f"{name}.cl", {})
     return made

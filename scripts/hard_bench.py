@@ -52,6 +52,7 @@ WAYS: Final[Mapping[str, Mapping[str, Any]]] = {
     "path": {"integrator": "path"},
     "reuse": {"integrator": "reuse"},
     "photon": {"integrator": "photon"},
+    "bdpt": {"integrator": "bdpt"},
 }
 """Settings of a render. `photon` has a bias as well, which falls with its passes."""
 PROBE_SPP: Final = 4

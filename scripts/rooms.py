@@ -31,7 +31,7 @@ LAYERS: Final = (
     ("cluster",),
     ("rendering",),
     ("aov",),
-    ("radiosity", "photon"),
+    ("radiosity", "photon", "bidirectional"),
     ("drivers",),
     ("device",),
     ("scheduling",),

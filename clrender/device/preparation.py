@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
-    from clrender.device.device import Argument
+    from clrender.device.device import Argument, Buffer
+    from clrender.film.unit import Unit
 
-__all__ = ["DevicePreparation"]
+__all__ = ["DevicePreparation", "SplattingPreparation"]
 
 
 class DevicePreparation(Protocol):
@@ -23,3 +24,11 @@ class DevicePreparation(Protocol):
 
     def release(self) -> None:
         """Release the device memory."""
+
+
+@runtime_checkable
+class SplattingPreparation(DevicePreparation, Protocol):
+    """The same for pipelines that splat: it adds to the pixels of a unit."""
+
+    def begin_unit(self, unit: Unit, splats: Buffer) -> None:
+        """Splat into the pixels of this unit from here on: (slots, 3, 4) uint32 of 128-bit sums, lowest word first."""

@@ -16,11 +16,12 @@ import numpy.typing as npt
 from clrender import layout
 from clrender.device.bvh import STACK
 from clrender.device.launch import LaunchConfig, Scratch
-from clrender.device.preparation import DevicePreparation
+from clrender.device.preparation import DevicePreparation, SplattingPreparation
 from clrender.device.replicates import ReplicateSums
 from clrender.device.scene_arrays import SceneArrays, scene_array_names
 from clrender.device.small_code import FEW_RAYS
 from clrender.film.unit import BLOCK_SLOTS, Unit, UnitSums
+from clrender.flatten.flat_box import around_box, scene_box
 from clrender.integrators.descriptor import Pipeline
 from clrender.integrators.path import INTEGRATOR as PATH
 
@@ -157,6 +158,8 @@ class DeviceWorker:
             self._settings["light_count"] = scene.light_count
             self._settings["environment"] = scene.environment
             self._settings["light_levels"] = scene.light_levels
+            if pipeline.splats:
+                self._settings["bounds"] = around_box(*scene_box(scene))[0]
             self._settings["lights_equal"] = bool((scene.arrays["lights"]["alias_threshold"] >= 1.0).all())
             self._settings_buffer = self._scratch.buffer("settings", self._settings.nbytes)
             device.write(self._settings_buffer, self._settings)
@@ -177,7 +180,9 @@ class DeviceWorker:
             self._defined = self._defines(launch)
             self._pipeline = pipeline
             self._program = self._tracing()
-            self._accumulate = device.program("film/accumulate.cl", {"LANES": 1})
+            splats: dict[str, int | str] = {"SPLATS": 1} if pipeline.splats else {}
+            self._accumulate = device.program("film/accumulate.cl", {"LANES": 1, **splats})
+            self._splats: list[Buffer | np.generic] = []
             replicate_spp = int(settings["replicate_spp"][0]) if pipeline.squares else 0
             self._replicates = ReplicateSums(device, self._scratch, replicate_spp) if replicate_spp else None
             self._rate = 0.0
@@ -269,6 +274,11 @@ class DeviceWorker:
         if self._replicates is not None:
             begun = self._replicates.begin(slots, unit.first_sample)
             self._launch(self._accumulate, "film_clear_replicates", slots, begun)
+        if isinstance(self._preparation, SplattingPreparation):
+            splats = self._scratch.buffer("splats", 48 * slots)
+            self._launch(self._accumulate, "film_clear_splats", slots, [splats, np.uint32(slots)])
+            self._preparation.begin_unit(unit, splats)
+            self._splats = [splats]
         pixels = unit.pixels(int(self._settings["width"][0]), int(self._settings["height"][0]))
         done = np.zeros(slots // BLOCK_SLOTS, np.uint32)
         counted = np.zeros(3, np.int64)
@@ -347,9 +357,9 @@ class DeviceWorker:
         ]
         tail: list[Buffer | np.generic] = [np.uint32(part.sample_count), np.uint32(start), sums, counts]
         if self._replicates is None:
-            self._launch(self._accumulate, "film_accumulate", part.slot_count, [*head, *tail])
+            self._launch(self._accumulate, "film_accumulate", part.slot_count, [*head, *tail, *self._splats])
         else:
-            tail = [np.uint32(part.first_sample), *tail, *self._replicates.buffers]
+            tail = [np.uint32(part.first_sample), *tail, *self._replicates.buffers, *self._splats]
             self._launch(self._accumulate, "film_accumulate_replicates", part.slot_count, [*head, *tail])
         return _Slice(part, self._begin_stats(stats, items), rays, begin)
 

@@ -55,11 +55,14 @@ class FilterTable:
     weight : float
         Weight of a sample where the filter is positive; its negative elsewhere. It is the ratio of the integral of the
         filter's absolute value to the integral of the filter, both over the square of the function's support.
+    radius : float
+        Pixels.
     """
 
     lines: npt.NDArray[np.float32]
     negative: int
     weight: float
+    radius: float
 
 
 @lru_cache(maxsize=8)
@@ -90,7 +93,7 @@ def filter_table(name: str, radius: float | None = None) -> FilterTable:
         weight = float((size / sum(areas)) ** 2)
     lines = np.array([[float(number) for number in row] for row in rows]).astype(np.float32)
     lines.flags.writeable = False
-    return FilterTable(lines, negative, weight)
+    return FilterTable(lines, negative, weight, float(ends[-1] * stretch))
 
 
 def _places(ends: tuple[Decimal, ...]) -> list[Decimal]:

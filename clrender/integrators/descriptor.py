@@ -41,6 +41,8 @@ class Pipeline:
         pixels. Units are then as large as possible.
     squares : bool
         Whether the squares of replicates are summed, if there are replicates.
+    splats : bool
+        Whether paths from the lights add to pixels; they are then prepared for each unit (`SplattingPreparation`).
     """
 
     entry: str
@@ -50,6 +52,7 @@ class Pipeline:
     packets: int = 1
     sample_by_sample: bool = False
     squares: bool = True
+    splats: bool = False
 
 
 @dataclass(frozen=True)

@@ -10,20 +10,15 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import numpy.typing as npt
 
-from clrender import layout
 from clrender.device.prepared import Prepared, Request
 from clrender.device.radix_sort import launch_each, sort
-from clrender.errors import SceneError
-from clrender.flatten.instances import box_of
-from clrender.flatten.interiors import light_inside
-from clrender.flatten.lamps import POINT_KINDS, lamp_tables
-from clrender.flatten.lights import points_that_shine
+from clrender.flatten.flat_box import around_box, scene_box
+from clrender.flatten.lights_in_media import refuse_lights_in_media
 
 if TYPE_CHECKING:
     from clrender.device.device import Argument, Buffer
     from clrender.device.worker import DeviceWorker
     from clrender.flatten.flat_scene import FlatScene
-    from clrender.scene import Scene
 
 __all__ = ["PhotonMaps", "prepare", "radius_of_pass"]
 
@@ -36,10 +31,6 @@ RADIUS_SHARE: Final = 0.01
 DEPOSITS: Final = 8
 DEPOSIT_WORDS: Final = 12
 
-_LIGHT_INSIDE: Final = (
-    "{}: shines from inside of a dielectric with priority or attenuation, where the integrator photon does not know "
-    "what its light starts in; move it out, or use --integrator path"
-)
 _MAP_WORDS: Final = 10
 _MOST_CELLS: Final = 1 << 22
 
@@ -69,15 +60,6 @@ def photons_per_item(lanes: int) -> int:
     return 1 if lanes == 1 else 16 * lanes
 
 
-def scene_box(flat: FlatScene) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Bounding box of all that rays can hit: minimum and maximum, (3,) float64 each; a unit cube if empty."""
-    if not flat.triangle_count + flat.analytic_count:
-        return np.zeros(3), np.ones(3)
-    of = flat.instances
-    vertices = flat.arrays["vertices"][: of.own_vertices if flat.triangle_count else 0]
-    return box_of(vertices, flat.arrays["analytic_shapes"]["center_radius"][: of.own_analytic], of.boxes)
-
-
 class PhotonMaps:
     """The photon maps of a render on one device; only one is in memory at a time.
 
@@ -99,10 +81,8 @@ class PhotonMaps:
         self._worker = worker
         self._photons = photons
         low, high = scene_box(flat)
-        x, y, z = (high - low).tolist()
-        around = max(math.sqrt(x * x + y * y + z * z) / 2.0, 1e-12)
+        self._bounds, around = around_box(low, high)
         self._radius = RADIUS_SHARE * around if radius is None else radius
-        self._bounds = np.array([*((low + high) / 2.0), around * 1.001], np.float32)
         self._low, self._extent = low, np.maximum(high - low, 1e-3 * around)
         self._trace = worker.program("photon/photons.cl")
         self._grid = worker.device.program("photon/grid.cl", {"LANES": 1})
@@ -180,19 +160,9 @@ class PhotonMaps:
         self._held, self._ready = [], None
 
 
-def _light_place(flat: FlatScene, scene: Scene, light: int) -> str:
-    """Location in the scene file of a light of the arrays."""
-    lights = flat.arrays["lights"]
-    if lights[light]["primitive"] != layout.NONE:
-        return f"shapes[{flat.instances.own_places[flat.arrays['primitive_shape'][lights[light]['primitive']]]}]"
-    at_point = np.isin(lights["kind"][:light], POINT_KINDS)
-    return f"lights[{points_that_shine(scene, lamp_tables(scene))[int(at_point.sum())]}]"
-
-
 def prepare(request: Request) -> Prepared:
     """Prepare photon maps on each device."""
-    settings, flat = request.settings, request.flat
-    if (light := light_inside(flat.arrays, flat.triangle_count, flat.light_count, flat.instances)) is not None:
-        raise SceneError(f"{request.scene.source}: {_LIGHT_INSIDE.format(_light_place(flat, request.scene, light))}")
+    settings = request.settings
+    refuse_lights_in_media(request.scene, request.flat, settings.integrator)
     maps = partial(PhotonMaps, flat=request.flat, photons=settings.photons, radius=settings.photon_radius)
     return Prepared(request.flat, request.pipeline, maps)

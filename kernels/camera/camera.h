@@ -9,9 +9,7 @@
 #include "scene.h"
 
 // A point of the lens: a disk, or a regular polygon in it where the diaphragm has blades.
-static void camera_lens(const Camera* camera, Sampler sampler, vfloat* x, vfloat* y) {
-    vfloat u, v;
-    sampler_get(sampler, SET_LENS, &u, &v);
+static void camera_lens(const Camera* camera, vfloat u, vfloat v, vfloat* x, vfloat* y) {
     if (camera->blades == 0u) {
         warp_disk(u, v, x, y);
         return;
@@ -28,14 +26,22 @@ static void camera_lens(const Camera* camera, Sampler sampler, vfloat* x, vfloat
     *y = fma(b1, s1, b2 * s2);
 }
 
+static int camera_has_lens(const Camera* camera) { return camera->lens_u.x != 0.0f || camera->lens_u.y != 0.0f || camera->lens_u.z != 0.0f; }
+
+// The same in the scene, from the middle of the lens.
+static vec3 camera_on_lens(const Camera* camera, vfloat u, vfloat v) {
+    vfloat x, y;
+    camera_lens(camera, u, v, &x, &y);
+    return along(scale(vec3_from(camera->lens_u), x), vec3_from(camera->lens_v), y);
+}
+
 // Through a lens, or a pinhole: all rays of a point of the film meet where they are in focus. Without perspective they begin on a plane.
 static Ray camera_lens_ray(const Camera* camera, vfloat film_x, vfloat film_y, Sampler sampler) {
-    const int has_lens = camera->lens_u.x != 0.0f || camera->lens_u.y != 0.0f || camera->lens_u.z != 0.0f;
     vec3 on_lens = vec3_all(0.0f);
-    if (has_lens) {
-        vfloat x, y;
-        camera_lens(camera, sampler, &x, &y);
-        on_lens = along(scale(vec3_from(camera->lens_u), x), vec3_from(camera->lens_v), y);
+    if (camera_has_lens(camera)) {
+        vfloat u, v;
+        sampler_get(sampler, SET_LENS, &u, &v);
+        on_lens = camera_on_lens(camera, u, v);
     }
     const vec3 in_focus = along(along(vec3_from(camera->corner), vec3_from(camera->right), film_x), vec3_from(camera->down), film_y);
     if (camera->kind == CAMERA_PERSPECTIVE) return ray_make(add(vec3_from(camera->origin), on_lens), unit(sub(in_focus, on_lens)));

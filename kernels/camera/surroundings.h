@@ -1,6 +1,7 @@
-// The media around the origins of the camera's rays, where these are not all in the same ones: where the film of an orthographic camera,
-// or a lens, cuts the surface of a medium (-D CAMERA_CUTS_MEDIA). The host knows those around one such origin. From there to the
-// origin of a ray each surface on the way changes the list as it does that of a path.
+// The media around a point where a path begins. The host knows those around the origin of one of the camera's rays; from there to
+// the point each surface on the way changes the list as it does that of a path. So it is found for the camera's other rays, where the film of an
+// orthographic camera, or a lens, cuts the surface of a medium (-D CAMERA_CUTS_MEDIA), and for paths from lights, where volumes are about
+// (-D LIGHTS_IN_MEDIA): even where a surface has a hole, it is then on either side of it what paths from the camera find there.
 #ifndef CAMERA_SURROUNDINGS_H
 #define CAMERA_SURROUNDINGS_H
 
@@ -8,7 +9,7 @@
 #include "geometry/traverse.h"
 #include "material/interior.h"
 
-#ifdef CAMERA_CUTS_MEDIA
+#if defined(CAMERA_CUTS_MEDIA) || defined(LIGHTS_IN_MEDIA)
 
 // The nearest surface of any kind: a volume has its whole surface, whatever is seen of it.
 static Hit surroundings_nearest(const Scene* scene, const Ray* ray, vmask asked) {
@@ -27,7 +28,7 @@ static Hit surroundings_nearest(const Scene* scene, const Ray* ray, vmask asked)
 static Interior surroundings_at(const Scene* scene, vec3 origin, vmask asked) {
     Interior in = interior_none();
     interior_start(scene, &in, mask_all());
-    const vec3 from = vec3_from(scene->camera->around), way = sub(origin, from);
+    const vec3 from = vec3_from(scene->camera->cuts_media ? scene->camera->around : scene->camera->origin), way = sub(origin, from);
     Ray ray = ray_make(from, way);
     ray.limit = splat(1.0f);
     asked = asked & (largest_size(way) > 0.0f);

@@ -1,57 +1,17 @@
-// Adds the samples of a launch to the pixels' sums: 128-bit fixed point, quantum 2^-64, two's complement, so that the sum does not
-// depend on the order or the grouping of its terms. A sample that is not finite, or of magnitude 2^43 or more, is left out and not
-// counted; what is below the quantum is cut off.
+// Adds the samples of a launch to the pixels' sums, which are exact (film/fixed.h). A sample that is not finite, or of magnitude 2^43 or more, is
+// left out and not counted.
+//
+// Where paths from lights splat (-D SPLATS), a launch is one sample of each pixel, and what they brought to it is part of that sample.
 //
 // Where samples come in replicates (core/sampler.h), the squares of the replicates' sums are summed up as well, in 256 bits and quanta of
 // 2^-128, so that the variance between replicates is known exactly.
 #include "core/sampler.h"
+#include "film/fixed.h"
 #include "film/slot.h"
-
-typedef struct {
-    ulong low, high;
-} Fixed;
-
-static int fixed_representable(float value) {
-    return (as_uint(value) & 0x7fffffffu) < ((43u + 127u) << 23);
-}
-
-static Fixed fixed_add(Fixed before, float value) {
-    Fixed sum = before;
-    const uint bits = as_uint(value);
-    const uint biased = (bits >> 23) & 0xffu;
-    const ulong mantissa = biased ? (bits & 0x7fffffu) | 0x800000u : bits & 0x7fffffu;
-    const int shift = (int)(biased ? biased : 1u) - 150 + 64;       // of the mantissa's last bit against the quantum
-    Fixed term = {0, 0};
-    if (shift <= -24 || mantissa == 0) return sum;
-    if (shift < 0) {
-        term.low = mantissa >> -shift;
-    } else if (shift < 64) {
-        term.low = mantissa << shift;
-        term.high = shift > 40 ? mantissa >> (64 - shift) : 0;
-    } else {
-        term.high = mantissa << (shift - 64);
-    }
-    if (bits >> 31) {
-        term.low = ~term.low + 1;
-        term.high = ~term.high + (term.low == 0);
-    }
-    sum.low += term.low;
-    sum.high += term.high + (sum.low < term.low);
-    return sum;
-}
-
-static Fixed fixed_subtract(Fixed a, Fixed b) {
-    const Fixed difference = {a.low - b.low, a.high - b.high - (a.low < b.low)};
-    return difference;
-}
 
 // Add the square of a number to a sum of four words, the lowest first.
 static void fixed_add_square(ulong sum[4], Fixed number) {
-    Fixed m = number;
-    if (m.high >> 63) {
-        m.low = ~m.low + 1;
-        m.high = ~m.high + (m.low == 0);
-    }
+    const Fixed m = number.high >> 63 ? fixed_negative(number) : number;
     const ulong cross = m.low * m.high, cross_high = mul_hi(m.low, m.high);
     ulong square[4] = {m.low * m.low, mul_hi(m.low, m.low), m.high * m.high, mul_hi(m.high, m.high)};
     const ulong twice[4] = {0, cross << 1, (cross_high << 1) | (cross >> 63), cross_high >> 63};
@@ -80,8 +40,16 @@ static void fixed_store(__global ulong* sums, size_t number, Fixed sum) {
     sums[number * 2 + 1] = sum.high;
 }
 
+#ifdef SPLATS
+#define FILM_SPLATS , __global uint* splats
+#define FILM_SPLATS_AT(place) , splats + (place) * 12
+#else
+#define FILM_SPLATS
+#define FILM_SPLATS_AT(place)
+#endif
+
 // Add the samples [first, stop) of a slot to its sums; gives how many of them count.
-static uint film_add(__global const float* samples, uint slot, uint slot_count, uint first, uint stop, Fixed sum[3]) {
+static uint film_add(__global const float* samples, uint slot, uint slot_count, uint first, uint stop, Fixed sum[3] FILM_SPLATS) {
     uint accepted = 0;
     for (uint k = first; k < stop; ++k) {
         __global const float* sample = samples + (size_t)k * 3 * slot_count + slot;
@@ -92,20 +60,28 @@ static uint film_add(__global const float* samples, uint slot, uint slot_count, 
         sum[2] = fixed_add(sum[2], b);
         ++accepted;
     }
+#ifdef SPLATS
+    for (int c = 0; c < 3; ++c) {
+        __global uint* words = splats + c * 4;
+        const Fixed brought = {words[0] | (ulong)words[1] << 32, words[2] | (ulong)words[3] << 32};
+        if (accepted) sum[c] = fixed_sum(sum[c], brought);
+        for (int k = 0; k < 4; ++k) words[k] = 0;
+    }
+#endif
     return accepted;
 }
 
 // samples: float [sample_count][3][slot_count] of the slots from first_slot on. sums: ulong [slot][3][2] (low, high) and counts:
 // uint [slot], both from `offset` slots before that on.
 __kernel void film_accumulate(__global const Settings* settings, __global const float* samples, uint first_slot, uint slot_count,
-                              uint sample_count, uint offset, __global ulong* sums, __global uint* counts) {
+                              uint sample_count, uint offset, __global ulong* sums, __global uint* counts FILM_SPLATS) {
     const uint slot = (uint)get_global_id(0);
     uint x, y;
     if (slot >= slot_count || !slot_pixel(settings, slot_block(settings, first_slot + slot), first_slot + slot, &x, &y)) return;
     const size_t at = (size_t)(offset + slot);
     Fixed sum[3];
     for (int c = 0; c < 3; ++c) sum[c] = fixed_load(sums, at * 3 + c);
-    counts[at] += film_add(samples, slot, slot_count, 0, sample_count, sum);
+    counts[at] += film_add(samples, slot, slot_count, 0, sample_count, sum FILM_SPLATS_AT(at));
     for (int c = 0; c < 3; ++c) fixed_store(sums, at * 3 + c, sum[c]);
 }
 
@@ -121,6 +97,15 @@ __kernel void film_total_stats(__global const uint4* stats, uint count, __global
     totals[row] = total;
 }
 
+#ifdef SPLATS
+// A new unit starts from nothing.
+__kernel void film_clear_splats(__global uint* splats, uint slot_count) {
+    const uint slot = (uint)get_global_id(0);
+    if (slot >= slot_count) return;
+    for (int k = 0; k < 12; ++k) splats[(size_t)slot * 12 + k] = 0;
+}
+#endif
+
 // A new unit starts from nothing.
 __kernel void film_clear(__global ulong* sums, __global uint* counts, uint slot_count) {
     const uint slot = (uint)get_global_id(0);
@@ -134,7 +119,7 @@ __kernel void film_clear(__global ulong* sums, __global uint* counts, uint slot_
 __kernel void film_accumulate_replicates(__global const Settings* settings, __global const float* samples, uint first_slot,
                                          uint slot_count, uint first_sample, uint sample_count, uint offset, __global ulong* sums,
                                          __global uint* counts, __global ulong* squares, __global ulong* start_sums,
-                                         __global uint* start_counts) {
+                                         __global uint* start_counts FILM_SPLATS) {
     const uint slot = (uint)get_global_id(0);
     uint x, y;
     if (slot >= slot_count || !slot_pixel(settings, slot_block(settings, first_slot + slot), first_slot + slot, &x, &y)) return;
@@ -156,7 +141,7 @@ __kernel void film_accumulate_replicates(__global const Settings* settings, __gl
         }
         const uint stop = min(sample_count, n + replicate_spp - within);
         const int whole = stop == n + replicate_spp - within;
-        accepted += film_add(samples, slot, slot_count, n, stop, sum);
+        accepted += film_add(samples, slot, slot_count, n, stop, sum FILM_SPLATS_AT(at));
         n = stop;
         if (!whole) continue;
         for (int c = 0; c < 3; ++c) fixed_add_square(square[c], fixed_subtract(sum[c], start[c]));

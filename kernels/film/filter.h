@@ -31,6 +31,20 @@ static vfloat filter_offset(__global const Settings* settings, vfloat u, vmask* 
     return side < 0.0f ? -(begin + t) : begin + t;
 }
 
+// The density of that, in either direction from the centre, and whether the function is negative there.
+static vfloat filter_density(__global const Settings* settings, vfloat offset, vmask* negative) {
+    __global const float* lines = settings->filter_lines;
+    const vfloat place = absolute(offset);
+    vuint line = splat_uint(0u);
+    for (uint step = FILTER_LINES / 2u; step > 0u; step /= 2u)
+        line = lane_gather(lines, (line + step) * 4u + FILTER_LINE_PLACE) <= place ? line + step : line;
+    const vuint at = line * 4u;
+    const vfloat beyond = place - lane_gather(lines, at + FILTER_LINE_PLACE);
+    const vfloat height = fma(lane_gather(lines, at + FILTER_LINE_SLOPE), beyond, lane_gather(lines, at + FILTER_LINE_HEIGHT));
+    *negative = line >= settings->filter_negative;
+    return place < settings->filter_radius ? greater(height, splat(0.0f)) * 0.5f : splat(0.0f);
+}
+
 // Two random numbers become a place, counted from the pixel's top left corner. Returns where the filter is negative.
 static vmask filter_place(__global const Settings* settings, vfloat* u, vfloat* v) {
     vmask across, down;

@@ -16,6 +16,14 @@ static uint2 slot_block(__global const Settings* settings, uint slot) {
     return (uint2)((number - row * tiles_across) * tile + (block - block_row * blocks_across) * 4, row * tile + block_row * 4);
 }
 
+// The slot of a pixel.
+static vuint slot_of(__global const Settings* settings, vuint x, vuint y) {
+    const uint tile = settings->tile, tiles_across = (settings->width + tile - 1) / tile;
+    const vuint column = x / tile, row = y / tile, in_x = x - column * tile, in_y = y - row * tile;
+    const vuint block = (in_y >> 2) * (tile / 4) + (in_x >> 2);
+    return (row * tiles_across + column) * (tile * tile) + block * 16u + (in_y & 3u) * 4u + (in_x & 3u);
+}
+
 // The pixels of slots that share that block, and whether they are in the image.
 static vmask slot_pixel(__global const Settings* settings, uint2 block, vuint slot, vuint* x, vuint* y) {
     *x = block.x + (slot & 3u);

@@ -121,18 +121,21 @@ static void passage_start(const Scene* scene, Passage* p, uint packet, const Ray
     masked_start(&p->masked, packet, ray, ray->limit, asked);
 }
 
-// What is masked on the way of the rays that are open takes its share.
+// What is masked on the way of the rays that are open takes its share; of rays to the camera (-D PASSAGE_TO_CAMERA) not what is hidden from it.
 static void passage_through(const Scene* scene, Masked* m, vfloat* left) {
     while (masked_next(scene, m)) {
         EACH_PACKET(k) {
             if (!lane_any(m->open[k])) continue;
+#if defined(HIDDEN_SHAPES) && defined(PASSAGE_TO_CAMERA)
+            m->opacity[k] = m->hidden[k] ? splat(0.0f) : m->opacity[k];
+#endif
             left[k] = m->open[k] ? left[k] * (splat(1.0f) - m->opacity[k]) : left[k];
             m->open[k] = m->open[k] & (left[k] > 0.0f);
         }
     }
 }
 
-#ifdef HOLES
+#if defined(HOLES) && !(defined(HIDDEN_SHAPES) && defined(PASSAGE_TO_CAMERA))
 // Rays that are open and meet a masked surface where it is known to be whole get no further; those that meet none of which anything is
 // unknown are through.
 __attribute__((noinline)) static void passage_known(const Scene* scene, Masked* m, vfloat* left) {

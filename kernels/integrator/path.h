@@ -25,12 +25,16 @@
 #define INTEGRATOR_PATH_H
 
 #include "core/invariant.h"
-#include "core/mis.h"
 #include "core/roulette.h"
 #include "geometry/find.h"
 #include "geometry/surface.h"
 #include "geometry/terminator.h"
 #include "integrator/path_state.h"
+#ifdef PATH_BIDIRECTIONAL
+#include "integrator/bdpt_weights.h"
+#else
+#include "integrator/path_weights.h"
+#endif
 #include "integrator/regroup.h"
 #include "integrator/shadow.h"
 #include "light/light.h"
@@ -38,18 +42,6 @@
 #include "material/interior.h"
 #include "medium/homogeneous.h"
 #include "medium/walk.h"
-
-// Where the paths of a packet have arrived.
-typedef struct {
-    Surface surface;
-    Bsdf bsdf;
-    Crossing crossing;       // what the surface is to the path's list of dielectrics
-    vmask traced;            // the path's ray came here for the first time
-    vmask found;             // and met something; else it has left the scene
-    vmask scatters;          // the path may go on from it
-    vmask dark;              // no light sample could arrive
-    vmask samples_lights;    // here: not from deltas alone, nor in the dark
-} Vertex;
 
 // The paths whose ray has not been where it goes.
 static vmask path_traces(const Path* path) { return path->alive & !split_back(&path->split); }
@@ -108,9 +100,9 @@ static void path_travel(const Scene* scene, Path* path, const FreePath* free, Hi
 }
 
 // Add the radiance of a light that the ray ran into; `density` is that of light samples there, once they chose this light.
-static void path_count_emission(const Scene* scene, Path* path, const LightRow* light, vec3 emitted, vfloat density, vmask where) {
+static void path_count_emission(const Scene* scene, Path* path, const LightRow* light, const Surface* surface, vec3 emitted, vfloat density, vmask where) {
     const vfloat pdf = density * light_probability(scene, path_last_point(path), path->normal, light);
-    const vfloat weight = mis_weight(path->bsdf_samples, path->bsdf_pdf, splat((float)scene->settings->light_samples), pdf);
+    const vfloat weight = path_weight_found(scene, path, light, surface, pdf);
     const vec3 counted = scale(mul(path->throughput, emitted), path->counts_in_full ? splat(1.0f) : weight);
     path->radiance = choose(where, add(path->radiance, counted), path->radiance);
 }
@@ -136,7 +128,7 @@ static void path_add_emission(const Scene* scene, Path* path, const Vertex* vert
         emitted = choose(outside, around.radiance, emitted);
         density = outside ? around.pdf : density;
     }
-    path_count_emission(scene, path, &light, emitted, density, shines | outside);
+    path_count_emission(scene, path, &light, surface, emitted, density, shines | outside);
 }
 
 // The same for the sun, which is a light of its own before the sky.
@@ -146,7 +138,7 @@ static void path_add_sun(const Scene* scene, Path* path, const Vertex* vertex) {
     const vmask seen = vertex->traced & !vertex->found & (sun.pdf > 0.0f) & !environment_hidden(path->depth);
     if (!lane_any(seen)) return;
     const LightRow light = light_at(scene, splat_uint(sun_light(scene)));
-    path_count_emission(scene, path, &light, sun.radiance, sun.pdf, seen);
+    path_count_emission(scene, path, &light, &vertex->surface, sun.radiance, sun.pdf, seen);
 #endif
 }
 
@@ -170,23 +162,13 @@ static Interior path_towards(const Path* path, const Vertex* vertex, const Light
     return interior_towards(&path->interior, &vertex->crossing, light->direction, vertex->bsdf.side);
 }
 
-// How many of the BSDF's samples the MIS weights count at a vertex. Photon mapping has none where photons are gathered, and elsewhere one.
-static vfloat path_bsdf_samples(const Scene* scene, const Path* path, const Vertex* vertex) {
-#if defined(PATH_GATHERS) && defined(MATERIALS)
-    return vertex->surface.kind == MATERIAL_LAMBERT ? splat(0.0f) : splat(1.0f);
-#else
-    return split_bsdf_samples(&path->split, scene->settings->bsdf_samples);
-#endif
-}
-
 // The share of the path's radiance that one of its light samples brings, as far as nothing is in the way.
 static vec3 path_direct(const Scene* scene, const Path* path, const Vertex* vertex, const LightSample* light, const Interior* in) {
     __global const Settings* settings = scene->settings;
     vfloat bsdf_pdf;
     const vec3 f_cosine = bsdf_eval(&vertex->bsdf, light->direction, &bsdf_pdf);
-    const vfloat bsdf_samples = path_bsdf_samples(scene, path, vertex);
-    const vfloat weight = mis_weight(splat((float)settings->light_samples), light->pdf, bsdf_samples, bsdf_pdf);
-    const vfloat share = (light->delta ? splat(1.0f) : weight) * inverse_or_one(light->pdf * (float)settings->shadow_rays);
+    const vfloat weight = path_weight_sampled(scene, path, vertex, light, bsdf_pdf);
+    const vfloat share = weight * inverse_or_one(light->pdf * (float)settings->shadow_rays);
     const vec3 left = shadow_straight(scene, in, light, vertex->surface.point);
     const vec3 arriving = mul(mul(mul(path->throughput, f_cosine), light->radiance), left);
     return choose(light->pdf > 0.0f, scale(arriving, share), vec3_all(0.0f));
@@ -265,12 +247,11 @@ static void path_add_direct(const Scene* scene, Path* path, Direct* direct) {
 #endif
 }
 
-// Note for the emission that is met next how light sampling could have found it from here: not at all after a delta. And keep the vertex for
-// the other rays that part from it.
+// Emission that is met next counts in full where light sampling could not have found it from here: after a delta. And keep the vertex for the other
+// rays that part from it.
 static void path_leave(const Scene* scene, Path* path, const Vertex* vertex, Hit hit) {
     const vmask straight = interior_straight(&vertex->crossing), shadows_pass = shadow_passes(straight);
-    path->counts_in_full = shadows_pass ? path->counts_in_full : vertex->bsdf.specular | straight | vertex->dark;
-    path->bsdf_samples = shadows_pass ? path->bsdf_samples : path_bsdf_samples(scene, path, vertex);
+    path_note_vertex(scene, path, vertex, !shadows_pass);
     split_leave(&path->split, &path->ray, hit, path->interior, &path->throughput, &path->index_squared, &path->sample.sampler, path->depth,
                 vertex->samples_lights, scene->settings->indirect_rays);
 }
@@ -287,7 +268,7 @@ static vmask path_sample_bsdf(const Scene* scene, Path* path, const Vertex* vert
     interior_straighten(&vertex->crossing, path->ray.direction, &next.direction, &next.weight);
     path->throughput = mul(path->throughput, next.weight);
     path->index_squared = straight ? path->index_squared : path->index_squared * bsdf_index_squared(bsdf, next.direction);
-    path->bsdf_pdf = shadows_pass ? path->bsdf_pdf : next.pdf;
+    path_note_direction(scene, path, vertex, &next, !shadows_pass);
     path->normal = choose(shadows_pass, path->normal, bsdf_receives(bsdf));
     path_pass(path, vertex->surface.point, shadows_pass);
     path->ray = surface_leave(&vertex->surface, next.direction);

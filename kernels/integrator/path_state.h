@@ -7,6 +7,10 @@
 #include "core/roulette.h"
 #include "film/pool.h"
 #include "integrator/split.h"
+#ifdef PATH_BIDIRECTIONAL
+#include "bidirectional/techniques.h"
+#include "camera/towards.h"
+#endif
 
 // Rays of the camera, for LANES pixels of the pool at once: most of the time only a lane or two ask for one.
 typedef struct {
@@ -35,8 +39,12 @@ typedef struct {
     vuint depth;             // scattering events so far
     vec3 normal;             // of the last vertex, for which lights were chosen there (bsdf_receives)
     vmask counts_in_full;    // emission that the ray meets: it comes from the camera or a delta, and no light sample could have gone its way
+#ifdef PATH_BIDIRECTIONAL
+    Techniques techniques;   // else: for its weight
+#else
     vfloat bsdf_samples;     // else: such rays that left the last vertex, as the MIS weights count them
     vfloat bsdf_pdf;         // and the density of the ray's direction, per steradian
+#endif
     Interior interior;       // the dielectrics that the ray begins in
 #ifdef STRAIGHT_SHADOWS
     vfloat passed;           // how far behind its origin the last vertex is: surfaces in between were no boundaries
@@ -53,7 +61,11 @@ static Path path_none(void) {
     Path path;
     path.alive = path.counts_in_full = path.ended = mask_none();
     path.depth = splat_uint(0u);
+#ifdef PATH_BIDIRECTIONAL
+    path.techniques = techniques_none();
+#else
     path.bsdf_samples = path.bsdf_pdf = splat(0.0f);
+#endif
     path.index_squared = splat(1.0f);
     path.throughput = path.radiance = path.normal = vec3_all(0.0f);
     path.ray = ray_make(vec3_all(0.0f), vec3_all(1.0f));
@@ -148,6 +160,11 @@ static void path_start(const Scene* scene, CameraRays* rays, Path* path, vmask l
     path->radiance = choose(lane, vec3_all(0.0f), path->radiance);
     path->depth = lane ? splat_uint(0u) : path->depth;
     path->index_squared = lane ? splat(1.0f) : path->index_squared;
+#ifdef PATH_BIDIRECTIONAL
+    const vfloat edge = techniques_over(splat((float)scene->settings->light_paths), camera_density(scene, direction));
+    path->techniques.edge = lane ? edge : path->techniques.edge;
+    path->techniques.earlier = lane ? splat(0.0f) : path->techniques.earlier;
+#endif
 #ifdef STRAIGHT_SHADOWS
     path->passed = lane ? splat(0.0f) : path->passed;
 #endif
@@ -172,8 +189,13 @@ static int path_next(const Scene* scene, Pool* pool, CameraRays* waiting, Path* 
 
 #ifdef INVARIANTS
 static vmask path_violates(const Path* path, vmask where) {
-    const vmask carries = invariant_positive3(path->throughput) & (path->index_squared > 0.0f) & invariant_positive(path->bsdf_pdf);
-    return where & !(carries & invariant_positive3(path->radiance) & invariant_positive(path->bsdf_samples));
+#ifdef PATH_BIDIRECTIONAL
+    const vfloat a = path->techniques.edge, b = path->techniques.earlier;
+#else
+    const vfloat a = path->bsdf_pdf, b = path->bsdf_samples;
+#endif
+    const vmask carries = invariant_positive3(path->throughput) & (path->index_squared > 0.0f) & invariant_positive(a);
+    return where & !(carries & invariant_positive3(path->radiance) & invariant_positive(b));
 }
 #endif
 

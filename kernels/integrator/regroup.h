@@ -59,6 +59,11 @@ static int regroup_order(const Scene* scene, const Path* path, const Hit* hit, v
 #else
 #define REGROUP_PASSED(FLOAT)
 #endif
+#ifdef PATH_BIDIRECTIONAL
+#define REGROUP_WEIGHTS(FLOAT) FLOAT(path->techniques.edge) FLOAT(path->techniques.earlier)
+#else
+#define REGROUP_WEIGHTS(FLOAT) FLOAT(path->bsdf_samples) FLOAT(path->bsdf_pdf)
+#endif
 #define REGROUP_VEC3(FLOAT, v) FLOAT(v.x) FLOAT(v.y) FLOAT(v.z)
 #define REGROUP_MEMBERS(FLOAT, UINT, MASK)                                                     \
     MASK(path->alive)                                                                          \
@@ -75,8 +80,7 @@ static int regroup_order(const Scene* scene, const Path* path, const Hit* hit, v
     UINT(path->depth)                                                                          \
     REGROUP_VEC3(FLOAT, path->normal)                                                          \
     MASK(path->counts_in_full)                                                                 \
-    FLOAT(path->bsdf_samples)                                                                  \
-    FLOAT(path->bsdf_pdf)                                                                      \
+    REGROUP_WEIGHTS(FLOAT)                                                                     \
     REGROUP_INTERIOR(UINT)                                                                     \
     REGROUP_PASSED(FLOAT)                                                                      \
     FLOAT(hit->distance)                                                                       \

@@ -134,6 +134,37 @@ static vec3 lamp_table_sample(const Scene* scene, const LightRow* l, vfloat u, v
     return frame_to_world(t.frame, choose(t.picture, unit(vec3_of(around, down, splat(1.0f))), on_sphere));
 }
 
+// The density with which lamp_table_sample would have chosen it.
+static vfloat lamp_table_pdf(const Scene* scene, const LightRow* l, vec3 direction, vmask where) {
+    const LampTable t = lamp_table(scene, l, where);
+    const vec3 seen = frame_to_local(t.frame, direction);
+    const vmask ahead = !t.picture | (seen.z > 0.0f);
+    const vfloat inverse = inverse_or_one(ahead ? seen.z : splat(1.0f)), x = seen.x * inverse, y = seen.y * inverse;
+    const vfloat down = t.picture ? y : splat(1.0f) - seen.z, around = t.picture ? x : turn_of(seen.x, seen.y);
+    const vuint line = search_last(scene->lamp_tables, t.picture ? t.line : t.drop, 1u, down, splat_uint(0u), t.last_line);
+    const vuint column = search_last(scene->lamp_tables, t.column, 1u, around, splat_uint(0u), t.last_column);
+    const LampPair band = lamp_pair(scene, t.band + line), cell = lamp_pair(scene, t.cell + line * t.columns + column);
+    const LampPair downs = lamp_pair(scene, (t.picture ? t.line : t.drop) + line), arounds = lamp_pair(scene, t.column + column);
+    const vfloat light = (band.second - band.first) * (cell.second - cell.first);
+    const vfloat density = quotient(t.picture ? light : light * (0.5f * INV_PI), (downs.second - downs.first) * (arounds.second - arounds.first));
+    const vmask within = ahead & (down >= downs.first) & (down <= downs.second) & (around >= arounds.first) & (around <= arounds.second);
+    return within ? (t.picture ? density * lamp_spread(x, y) : density) : splat(0.0f);
+}
+
+// The density with which a light at a point sends photons into a direction: lamp_sample's, and of others that of all directions.
+static vfloat lamp_pdf(const Scene* scene, const LightRow* l, vec3 direction) {
+    const vmask spot = l->kind == LIGHT_SPOT, table = lamp_has_table(l);
+    vfloat pdf = splat(WARP_SPHERE_PDF);
+    if (lane_any(spot)) {
+        const vfloat spread = l->row[LIGHT_ROW_SPREAD];
+        const vec3 off_axis = sub(direction, vec3_row(l->row, LIGHT_ROW_AXIS));
+        const vfloat cone = inner(off_axis, off_axis) * 0.5f <= spread ? warp_cone_pdf(spread > 0.0f ? spread : splat(1.0f)) : splat(0.0f);
+        pdf = spot ? cone : pdf;
+    }
+    if (lane_any(table)) pdf = table ? lamp_table_pdf(scene, l, direction, table) : pdf;
+    return pdf;
+}
+
 // What a light at a point sends into a direction, W/sr; of other lights, their radiance.
 static vec3 lamp_intensity(const Scene* scene, const LightRow* l, vec3 direction) {
     const vmask spot = l->kind == LIGHT_SPOT, table = lamp_has_table(l);
@@ -159,6 +190,7 @@ static vec3 lamp_sample(const Scene* scene, const LightRow* l, vfloat u, vfloat 
 
 static vmask lamp_at_point(const LightRow* l) { return l->kind == LIGHT_POINT; }
 static vec3 lamp_intensity(const Scene* scene, const LightRow* l, vec3 direction) { return l->radiance; }
+static vfloat lamp_pdf(const Scene* scene, const LightRow* l, vec3 direction) { return splat(WARP_SPHERE_PDF); }
 
 #endif
 #endif

@@ -22,6 +22,9 @@ typedef struct {
     vuint primitive;     // of the light, or NONE
     vmask delta;         // a point or a direction: nothing else can find it
     vmask infinite;
+#ifdef PATH_BIDIRECTIONAL
+    vfloat started;      // the density with which a path of light starts there and goes this way, over that of the sample, and over the cosine at the light
+#endif
 } LightSample;
 
 // Of so many lights a choice takes digits that the point on the light would lack.
@@ -85,6 +88,15 @@ static vfloat light_probability(const Scene* scene, vec3 origin, vec3 normal, co
     return tree_probability(scene, origin, normal, vfloat_bits(light->row[LIGHT_ROW_PLACE]));
 }
 
+#ifdef PATH_BIDIRECTIONAL
+// Square metres of a light that is a surface; of others, any.
+static vfloat light_area(const LightRow* l) {
+    const vfloat radius = l->row[LIGHT_ROW_RADIUS], disk = radius * radius * PI;
+    const vmask sphere = l->kind == LIGHT_AREA_SPHERE, triangle = l->kind == LIGHT_AREA_TRIANGLE;
+    return triangle ? inverse_or_one(l->row[LIGHT_ROW_INVERSE]) * 0.5f : sphere ? disk * 4.0f : disk;
+}
+#endif
+
 // A point of the light for the point `origin` of the primitive `own`. Only from inside a sphere does a surface see itself; what else it
 // would send to itself is made of rounding errors.
 static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, const LightRow* l, vfloat probability, const LightChoice* choice) {
@@ -128,6 +140,11 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
         s.pdf = sun ? probability * disc.pdf : s.pdf;
 #endif
     }
+#ifdef PATH_BIDIRECTIONAL
+    const vfloat from_point = lamp_pdf(scene, l, negate(s.direction)) * inverse_or_one(distance2);
+    const vfloat from_surface = inverse_or_one(light_area(l) * area.pdf * PI);
+    s.started = point ? from_point : s.infinite ? splat(quotient_one(INV_PI, scene->settings->bounds.w * scene->settings->bounds.w)) : from_surface;
+#endif
     return s;
 }
 

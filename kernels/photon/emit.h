@@ -1,4 +1,4 @@
-// Where photons start: a light by its share of the power, a point of it and a direction, with the flux that the photon carries.
+// Where photons and the paths of light start: a light by its share of the power, a point of it and a direction, with the flux that they carry.
 #ifndef PHOTON_EMIT_H
 #define PHOTON_EMIT_H
 
@@ -7,6 +7,10 @@
 typedef struct {
     Ray ray;
     vec3 flux;           // watts, of one photon if it were the only one: of n, each carries 1/n of it
+    vmask far;           // it comes from infinitely far
+    vfloat spread;       // one over the density of the direction, per steradian; from far, of the place, per square metre
+    vfloat extent;       // of a light that rays can find: π over the density of the place there, or one over that of all from far, with the choice of the light
+    vuint sphere;        // the light where it is a sphere that light samples see as a cone, or NONE
 } Emission;
 
 // A point of a surface that shines: all of its area is as likely.
@@ -53,13 +57,15 @@ static Emission emission_sample(const Scene* scene, Sampler sampler, float4 boun
     vfloat u2, v2;
     sampler_bits(sampler, splat_uint(SET_LIGHT), &bits_choice, &bits_v);
     sampler_get(sampler, SET_BSDF, &u2, &v2);
-    const LightRow l = light_at(scene, light_by_power(scene, bits_choice, sampler, splat_uint(SET_LIGHT_DIGITS), &rest));
+    const vuint light = light_by_power(scene, bits_choice, sampler, splat_uint(SET_LIGHT_DIGITS), &rest);
+    const LightRow l = light_at(scene, light);
     const vfloat u = unit_interval(rest), v = unit_interval(bits_v);
     const vmask triangle = l.kind == LIGHT_AREA_TRIANGLE, sphere = l.kind == LIGHT_AREA_SPHERE, disk = l.kind == LIGHT_AREA_DISK;
     const vmask directional = l.kind == LIGHT_DIRECTIONAL, environment = l.kind == LIGHT_ENVIRONMENT;
     const vmask sun = sun_is(&l), parallel = directional | environment | sun;
     const vec3 a = vec3_row(l.row, LIGHT_ROW_POSITION);              // of a directional light its direction
     const vec3 anywhere = warp_sphere(u2, v2);
+    vfloat direction_pdf = splat(WARP_SPHERE_PDF);                   // of what comes from far, or from a point
 
     EmissionPoint from = emission_triangle(&l, u, v);
     if (lane_any(sphere | disk)) {
@@ -81,6 +87,7 @@ static Emission emission_sample(const Scene* scene, Sampler sampler, float4 boun
         const EnvironmentSample around = environment_sample(scene, l.radiance, u2, v2);
         direction = choose(environment, negate(around.direction), direction);
         radiance = choose(environment, scale(around.radiance, inverse_or_one(around.pdf) * (0.25f * INV_PI)), radiance);
+        direction_pdf = environment ? around.pdf : direction_pdf;
     }
 #endif
 #ifdef LAMPS
@@ -90,6 +97,7 @@ static Emission emission_sample(const Scene* scene, Sampler sampler, float4 boun
         const vec3 beam = lamp_sample(scene, &l, u2, v2, &pdf);
         direction = choose(lamp, beam, direction);
         radiance = choose(lamp, scale(lamp_intensity(scene, &l, beam), inverse_or_one(pdf) * (0.25f * INV_PI)), radiance);
+        direction_pdf = lamp ? pdf : direction_pdf;
     }
 #endif
 #ifdef SUN
@@ -97,6 +105,7 @@ static Emission emission_sample(const Scene* scene, Sampler sampler, float4 boun
         const EnvironmentSample disc = sun_sample(scene, u2, v2);
         direction = choose(sun, negate(disc.direction), direction);
         radiance = choose(sun, scale(disc.radiance, inverse_or_one(disc.pdf)), radiance);
+        direction_pdf = sun ? disc.pdf : direction_pdf;
     }
 #endif
     vec3 origin = choose(surface, ray_leave(from.point, from.normal, ray_clearance(from.normal, from.error), mask_none()), a);
@@ -109,7 +118,16 @@ static Emission emission_sample(const Scene* scene, Sampler sampler, float4 boun
     const float disk_area = bounds.w * bounds.w * PI;
     vfloat factor = surface ? from.area * PI : splat(4.0f * PI);
     factor = (directional | sun) ? splat(disk_area) : (environment ? splat(4.0f * PI) * disk_area : factor);
-    e.flux = scale(radiance, factor * inverse_or_one(l.row[LIGHT_ROW_PROBABILITY]));
+    const vfloat chosen = inverse_or_one(l.row[LIGHT_ROW_PROBABILITY]);
+    e.flux = scale(radiance, factor * chosen);
+
+    // The same densities for whoever weighs them
+    const vfloat cosine = inner(direction, from.normal);
+    e.far = parallel;
+    e.spread = parallel ? splat(disk_area) : inverse_or_one(surface ? cosine * INV_PI : direction_pdf);
+    e.extent = surface ? from.area * PI * chosen : splat(0.0f);
+    e.extent = (environment | sun) ? chosen * disk_area * inverse_or_one(direction_pdf) : e.extent;
+    e.sphere = sphere & (l.row[LIGHT_ROW_FACING] > 0.0f) ? light : splat_uint(NONE);
     return e;
 }
 

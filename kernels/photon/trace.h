@@ -8,6 +8,7 @@
 #include "geometry/surface.h"
 #include "material/bsdf.h"
 #include "material/interior.h"
+#include "material/turning.h"
 #include "photon/deposit.h"
 #include "photon/disk.h"
 #include "photon/emit.h"
@@ -50,22 +51,6 @@ static void photon_start(const Scene* scene, float4 bounds, uint pass, vuint num
     p->alive = p->alive | start;
 }
 
-// How much a surface's interpolated normal changes what a photon brings, for one of its directions (Veach 1997, 5.3.2): nothing where it
-// is the surface's own, however grazing the direction.
-static vfloat photon_shading(const Bsdf* bsdf, vec3 direction) {
-    const vfloat shading = absolute(inner(direction, bsdf->frame.normal)), side = absolute(inner(direction, bsdf->side));
-    return quotient(greater(shading, splat(1.0e-6f)), greater(side, splat(1.0e-6f)));
-}
-
-// The factor of a direction that comes in and one that goes out. Where glass has either on another side by its shading normal than by its
-// geometry (bsdf_other_side), none is known: the flux stays, so that it cannot grow from wall to wall.
-static vfloat photon_turn(const Bsdf* bsdf, vec3 direction, vec3 next) {
-    const vfloat in = photon_shading(bsdf, direction), out = photon_shading(bsdf, next);
-    const vmask in_other = (inner(direction, bsdf->side) < 0.0f) != (inner(direction, bsdf->frame.normal) < 0.0f);
-    const vmask out_other = (inner(next, bsdf->side) > 0.0f) != (inner(next, bsdf->frame.normal) > 0.0f);
-    return bsdf_is_clear(bsdf) & (in_other | out_other) ? splat(1.0f) : quotient(in, greater(out, splat(1.0e-6f)));
-}
-
 // Keep the deposit in the next free place of its photon; when all are taken, in a random one or nowhere, so that at any time each
 // deposit so far is as likely to be there (Vitter 1985).
 static void photon_deposit(const Photon* p, const Surface* s, vec3 flux, vmask where, __global float* deposits) {
@@ -99,7 +84,7 @@ static vmask photon_scatter(const Scene* scene, Photon* p, const Surface* surfac
     sampler_bits(p->sampler, sampler_set(p->depth, SET_BSDF), &bits_u, &bits_v);
     BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
     // bsdf_sample weighs radiance, and this is flux
-    const vfloat turned = photon_turn(bsdf, p->ray.direction, next.direction) * bsdf_index_squared(bsdf, next.direction);
+    const vfloat turned = bsdf_turned(bsdf, p->ray.direction, next.direction) * bsdf_index_squared(bsdf, next.direction);
     vec3 weight = scale(next.weight, turned);
     interior_straighten(crossing, p->ray.direction, &next.direction, &weight);
     const vfloat late = straight ? splat(1.0f) : roulette_late(p->depth + 1u), survival = roulette_by_flux(weight) * late;
@@ -139,7 +124,7 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
         const vmask arrives = found & disk_receives(&surface) & (photon.depth > 0u);
         rays += lane_count(photon.alive);
         if (lane_any(arrives)) {
-            const vec3 flux = scale(photon.flux, photon_shading(&bsdf, photon.ray.direction));
+            const vec3 flux = scale(photon.flux, bsdf_shaded(&bsdf, photon.ray.direction));
             photon_deposit(&photon, &surface, flux, arrives, deposits);
             photon.deposits = arrives ? photon.deposits + 1u : photon.deposits;
         }

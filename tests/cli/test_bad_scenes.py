@@ -162,7 +162,7 @@ VALUES = [
     Bad("spp 0", CAMERA + "[render]\nspp = 0\n", ("render.spp is 0", "at least 1")),
     Bad("spp huge", CAMERA + "[render]\nspp = 1048577\n", ("render.spp", "at most")),
     Bad("integrator", CAMERA + '[render]\nintegrator = "paht"\n', ("render.integrator", "did you mean 'path'?")),
-    Bad("integrator not built", CAMERA + '[render]\nintegrator = "bdpt"\n', ("render.integrator", "path, direct")),
+    Bad("integrator not built", CAMERA + '[render]\nintegrator = "mlt"\n', ("render.integrator", "path, bdpt")),
     Bad("render termination", CAMERA + "[render]\ntermination = 1.0\n", ("render.termination", "below 1")),
     Bad("by its former name", CAMERA + "[render]\nabsorption = 1.0\n", ("render.absorption", "below 1")),
     Bad(

@@ -23,8 +23,8 @@ from clrender.image.tone_map import TONE_MAPS as OPERATORS
 
 RENDER_OPTIONS = (
     "output spp size seed device integrator filter filter-radius shadow-rays indirect-rays max-depth roulette "
-    "termination sampling light-sampler code reuse photons photon-radius patches patch-rays radiosity-display tone-map "
-    "exposure aov denoise tile "
+    "termination sampling light-sampler code reuse photons photon-radius light-paths patches patch-rays "
+    "radiosity-display tone-map exposure aov denoise tile "
     "f-stop shutter iso environment time-at variant samples-per-pass work-group lanes time shard stats quiet "
     "allow-path strict up define exr-type exr-compression exr-tile checkpoint resume max-memory cluster "
     "replicate-spp error confidence share error-floor progress preview"
@@ -115,7 +115,7 @@ BAD_COMMAND_LINES: dict[str, tuple[str, tuple[str, ...]]] = {
         "render room -o a.png --integrator pathh",
         ("--integrator", "'pathh'", "did you mean 'path'?"),
     ),
-    "no such integrator": ("render room -o a.png --integrator metropolis", ("--integrator", "path, direct, photon")),
+    "no such integrator": ("render room -o a.png --integrator metropolis", ("--integrator", "path, bdpt, direct")),
     "no shadow rays": ("render room -o a.png --shadow-rays 0", ("--shadow-rays", "at least 1")),
     "negative indirect rays": ("render room -o a.png --indirect-rays -1", ("--indirect-rays", "at least 0")),
     "negative depth": ("render room -o a.png --max-depth -1", ("--max-depth", "at least 0")),

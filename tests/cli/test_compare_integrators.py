@@ -66,7 +66,7 @@ def test_json_is_printed_and_the_same_command_prints_it_again(device: Device) ->
 
 BAD = {
     "unknown": ("--integrators path,whited room", ('"whited"', 'did you mean "whitted"')),
-    "nothing near": ("--integrators path,xyz room", ('"xyz"', "path, direct, photon, radiosity, reuse, whitted")),
+    "nothing near": ("--integrators path,xyz room", ('"xyz"', "path, bdpt, direct, photon, radiosity, reuse, whitted")),
     "only one": ("--integrators path room", ("at least two", "whitted")),
     "an empty name": ("--integrators path, room", ('""',)),
     "two scenes": ("--integrators path,direct room cornell", ("one scene", "'cornell'")),

@@ -119,7 +119,7 @@ def test_no_text_does_more_than_be_refused(text: str) -> None:
         lambda s: s.moved({"position": [float("nan"), 2.0, 0.0]}),
         lambda s: s.moved({"file": "/etc/passwd"}),
         lambda s: s.set({"spp": 0}),
-        lambda s: s.set({"integrator": "bdpt"}),
+        lambda s: s.set({"integrator": "mlt"}),
         lambda s: s.set({"photons": 10}),
         lambda s: s.set({"time_limit": 3.0}),
         lambda s: s.set({"__class__": 3}),

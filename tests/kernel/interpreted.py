@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -21,9 +21,11 @@ from PIL import Image
 
 from clrender import layout
 from clrender.aov import FIRST_HITS, LAYER_KINDS, LayerArguments, LayerKind
+from clrender.bidirectional.light_paths import LightPaths
 from clrender.device.device import Buffer, Device, Program
 from clrender.device.info import DeviceInfo
 from clrender.device.launch import LaunchConfig
+from clrender.device.preparation import DevicePreparation
 from clrender.device.radix_sort import CHUNK
 from clrender.device.worker import DeviceWorker
 from clrender.drivers.arithmetic import check as arithmetic_check
@@ -160,6 +162,12 @@ RENDERS: Final = {
     "whitted-4": Run("whitted", 4),
     "reuse-4": Run("reuse", 4, samples=2),
     "photon-4": Run("photon", 4, samples=2),
+    "bdpt-4": Run("bdpt", 4, samples=2),
+    "bdpt-1-rough": Run("bdpt", 1, rough=True, lamps=True),
+    "bdpt-4-sky": Run("bdpt", 4, sky=True, filter="mitchell"),
+    "bdpt-4-media": Run("bdpt", 4, samples=2, rough=True, media=True, skin=True),
+    "bdpt-4-interiors": Run("bdpt", 4, interiors=True, opacity="holes", replicate=1),
+    "bdpt-4-sun": Run("bdpt", 4, sun=True, instances=True, textured=True),
     "whitted-1-large": Run("whitted", 1, samples=2, large=True),
 }
 
@@ -311,23 +319,28 @@ def scene(run: Run, folder: Path) -> FlatScene:
     pixels = np.random.default_rng(71).random((3, 5, 3), np.float32)
     what = Scene.model_validate(described).placed("everything", folder)
     # Photons start at lights, for which a tree has no answer
-    choice = "power" if run.kernel == "photon" else "auto"
+    choice = "power" if run.kernel in ("photon", "bdpt") else "auto"
     return flatten(what.with_files(environments={"sky": EnvironmentPicture(pixels)}), WIDTH, HEIGHT, choice)
 
 
 def render(device: Device, run: Run) -> str:
     """Hash of the sums of an image."""
     settings = RenderSettings(filter=run.filter).struct(TILE)
-    indirect = {"reuse": 1, "photon": 0}.get(run.kernel, 2)
+    indirect = {"reuse": 1, "photon": 0, "bdpt": 1}.get(run.kernel, 2)
+    shadow = 1 if run.kernel == "bdpt" else 2
     for name, value in {
-        "width": WIDTH, "height": HEIGHT, "tile": TILE, "seed": 5, "shadow_rays": 2, "max_depth": 6, "reuse": 16,
-        "indirect_rays": indirect, "roulette": layout.ROULETTE_THROUGHPUT, "light_samples": 2, "bsdf_samples": indirect,
-        "replicate_spp": run.replicate,
+        "width": WIDTH, "height": HEIGHT, "tile": TILE, "seed": 5, "shadow_rays": shadow, "max_depth": 6, "reuse": 16,
+        "indirect_rays": indirect, "roulette": layout.ROULETTE_THROUGHPUT, "light_samples": shadow,
+        "bsdf_samples": indirect, "replicate_spp": run.replicate, "light_paths": 40,
     }.items():  # fmt: skip
         settings[name] = value
     with tempfile.TemporaryDirectory() as folder:
         flat = scene(run, Path(folder))
-    prepare = partial(PhotonMaps, flat=flat, photons=40, radius=0.5) if run.kernel == "photon" else None
+    prepare: Callable[[DeviceWorker], DevicePreparation] | None = None
+    if run.kernel == "photon":
+        prepare = partial(PhotonMaps, flat=flat, photons=40, radius=0.5)
+    elif run.kernel == "bdpt":
+        prepare = partial(LightPaths, flat=flat, count=40)
     cut = LaunchConfig(run.lanes, 2, None, run.traversal)
     worker = DeviceWorker(device, flat, settings, INTEGRATORS[run.kernel].pipeline, cut, prepare)
     sums = worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, run.samples, TILE))

@@ -18,6 +18,7 @@ UNUSED: Final = {
     "width": "of small images",
     "height": "of small images",
     "replicate_spp": "does not change the image",
+    "light_paths": "of bdpt, as many as pixels",
     "patches": "of radiosity, which takes almost none of these scenes",
     "patch_rays": "of radiosity",
     "radiosity_display": "of radiosity",
@@ -86,11 +87,20 @@ def ways(draw: Draw, content: Json) -> Iterator[Way]:
     else:
         yield Way("roulette", {**depth, "roulette": "constant", **draw.one(({}, {"termination": 0.1}))}, depth)
     yield Way("reuse", {**depth, "integrator": "reuse", "reuse": draw.one((2, 4, 8, 16))}, depth)
+    if _found_by_path(content) and "shadow_terminator_offset" not in json.dumps(content):
+        yield Way("bdpt", {**depth, "integrator": "bdpt", "light_sampler": draw.one(("power", "uniform"))}, depth)
     direct = {"integrator": "direct", "light_sampler": "power"}  # it has light samples alone
     others = {"light_sampler": draw.one(("bvh", "uniform")), "shadow_rays": draw.count(1, 3)}
     yield Way("direct", {**direct, **others}, direct)
     if all(kind in _DELTA for kind in _lights(content)) and not _shines(content):
         yield Way("whitted", {"integrator": "whitted"}, direct)
+
+
+def _found_by_path(content: Json) -> bool:
+    """Whether `path` finds the light of all lights: there are no delta lights, or neither mirrors nor glass."""
+    made = content.get("materials", {}).values()
+    smooth = any(each["type"] in ("mirror", "conductor", "dielectric") or "transmission" in each for each in made)
+    return not (smooth and any(kind in _DELTA for kind in _lights(content)))
 
 
 def _shines(content: Json) -> bool:
@@ -106,9 +116,7 @@ def biased_ways(content: Json) -> Iterator[Way]:
     content : dict
         The scene.
     """
-    made = content.get("materials", {}).values()
-    smooth = any(each["type"] in ("mirror", "conductor", "dielectric") or "transmission" in each for each in made)
-    if smooth and any(kind in _DELTA for kind in _lights(content)):
+    if not _found_by_path(content):
         return
     settings: Json = {"integrator": "photon", "photons": 8192, "photon_radius": 0.1}
     yield Way("photon", settings, bias=0.05, stages=((8, 8), (16, 32)))
@@ -139,7 +147,10 @@ def black_ways(draw: Draw) -> list[Way]:
     draw : Draw
     """
     more: list[Json] = [{"light_sampler": draw.one(SAMPLERS)}, {"integrator": "reuse"}]
-    more += [{"integrator": "photon", "photons": 4096, "photon_radius": 0.1, "spp": 4}]
+    more += [
+        {"integrator": "bdpt", "spp": 4},
+        {"integrator": "photon", "photons": 4096, "photon_radius": 0.1, "spp": 4},
+    ]
     more += [draw.one(({"integrator": "direct"}, {"integrator": "whitted"}))]
     every: list[dict[str, Any]] = [{}, {"sampling": "light"}, {"sampling": "bsdf"}, *more]
     return [Way(settings.get("integrator", "path"), settings) for settings in every]

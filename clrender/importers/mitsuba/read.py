@@ -27,9 +27,8 @@ from clrender.wording import quoted
 __all__ = ["read"]
 
 _CAMERAS: Final = ("perspective", "thinlens", "orthographic")
-_PATHS: Final = frozenset(
-    ["path", "volpath", "volpathmis", "prb", "prbvolpath", "bdpt", "ptracer", "mlt", "pssmlt", "erpt"]
-)
+_PATHS: Final = frozenset(["path", "volpath", "volpathmis", "prb", "prbvolpath", "mlt", "pssmlt", "erpt"])
+_BIDIRECTIONAL: Final = frozenset(["bdpt", "ptracer"])
 _PHOTON_MAPS: Final = frozenset(["photonmapper", "ppm", "sppm"])
 _FILTERS: Final = {"box": ("radius", 0.5, 1.0), "tent": ("radius", 1.0, 1.0), "gaussian": ("stddev", 0.5, 3.0)}
 """Pixel filters that we have too, each with the parameter that stretches it, its default and our radius over it."""
@@ -176,6 +175,8 @@ class _Settings:
             self._render()["max_depth"] = 1
         elif plugin.type in _PHOTON_MAPS:
             self._render()["integrator"] = "photon"
+        elif plugin.type in _BIDIRECTIONAL:
+            self._render()["integrator"] = "bdpt"
         elif plugin.type not in _PATHS:
             self._staging.note(f'{plugin.label} is read as "path"')
         depth = plugin.whole("max_depth", -1)

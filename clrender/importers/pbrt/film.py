@@ -35,7 +35,8 @@ _NEAR_FILTER: Final = {"sinc": "mitchell"}
 _MITCHELL: Final = 1.0 / 3.0
 _SIGMAS: Final = 3.0
 """Radius of our Gaussian, standard deviations."""
-_PATHS: Final = frozenset(["path", "volpath", "simplepath", "simplevolpath", "bdpt", "mlt", "lightpath"])
+_PATHS: Final = frozenset(["path", "volpath", "simplepath", "simplevolpath", "mlt"])
+_BIDIRECTIONAL: Final = frozenset(["bdpt", "lightpath"])
 
 
 @dataclass(frozen=True)
@@ -158,6 +159,9 @@ class Settings:
         if kind == "sppm":
             self._render["integrator"] = "photon"
             parameters.ignore("photonsperiteration", "radius")
+        elif kind in _BIDIRECTIONAL:
+            self._render["integrator"] = "bdpt"
+            parameters.ignore("visualizestrategies", "visualizeweights")
         elif kind not in _PATHS:
             self._staging.note(f'the integrator {quoted(kind)} is read as "path"')
         self._render["max_depth"] = min(max(parameters.whole("maxdepth", 5), 0), 2**31 - 1)

@@ -1,0 +1,229 @@
+"""Bidirectional paths against those from the camera: each way to make them alone, every camera, filter and light."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import pytest
+from PIL import Image
+from render_support import disk, lambert, quad, scene, sphere, triangle
+
+import clrender
+from clrender.agreement.significance import holm
+from clrender.device.launch import LaunchConfig
+from clrender.device.worker import DeviceWorker
+from clrender.image.files import write_image
+from clrender.scene import Scene
+from clrender.statistics.student_t import p_value
+
+if TYPE_CHECKING:
+    from clrender.device import Device
+
+SEEDS: Final = 10
+SIZE: Final = (16, 12)
+ALARM: Final = 1e-3
+"""Chance that any test here fails by chance alone."""
+PARTS: Final = 3
+ROUGH: Final = {"type": "principled", "base_color": [0.8, 0.6, 0.3], "metallic": 0.6, "roughness": 0.5, "coat": 0.4}
+CLAY: Final = {"type": "oren_nayar", "reflectance": [0.5, 0.6, 0.7], "roughness": 0.6}
+GLASS: Final = {"type": "dielectric", "ior": 1.4, "roughness": 0.5}
+PAINT: Final = lambert((0.7, 0.3, 0.2))
+MATERIALS: Final[dict[str, Any]] = {"white": lambert(0.7), "red": PAINT, "rough": ROUGH, "glass": GLASS, "clay": CLAY}
+
+
+@pytest.fixture(scope="module")
+def session(device: Device) -> Iterator[clrender.Session]:
+    """One device for all tests."""
+    with clrender.Session(device.info.index) as made:
+        yield made
+
+
+def parts_of(image: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Means of parts of an image."""
+    blocks = [each for row in np.array_split(image, PARTS) for each in np.array_split(row, PARTS, axis=1)]
+    return np.array([each.mean() for each in blocks] + [image.mean()])
+
+
+def rendered(session: clrender.Session, what: Scene, first: int, settings: Mapping[str, Any]) -> np.ndarray[Any, Any]:
+    """(SEEDS, parts) of images with seeds from `first` on."""
+    asked = {"size": SIZE, "keep_film": False, **settings}
+    return np.array(
+        [parts_of(session.render(what, seed=first + number, **asked).linear) for number in range(SEEDS)], np.float64
+    )
+
+
+def apart(a: np.ndarray[Any, Any], b: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Probability of such a difference between means, of each part, where they are the same (Welch)."""
+    va, vb = a.var(axis=0, ddof=1) / len(a), b.var(axis=0, ddof=1) / len(b)
+    together = np.maximum(va + vb, 1e-30)
+    freedom = together**2 / np.maximum(va**2 / (len(a) - 1) + vb**2 / (len(b) - 1), 1e-60)
+    difference = a.mean(axis=0) - b.mean(axis=0)
+    return np.where(np.abs(difference) < 1e-12, 1.0, p_value(np.abs(difference) / np.sqrt(together), freedom))
+
+
+def judge(found: Sequence[tuple[str, np.ndarray[Any, Any]]]) -> None:
+    """None of these probabilities is too small, for all together."""
+    every = np.concatenate([p for _, p in found])
+    names = np.concatenate([[name] * len(p) for name, p in found])
+    refused = holm(every, ALARM)
+    assert not refused.any(), sorted(set(names[refused].tolist()))
+
+
+def plates(camera: Mapping[str, Any] | None = None) -> Scene:
+    """Plates, balls and lights that are nowhere near each other: every way to join paths has a finite variance."""
+    shapes = [
+        quad((-2, 0, 2), (4, 0, 0), (0, 0, -4), material="white"),
+        quad((-2, 0.5, -2.6), (4, 0, 0), (0, 2, 0), material="rough"),
+        sphere((0.9, 1.3, 0.2), 0.4, material="clay"),
+        sphere((-1.0, 1.4, 0.1), 0.4, material="red"),
+        quad((-1, 3.2, 1), (0, 0, -2), (2, 0, 0), emission=6.0),
+        sphere((1.9, 2.2, 1.2), 0.2, emission=9.0),
+    ]
+    what = scene(shapes, (), None, **MATERIALS)
+    seen = {} if (camera or {}).get("type") in ("orthographic", "panoramic") else {"vertical_fov": 48.0}
+    placed = {"position": [0.2, 1.6, 4.2], "target": [0.0, 1.1, 0.0], **seen, **(camera or {})}
+    return what.model_copy(update={"camera": type(what.camera).model_validate(placed)})
+
+
+@pytest.mark.parametrize("side", ["CAMERA", pytest.param("LIGHT", marks=pytest.mark.thorough)])
+def test_each_way_alone_finds_all(
+    device: Device, session: clrender.Session, monkeypatch: pytest.MonkeyPatch, side: str
+) -> None:
+    """All ways with 1, 2 or 3 vertices of the camera, or with 0, 1 or 2 of the light, count in full, and no others."""
+    what, more = plates(), {"spp": 48, "max_depth": 4}
+    truth = rendered(session, what, 1000, {**more, "integrator": "path", "spp": 128})
+    defines, found = DeviceWorker._defines, []
+    for count in (1, 2, 3) if side == "CAMERA" else (0, 1, 2):
+        extra = {f"ONLY_{side}_VERTICES": f"{count}u"}
+
+        def alone(self: DeviceWorker, launch: LaunchConfig, extra: dict[str, str] = extra) -> dict[str, int | str]:
+            return {**defines(self, launch), **extra}
+
+        monkeypatch.setattr(DeviceWorker, "_defines", alone)
+        with clrender.Session(device.info.index) as own:  # the session of all tests keeps its workers
+            shown = rendered(own, what, 1, {**more, "integrator": "bdpt"})
+        found.append((f"{count} of {side}", apart(truth, shown)))
+    judge(found)
+
+
+CAMERAS: Final[Mapping[str, dict[str, Any]]] = {
+    "pinhole": {},
+    "lens": {"aperture_radius": 0.2, "focus_distance": 3.5, "blades": 5},
+    "parallel": {"type": "orthographic", "height": 3.0},
+    "parallel with lens": {"type": "orthographic", "height": 3.0, "aperture_radius": 0.15},
+    "panoramic": {"type": "panoramic", "position": [0.1, 1.2, 1.2]},
+    "fisheye": {"type": "fisheye", "vertical_fov": 150.0, "position": [0.1, 1.2, 1.6]},
+    "mirrored": {"mirrored": True},
+}
+
+
+@pytest.mark.parametrize(
+    "pixel_filter",
+    [
+        {"filter": "box"},
+        {"filter": "mitchell"},
+        pytest.param({"filter": "gaussian", "filter_radius": 3.0}, marks=pytest.mark.thorough),
+    ],
+    ids=lambda each: each["filter"],
+)
+def test_cameras_see_what_light_paths_bring(
+    device: Device, session: clrender.Session, monkeypatch: pytest.MonkeyPatch, pixel_filter: dict[str, Any]
+) -> None:
+    """By splats alone: where they land, how they count, and how pixels that a filter reaches share them."""
+    found, pictures = [], {name: plates(camera) for name, camera in CAMERAS.items()}
+    more = {"max_depth": 2, **pixel_filter}
+    truth = {name: rendered(session, what, 1000, {**more, "spp": 96}) for name, what in pictures.items()}
+    defines = DeviceWorker._defines
+
+    def alone(self: DeviceWorker, launch: LaunchConfig) -> dict[str, int | str]:
+        return {**defines(self, launch), "ONLY_CAMERA_VERTICES": "1u"}
+
+    monkeypatch.setattr(DeviceWorker, "_defines", alone)
+    with clrender.Session(device.info.index) as own:
+        for name, what in pictures.items():
+            shown = rendered(own, what, 1, {**more, "integrator": "bdpt", "spp": 48})
+            found.append((name, apart(truth[name], shown)))
+    judge(found)
+
+
+def lights(folder: Path) -> dict[str, tuple[list[dict[str, Any]], list[dict[str, Any]]]]:
+    """Shapes and lights by name; their files are written into `folder`."""
+    head = "IESNA91\nTILT=NONE\n1 -1 1 3 2 1 2 0 0 0\n1 1 1\n"
+    (folder / "lamp.ies").write_text(head + "0 50 90\n0 180\n900 700 100\n900 200 50\n")
+    Image.fromarray(np.arange(90, dtype=np.uint8).reshape(5, 6, 3)).save(folder / "slide.png")
+    sky = np.full((8, 16, 3), 0.2, np.float32)
+    sky[2, 4] = 20.0
+    write_image(folder / "sky.exr", sky)
+    at = {"position": [0.5, 3.0, 0.8], "direction": [-0.2, -1.0, -0.1]}
+    return {
+        "point": ([], [{"type": "point", "position": [0.5, 3.0, 0.8], "intensity": [9, 8, 7]}]),
+        "spot": ([], [{"type": "spot", **at, "intensity": [30, 30, 20], "cone_degrees": 60.0, "blend": 0.5}]),
+        "ies": ([], [{"type": "ies", **at, "file": "lamp.ies", "scale": 0.02}]),
+        "projector": ([], [{"type": "projector", **at, "file": "slide.png", "vertical_fov": 60.0, "scale": 0.1}]),
+        "directional": ([], [{"type": "directional", "direction": [0.3, -1, -0.2], "irradiance": [2, 2, 2]}]),
+        "sun and sky": ([], [{"type": "sun_sky", "sun_direction": [0.4, 0.9, 0.5], "scale": 1e-4}]),
+        "even sky": ([], [{"type": "environment", "radiance": [0.5, 0.6, 0.7]}]),
+        "picture": ([], [{"type": "environment", "file": "sky.exr"}]),
+        "triangle": ([triangle([(-1, 3, 0), (0, 3.1, 1), (1, 2.9, 0)], emission=5.0)], []),
+        "disk": ([disk((0.2, 3.0, 0.4), (0.1, -1, 0), 0.5, emission=5.0)], []),
+        "ball": ([sphere((0.5, 2.9, 0.6), 0.25, emission=20.0)], []),
+        "dome": ([sphere((0.0, 1.0, 0.0), 6.0, emission=0.5, flip_normals=True)], []),
+        "texture": ([quad((-1, 3.2, 1), (0, 0, -2), (2, 0, 0), emission={"checker": [8.0, 0.5]})], []),
+        "many": (
+            [sphere((-1.8 + 0.9 * n, 2.9, 0.6), 0.1, emission=10.0 + 20.0 * n) for n in range(4)],
+            [{"type": "point", "position": [-1.0, 2.5, 1.0], "intensity": [4, 2, 1]}],
+        ),
+    }  # fmt: skip
+
+
+def test_lights_of_every_kind(session: clrender.Session, tmp_path: Path) -> None:
+    """All ways together, by their weights."""
+    found = []
+    for name, (shapes, given) in lights(tmp_path).items():
+        what = lit(tmp_path, shapes, given)
+        truth = rendered(session, what, 1000, {"spp": 96, "max_depth": 3})
+        shown = rendered(session, what, 1, {"spp": 32, "max_depth": 3, "integrator": "bdpt"})
+        found.append((name, apart(truth, shown)))
+    judge(found)
+
+
+def lit(folder: Path, shapes: list[dict[str, Any]], given: list[dict[str, Any]]) -> Scene:
+    """A few surfaces under these lights."""
+    around = [
+        quad((-2, 0, 2), (4, 0, 0), (0, 0, -4), material="white"),
+        quad((-2, 0.0, -2.0), (4, 0, 0), (0, 2, 0), material="rough"),
+        sphere((0.7, 0.7, 0.2), 0.5, material="glass"),
+        sphere((-0.8, 0.6, 0.1), 0.5, material="red"),
+    ]
+    camera = {"position": [0.2, 1.6, 4.2], "target": [0.0, 0.8, 0.0], "vertical_fov": 45.0}
+    content = {"camera": camera, "materials": MATERIALS, "shapes": [*around, *shapes], "lights": given}
+    return Scene.model_validate(content).placed("here", folder)
+
+
+def test_light_paths_begin_in_the_media_around_their_lights(session: clrender.Session) -> None:
+    """A lamp in a cloud, and one in a ball of coloured glass, whose light the camera finds from outside of them."""
+    media = {"smoke": {"scattering": [0.5, 0.4, 0.3], "absorption": 0.1, "g": 0.3}}
+    glass = {
+        "type": "dielectric",
+        "ior": 1.5,
+        "roughness": 0.6,
+        "priority": 1,
+        "attenuation_color": [0.9, 0.5, 0.2],
+        "attenuation_distance": 0.3,
+    }
+    shapes = [
+        quad((-3, 0, 3), (6, 0, 0), (0, 0, -6), material="white"),
+        {"type": "box", "center": [-0.8, 1.0, 0.0], "size": [1.4, 1.4, 1.4], "interior": "smoke"},
+        sphere((-0.8, 1.0, 0.0), 0.2, emission=12.0),
+        sphere((1.2, 1.0, 0.0), 0.6, material="glass"),
+        sphere((1.2, 1.0, 0.0), 0.15, emission=20.0),
+    ]
+    camera = {"position": [0.2, 1.6, 4.2], "target": [0.0, 0.8, 0.0], "vertical_fov": 45.0}
+    content = {"camera": camera, "materials": {**MATERIALS, "glass": glass}, "shapes": shapes, "media": media}
+    what = Scene.model_validate(content)
+    truth = rendered(session, what, 1000, {"spp": 128, "max_depth": 4})
+    shown = rendered(session, what, 1, {"spp": 32, "max_depth": 4, "integrator": "bdpt"})
+    judge([("media", apart(truth, shown))])
