@@ -65,6 +65,8 @@ class LightPaths:
         self._vertices = device.empty(_VERTEX_BYTES * layout.LIGHT_VERTICES * self._kept)
         self._counts = device.empty(4 * self._kept)
         device.write(self._counts, np.zeros(self._kept, np.uint32))
+        # Lanes that ask for no vertex read the first one, and compute along
+        device.write(self._vertices, np.zeros(self._vertices.nbytes, np.uint8))
         self._held = [self._vertices, self._counts]
 
     def take_rays(self) -> int:

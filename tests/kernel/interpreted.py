@@ -165,8 +165,9 @@ RENDERS: Final = {
     "bdpt-4": Run("bdpt", 4, samples=2),
     "bdpt-1-rough": Run("bdpt", 1, rough=True, lamps=True),
     "bdpt-4-sky": Run("bdpt", 4, sky=True, filter="mitchell"),
-    "bdpt-4-media": Run("bdpt", 4, samples=2, rough=True, media=True, skin=True),
-    "bdpt-4-interiors": Run("bdpt", 4, interiors=True, opacity="holes", replicate=1),
+    "bdpt-4-media": Run("bdpt", 4, samples=2, media=True, skin=True),
+    "bdpt-4-interiors": Run("bdpt", 4, interiors=True),
+    "bdpt-4-holes": Run("bdpt", 4, opacity="holes", replicate=1),
     "bdpt-4-sun": Run("bdpt", 4, sun=True, instances=True, textured=True),
     "whitted-1-large": Run("whitted", 1, samples=2, large=True),
 }
