@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 __all__ = ["LightPaths", "prepare"]
 
 _VERTEX_BYTES: Final = 64
-_MOST_KEPT: Final = 1 << 17
-"""Light paths of a sample whose vertices are kept to join with: 64 MiB of them."""
+_MOST_KEPT: Final = 1 << 14
+"""Light paths of a sample whose vertices are kept to join with: 8 MiB, which a processor's cache may hold."""
 _MOST_TRACED: Final = 1 << 17
 """Light paths of a launch."""
 

@@ -54,7 +54,9 @@ def meets(device: Device, scene: dict[str, Any], shape: int) -> tuple[Any, Any]:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("integrator", ["path", "direct", "reuse", pytest.param("photon", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "integrator", ["path", "bdpt", "direct", "reuse", pytest.param("photon", marks=pytest.mark.slow)]
+)
 def test_a_hidden_lamp_lights_the_scene_as_before(device: Device, integrator: str) -> None:
     more = {"photons": 512} if integrator == "photon" else {}
     seen, hidden = (rendered(device, described(lamp), integrator=integrator, **more).linear for lamp in (True, False))
@@ -71,7 +73,12 @@ def test_a_hidden_lamp_lights_the_scene_as_before(device: Device, integrator: st
 @pytest.mark.long
 @pytest.mark.parametrize(
     "integrator",
-    ["path", "reuse", *(pytest.param(each, marks=pytest.mark.slow) for each in ("direct", "photon", "whitted"))],
+    [
+        "path",
+        "bdpt",
+        "reuse",
+        *(pytest.param(each, marks=pytest.mark.slow) for each in ("direct", "photon", "whitted")),
+    ],
 )
 def test_a_hidden_sky_is_black_to_the_camera_only(device: Device, integrator: str) -> None:
     more = {"photons": 512} if integrator == "photon" else {}

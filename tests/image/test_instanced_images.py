@@ -163,7 +163,7 @@ def test_fog_and_filled_instances(device: Device, pictures: Path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("integrator", ["direct", "whitted", "reuse", "photon", "radiosity"])
+@pytest.mark.parametrize("integrator", ["bdpt", "direct", "whitted", "reuse", "photon", "radiosity"])
 def test_every_integrator(device: Device, pictures: Path, integrator: str) -> None:
     shapes = ({"type": "box", "size": [0.7, 0.9, 0.5], "material": "lambert"},)
     lamp = {

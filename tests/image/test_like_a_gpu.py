@@ -52,6 +52,7 @@ def gpu(device: Device) -> Iterator[LikeGpu]:
         ("room", {}),
         ("room", {"integrator": "reuse"}),
         ("room", {"integrator": "photon", "photons": 2000}),
+        ("room", {"integrator": "bdpt"}),
         pytest.param("room-diffuse", {"integrator": "radiosity", "patches": 400}, marks=pytest.mark.slow),
         pytest.param("bumpy", {"integrator": "whitted"}, marks=pytest.mark.slow),
     ],

@@ -50,6 +50,7 @@ class Watched:
         ("room", {"spp": 40}),
         ("room", {"spp": 20, "tile": 1024}),
         ("room", {"spp": 3, "integrator": "photon", "photons": 2000}),
+        ("room", {"spp": 3, "integrator": "bdpt"}),
         ("room", {"spp": 20, "integrator": "reuse"}),
         ("room", {"spp": 20, "aov": ("albedo", "crypto_object")}),
     ],

@@ -49,6 +49,7 @@ def stopped(session: clrender.Session, scene: str, path: Path, launches: int = 3
 CASES: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
     "cut in other ways": ("room", {"tile": 8, "lanes": 4}, {"tile": 64, "lanes": 16, "samples_per_pass": 3}),
     "photon maps": ("room", {"integrator": "photon", "photons": 2000}, {"integrator": "photon", "photons": 2000}),
+    "light paths": ("room", {"integrator": "bdpt", "tile": 16}, {"integrator": "bdpt", "filter": "box"}),
     "shared light": ("room-diffuse", {"integrator": "reuse", "tile": 16}, {"integrator": "reuse"}),
     "a shard": ("room", {"samples": (5, 17)}, {"samples": (5, 17), "tile": 12}),
 }
@@ -68,8 +69,8 @@ def test_the_image_is_that_of_one_render(device: Device, tmp_path: Path, case: s
     assert image.stats["resumed_samples"] == part.film.ledger.samples
     assert image.stats["samples"] == once.stats["samples"] and not image.interrupted
     assert image.film.ledger == once.film.ledger == Film.load(path).ledger
-    # Maps of photons are made once more for samples that were begun
-    assert image.stats["rays"] == once.stats["rays"] or case == "photon maps"
+    # Photons and light paths are traced once more for samples that were begun
+    assert image.stats["rays"] == once.stats["rays"] or case in ("photon maps", "light paths")
 
 
 def test_more_samples_later_and_what_is_whole_needs_no_work(device: Device, tmp_path: Path) -> None:

@@ -142,6 +142,7 @@ def test_every_kind_of_path(all_devices: list[Device], scene: str, settings: dic
         {"integrator": "reuse", "reuse": 4, "max_depth": 3},
         pytest.param({"integrator": "reuse", "filter": "mitchell"}, marks=pytest.mark.slow),
         {"integrator": "photon", "photons": 500, "max_depth": 3, "seed": 7},
+        {"integrator": "bdpt", "filter": "mitchell"},
         pytest.param({"integrator": "photon", "photons": 3000}, marks=pytest.mark.slow),
     ],
     ids=str,
@@ -160,6 +161,7 @@ def test_every_kind_of_sharing(all_devices: list[Device], settings: dict[str, An
         {"shadow_rays": 2, "indirect_rays": 3},
         {"integrator": "direct"},
         {"integrator": "photon", "photons": 3000},
+        {"integrator": "bdpt"},
         {"integrator": "reuse"},
     ],
     ids=str,
@@ -320,6 +322,7 @@ def free_memory() -> int:
         pytest.param({"integrator": "whitted"}, marks=pytest.mark.slow),
         pytest.param({"integrator": "reuse"}, marks=pytest.mark.slow),
         pytest.param({"integrator": "photon", "photons": 500}, marks=pytest.mark.slow),
+        pytest.param({"integrator": "bdpt"}, marks=pytest.mark.slow),
     ],
     ids=str,
 )
@@ -336,7 +339,9 @@ def test_every_integrator_on_every_driver(all_devices: list[Device], settings: d
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("settings", [{"integrator": "photon", "photons": 2000}, {"integrator": "reuse"}], ids=str)
+@pytest.mark.parametrize(
+    "settings", [{"integrator": "photon", "photons": 2000}, {"integrator": "bdpt"}, {"integrator": "reuse"}], ids=str
+)
 @pytest.mark.parametrize("scene", ["rich room", "textures"])
 def test_rich_scenes_by_those_that_share(all_devices: list[Device], scene: str, settings: dict[str, Any]) -> None:
     """Rough materials and textures by integrators whose pixels have work in common, in every number of lanes."""

@@ -138,6 +138,7 @@ def test_other_scenes_and_integrators_in_turn(device: Device) -> None:
     cases: list[tuple[str, dict[str, Any]]] = [
         ("room", {}),
         ("cornell", {"integrator": "photon", "photons": 5000}),
+        ("room", {"integrator": "bdpt"}),
         ("room", {"integrator": "whitted", "aov": ("albedo", "depth")}),
         ("room-diffuse", {"integrator": "radiosity", "patches": 200, "patch_rays": 16}),
         ("room-diffuse", {"integrator": "reuse"}),
@@ -327,7 +328,7 @@ FAILURES = [("program", 0), ("program", 6), ("empty", 3), ("launch", 2), ("launc
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(("call", "after"), FAILURES)
-@pytest.mark.parametrize("integrator", ["path", "photon"])
+@pytest.mark.parametrize("integrator", ["path", "photon", "bdpt"])
 def test_a_device_that_fails_anywhere_leaves_the_image_to_the_other(
     device: Device, watched: Watched, call: str, after: int, integrator: str
 ) -> None:

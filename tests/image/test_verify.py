@@ -20,6 +20,7 @@ SIZE = (50, 39)  # 4 x 3 tiles, cut off at two sides
 CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "paths": ("room", {"filter": "mitchell"}),
     "photon maps": ("room", {"integrator": "photon", "photons": 2000, "photon_radius": 0.05}),
+    "light paths": ("room", {"integrator": "bdpt", "filter": "mitchell", "light_paths": 3000}),
     "shared light": ("room-diffuse", {"integrator": "reuse", "reuse": 4}),
     "radiosity": ("room-diffuse", {"integrator": "radiosity", "patches": 200, "patch_rays": 16}),
     "roulette": ("room", {"roulette": "constant", "termination": 0.3, "seed": 4}),

@@ -74,7 +74,14 @@ class Noted(FaultyDevice):
 
 
 @pytest.mark.parametrize(
-    ("how", "most"), [({}, 2), ({"samples_per_pass": 1}, 2), ({"integrator": "photon", "photons": 2000}, 1)], ids=str
+    ("how", "most"),
+    [
+        ({}, 2),
+        ({"samples_per_pass": 1}, 2),
+        ({"integrator": "photon", "photons": 2000}, 1),
+        ({"integrator": "bdpt"}, 1),
+    ],
+    ids=str,
 )
 def test_a_device_need_not_wait_for_the_host(device: Device, how: dict[str, Any], most: int) -> None:
     """Two slices are on their way, but for the first, and where something is computed for each sample."""

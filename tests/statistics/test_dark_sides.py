@@ -55,6 +55,7 @@ WAYS: dict[str, dict[str, Any]] = {
     "whitted": {"integrator": "whitted"},
     "reuse": {"integrator": "reuse"},
     "photon": {"integrator": "photon", "photons": 4096, "spp": 2},
+    "bdpt": {"integrator": "bdpt"},
     "radiosity": {"integrator": "radiosity", "patches": 400, "patch_rays": 64},
     "radiosity gathered": {
         "integrator": "radiosity",

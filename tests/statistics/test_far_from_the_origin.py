@@ -35,7 +35,7 @@ def small_things(x: float, y: float, z: float) -> Scene:
 
 @pytest.mark.parametrize("place", FAR, ids=str)
 @pytest.mark.parametrize(
-    "integrator", ["path", "whitted", "reuse", "photon", pytest.param("radiosity", marks=pytest.mark.long)]
+    "integrator", ["path", "bdpt", "whitted", "reuse", "photon", pytest.param("radiosity", marks=pytest.mark.long)]
 )
 def test_the_image_is_the_same_far_away(studio: Studio, place: tuple[float, float, float], integrator: str) -> None:
     """The same numbers are drawn, so nearly every path is the same path; coordinates differ by roundings."""

@@ -114,6 +114,12 @@ def test_built_in_scenes_violate_none(debug: DebugBuild, scene: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("scene", ["room", "drink", "haze", "surfaces"])
+def test_bidirectional_paths_violate_none(debug: DebugBuild, scene: str) -> None:
+    assert violated(debug, clrender.load(scene), integrator="bdpt") == {}
+
+
+@pytest.mark.slow
 def test_photon_mapping_violates_none(debug: DebugBuild) -> None:
     assert violated(debug, clrender.load("drink"), integrator="photon", photons=2000) == {}
 

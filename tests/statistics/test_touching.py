@@ -27,6 +27,7 @@ WAYS: dict[str, dict[str, Any]] = {
     "direct": {"integrator": "direct"},
     "whitted": {"integrator": "whitted"},
     "photon": {"integrator": "photon", "photons": 8192, "spp": 2},
+    "bdpt": {"integrator": "bdpt"},
 }
 WITHIN = {"position": [0.0, 0.0, -1.8], "target": [0.0, 0.6, 0.0], "vertical_fov": 70.0}
 
