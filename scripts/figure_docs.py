@@ -188,6 +188,7 @@ OTHERS: Final[Mapping[str, Sequence[str]]] = {
     "gallery-*.jpg": ["gallery_docs.py"],
     "integrators.jpg": ["integrator_docs.py", "pictures"],
     "caustic.jpg": ["integrator_docs.py", "caustic"],
+    "hard-light.jpg": ["integrator_docs.py", "hard"],
     "speed.jpg": ["speed_docs.py", "pictures"],
     "speed-growth.svg": ["speed_docs.py"],
     "report-*": ["report_docs"],

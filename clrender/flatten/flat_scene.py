@@ -323,7 +323,7 @@ def _no_light(scene: Scene, lights: FlatLights) -> list[str]:
 
 
 def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> list[str]:
-    """Warn of light from delta lights through glass, which only the photon integrator finds."""
+    """Warn of light from delta lights through glass, which only integrators with paths from the lights find."""
     used = {solid_of(shape) for _, shape in scene.all_shapes()} - no_boundary
     glass = {name for name, _ in used if name is not None and _is_glass(scene.materials[name])}
     kinds: dict[type, str] = {
@@ -338,7 +338,7 @@ def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> list[str]:
         return []
     which = f"{' and '.join(shining)} lights, through the dielectric {min(glass)!r}"
     return [
-        f"{scene.source}: light of {which}: only the integrator photon finds it; elsewhere glass casts a full shadow"
+        f"{scene.source}: light of {which}: only the integrators bdpt and photon find it; elsewhere glass casts a full shadow"
     ]
 
 
