@@ -338,7 +338,8 @@ def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> list[str]:
         return []
     which = f"{' and '.join(shining)} lights, through the dielectric {min(glass)!r}"
     return [
-        f"{scene.source}: light of {which}: only the integrators bdpt and photon find it; elsewhere glass casts a full shadow"
+        f"{scene.source}: light of {which}: only the integrators bdpt and photon find it; elsewhere glass casts a "
+        "full shadow"
     ]
 
 
