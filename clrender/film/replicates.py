@@ -149,23 +149,26 @@ def relative_error(film: Film, most: int = 4096) -> float | None:
     return float(np.sum(errors[known] @ np.array(LUMINANCE))) / luminance if luminance > 0.0 else None
 
 
-def image_error(errors: _Floats, by_blocks: bool = False) -> _Floats:
+def image_error(errors: _Floats, shares: str = "") -> _Floats:
     """Standard error of the mean of all pixels, of each channel.
 
     Parameters
     ----------
     errors : (height, width, 3) float64
         Standard errors of pixels.
-    by_blocks : bool
-        Whether pixels of a block may be correlated; the result is then an upper bound. Otherwise pixels are
-        independent.
+    shares : str
+        Whether pixels of a ``block`` or of the whole ``image`` may be correlated; the result is then an upper bound.
+        Otherwise (empty) pixels are independent.
 
     Returns
     -------
     (3,) float64
     """
     height, width, _ = errors.shape
-    if by_blocks:
+    if shares == "image":
+        whole: _Floats = errors.sum(axis=(0, 1)) / (height * width)
+        return whole
+    if shares == "block":
         rows, columns = (np.arange(0, side, BLOCK) for side in (height, width))
         errors = np.add.reduceat(np.add.reduceat(errors, rows, axis=0), columns, axis=1)
     total: _Floats = np.sqrt((errors**2).sum(axis=(0, 1))) / (height * width)

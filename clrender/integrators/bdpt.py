@@ -21,5 +21,6 @@ INTEGRATOR: Final = Integrator(
     fixed={"bsdf_samples": 0},
     media=True,
     auto_light_sampler="power",
+    shares="image",
     preparation="clrender.bidirectional.light_paths",
 )

@@ -90,8 +90,9 @@ class Integrator:
         Whether it supports meshes with vertex colours.
     auto_light_sampler : str
         The light sampler that ``auto`` stands for.
-    blocks_share : bool
-        Whether the pixels of a block of 4 x 4 share light, so that their errors are correlated.
+    shares : str
+        Which pixels share light, so that their errors are correlated: those of a ``block`` of 4 x 4, of the whole
+        ``image``, or none (empty).
     preparation : str
         Module whose ``prepare`` computes the data that it needs before the first sample
         (`clrender.device.preparation`); empty: it needs only the scene.
@@ -111,7 +112,7 @@ class Integrator:
     emission_textures: bool = True
     vertex_colors: bool = True
     auto_light_sampler: str = "auto"
-    blocks_share: bool = False
+    shares: str = ""
     preparation: str = ""
 
     @property

@@ -12,5 +12,5 @@ INTEGRATOR: Final = Integrator(
     Pipeline("integrator/reuse.cl", "integrator_reuse", ("reuse_weigh", "reuse_gather"), record_bytes=128),
     takes={"indirect_rays": (1,)},
     volumes=False,
-    blocks_share=True,
+    shares="block",
 )

@@ -81,7 +81,7 @@ def test_standard_errors_are_those_of_replicates() -> None:
     assert (replicate_counts(film) == 10).all()
     whole = image_error(standard_error(film))
     assert whole == pytest.approx(np.sqrt((expected**2).sum(axis=0)) / 30, rel=1e-12)
-    assert (image_error(standard_error(film), by_blocks=True) >= whole).all()
+    assert (image_error(standard_error(film), shares="block") >= whole).all()
 
 
 def test_errors_of_pixels_in_step_are_no_smaller_than_that() -> None:
@@ -89,7 +89,8 @@ def test_errors_of_pixels_in_step_are_no_smaller_than_that() -> None:
     values = np.repeat(samples_of(2, 1, 40), 16, axis=1)
     film = film_of(values, 4, 4, [40], REQUEST)
     errors = standard_error(film)
-    assert image_error(errors, by_blocks=True) == pytest.approx(errors[0, 0], rel=1e-12)
+    assert image_error(errors, shares="block") == pytest.approx(errors[0, 0], rel=1e-12)
+    assert image_error(errors, shares="image") == pytest.approx(errors[0, 0], rel=1e-12)
 
 
 def test_one_replicate_says_nothing_of_errors() -> None:

@@ -32,14 +32,14 @@ def _script() -> ModuleType:
 COVERAGE: Any = _script()
 
 
-def check(device: Device, name: str, seeds: int) -> None:
+def check(device: Device, name: str, seeds: int, **more: Any) -> None:
     """Bounds are five standard deviations of what an interval of exactly 95 % gives: one false alarm in 3 million.
 
     Pixels of one image are independent of each other, so those of all seeds are taken together; each alone is held
     against a bound of its own.
     """
     with clrender.Session(device) as session:
-        found = COVERAGE.coverage(session, name, seeds, SIDE, COVERAGE.SCENES[name])
+        found = COVERAGE.coverage(session, name, seeds, SIDE, COVERAGE.SCENES[name], **more)
     print(f"{name}: {found.planned.mean():.4f}, {found.planned.min():.3f}, {found.mean:.3f}, {found.bias:+.3f}")
 
     def least(count: int) -> float:
@@ -60,3 +60,9 @@ def test_intervals_hold_what_they_say(device: Device) -> None:
 @pytest.mark.parametrize("name", COVERAGE.SCENES)
 def test_intervals_hold_what_they_say_in_every_kind_of_scene(device: Device, name: str) -> None:
     check(device, name, SEEDS)
+
+
+@pytest.mark.slow
+def test_intervals_of_bidirectional_paths(device: Device) -> None:
+    """Pixels of an image share light paths: the interval of its mean allows for any correlation."""
+    check(device, "lens", SEEDS, integrator="bdpt")
