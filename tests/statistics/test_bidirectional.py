@@ -88,7 +88,7 @@ def plates(camera: Mapping[str, Any] | None = None) -> Scene:
     return what.model_copy(update={"camera": type(what.camera).model_validate(placed)})
 
 
-@pytest.mark.parametrize("side", ["CAMERA", pytest.param("LIGHT", marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("side", ["CAMERA", pytest.param("LIGHT", marks=pytest.mark.long)])
 def test_each_way_alone_finds_all(
     device: Device, session: clrender.Session, monkeypatch: pytest.MonkeyPatch, side: str
 ) -> None:
@@ -125,7 +125,7 @@ CAMERAS: Final[Mapping[str, dict[str, Any]]] = {
     [
         {"filter": "box"},
         {"filter": "mitchell"},
-        pytest.param({"filter": "gaussian", "filter_radius": 3.0}, marks=pytest.mark.thorough),
+        pytest.param({"filter": "gaussian", "filter_radius": 3.0}, marks=pytest.mark.long),
     ],
     ids=lambda each: each["filter"],
 )
