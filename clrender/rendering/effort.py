@@ -28,6 +28,11 @@ _PATHS: Final[Mapping[str, _Paths]] = {
         lambda job: f"{job.settings.photons} photons for each sample",
         "--photons N sets their number",
     ),
+    "bdpt": _Paths(
+        lambda job: (job.settings.light_paths or job.settings.width * job.settings.height) * job.sample_count,
+        lambda job: f"{job.settings.light_paths} light paths for each sample",
+        "--light-paths N sets their number",
+    ),
     "radiosity": _Paths(
         lambda job: job.settings.patches * job.settings.patch_rays,
         lambda job: f"{job.settings.patch_rays} rays from each of about {job.settings.patches} patches",

@@ -132,10 +132,13 @@ CAMERAS: Final[Mapping[str, dict[str, Any]]] = {
 def test_cameras_see_what_light_paths_bring(
     device: Device, session: clrender.Session, monkeypatch: pytest.MonkeyPatch, pixel_filter: dict[str, Any]
 ) -> None:
-    """By splats alone: where they land, how they count, and how pixels that a filter reaches share them."""
+    """By splats alone: where they land, how they count, and how pixels that a filter reaches share them.
+
+    A density that is 5 % too large is found.
+    """
     found, pictures = [], {name: plates(camera) for name, camera in CAMERAS.items()}
     more = {"max_depth": 2, **pixel_filter}
-    truth = {name: rendered(session, what, 1000, {**more, "spp": 96}) for name, what in pictures.items()}
+    truth = {name: rendered(session, what, 1000, {**more, "spp": 256}) for name, what in pictures.items()}
     defines = DeviceWorker._defines
 
     def alone(self: DeviceWorker, launch: LaunchConfig) -> dict[str, int | str]:
@@ -144,7 +147,7 @@ def test_cameras_see_what_light_paths_bring(
     monkeypatch.setattr(DeviceWorker, "_defines", alone)
     with clrender.Session(device.info.index) as own:
         for name, what in pictures.items():
-            shown = rendered(own, what, 1, {**more, "integrator": "bdpt", "spp": 48})
+            shown = rendered(own, what, 1, {**more, "integrator": "bdpt", "spp": 256})
             found.append((name, apart(truth[name], shown)))
     judge(found)
 
