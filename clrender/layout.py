@@ -56,6 +56,26 @@ MEDIUM_FLAG_OPEN: Final = 4
 LIGHT_VERTICES: Final = 8
 """Vertices of a light path that are kept, each as likely, to stand for all."""
 
+FIELD_LEAF: Final = 1 << 31
+FIELD_LEVELS: Final = 16
+FIELD_BIN_BITS: Final = 8
+FIELD_BINS: Final = 1 << FIELD_BIN_BITS
+FIELD_WORDS: Final = 132
+"""The guiding field (kernels/guiding/field.h): the bit of a leaf's number, most levels, bins of directions, as bits of
+their number too, and words of a cell."""
+
+RECORD_EVENTS: Final = 16
+RECORD_WORDS: Final = 16
+TRAINING_REFLECTED: Final = FIELD_BINS
+TRAINING_OUTGOING: Final = FIELD_BINS + 1
+TRAINING_SQUARES: Final = FIELD_BINS + 2
+TRAINING_SUMS: Final = FIELD_BINS + 6
+TRAINING_BITS: Final = 16
+TRAINING_MOST: Final = 1 << 20
+TRAINING_MOST_IN_BIN: Final = 10
+"""Training of the field (kernels/guiding/training.h): scattering events of a path that are recorded, words of each
+record; the sums of a cell, of 64 bits each, their fractional bits, and the most that a sample adds to one."""
+
 GGX_ROWS: Final = 48
 GGX_COLUMNS: Final = 48
 GGX_LOST_ROWS: Final = 4 * (GGX_ROWS - 1) + 1
@@ -306,6 +326,30 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
 # table -> ((column, offset, count, comment), ...). Rows are sixteen numbers (kernels/core/lane.h, lane_rows).
 # Offsets that a triangle and a sphere or disk, or two kinds of light, use differently have several names.
 ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
+    "FIELD": (
+        ("BINS", 0, 64, "bits: the bin of each of FIELD_BINS equal shares of the directions, four in a word"),
+        ("SHARES", 64, 64, "bits: how many of them each bin has, four in a word"),
+        ("GUIDED", 128, 1, "share of the directions from here that are drawn from this histogram; 0: none"),
+        ("REFLECTED", 129, 1, "luminance that later events bring, relative to the albedo; 0: not known"),
+        ("OUTGOING", 130, 1, "the same with light straight from the lights"),
+        ("FIELD_SPARE", 131, 1, ""),
+    ),
+    "RECORD": (
+        (
+            "PLACE",
+            0,
+            1,
+            "bits: the cell's place in the nodes, times FIELD_BINS, plus the direction's bin; NONE: there is no record",
+        ),
+        ("PDF", 1, 1, "density of the direction, per steradian"),
+        ("BSDF_PDF", 2, 1, "that of the BSDF"),
+        ("FIELD_PDF", 3, 1, "that of the cell's histogram; 0: it has none"),
+        ("THROUGHPUT", 4, 3, "before the event"),
+        ("ALBEDO", 7, 1, "luminance of the BSDF's albedo"),
+        ("BEFORE", 8, 3, "radiance that the path had found before the vertex, W/(sr m2)"),
+        ("AFTER", 11, 3, "and with the light of its light samples there"),
+        ("RECORD_SPARE", 14, 2, ""),
+    ),
     "INSTANCE": (
         ("TO_OBJECT", 0, 12, "first row of an instance: world to object, three rows of the linear part and the offset"),
         ("ROOT", 12, 1, "bits: of its group's tree, a reference"),

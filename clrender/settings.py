@@ -253,6 +253,29 @@ class RenderSettings:
         integrator="bdpt",
         metavar="N",
     )
+    guiding: str = _setting(
+        "off",
+        Choice(("off", "on", "auto")),
+        "For integrator path: guide paths by where training found light; auto: where that pays",
+        integrator="path",
+        late=True,
+    )
+    guiding_paths: int = _setting(
+        2**19,
+        Range(2**6, 2**24, whole=True),
+        "For guiding: number of paths that it is trained with",
+        integrator="path",
+        metavar="N",
+        late=True,
+    )
+    guiding_memory: int = _setting(
+        64 << 20,
+        Bytes(1 << 16),
+        "For guiding: limit of its memory on each device, bytes; the option also accepts the suffixes K, M and G",
+        integrator="path",
+        metavar="BYTES",
+        late=True,
+    )
     patches: int = _setting(
         8000,
         Range(1, 2**20, whole=True),
@@ -550,6 +573,9 @@ def _refuse_unused(wanted: RenderSettings, given: Mapping[str, str]) -> None:
     if "termination" in given and wanted.termination is not None and wanted.roulette != "constant":
         name = given["termination"]
         raise UsageError(f"{name} has no effect with the roulette {wanted.roulette}; it belongs to constant")
+    for name in ("guiding_paths", "guiding_memory"):
+        if name in given and wanted.guiding == "off":
+            raise UsageError(f"{given[name]} has no effect without guiding; set guiding to on or auto as well")
     for name in ("confidence", "share", "error_floor"):
         if name in given and getattr(wanted, name) is not None and wanted.error is None:
             raise UsageError(f"{name} has no effect without error; set the relative error as well, such as error 0.05")

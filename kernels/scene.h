@@ -4,6 +4,9 @@
 
 #include "geometry/bvh.h"
 #include "types.h"
+#ifdef PATH_GUIDED
+#include "guiding/field.h"
+#endif
 
 // Rows are sixteen floats (core/lane.h, lane_rows); kernels/geometry/rows.cl writes them.
 #define SCENE_ARRAYS(X)                                                                                                     \
@@ -54,6 +57,9 @@
 typedef struct {
     SCENE_ARRAYS(SCENE_MEMBER_)
     Bvh bvh, masked;
+#ifdef PATH_GUIDED
+    Field field;
+#endif
 } Scene;
 
 #ifdef HOLES
@@ -89,6 +95,12 @@ typedef struct {
     scene.masked.root = 0;                                                                                                  \
     SCENE_HOLES(scene);                                                                                                     \
     SCENE_INSTANCES(scene)
+
+// The guiding field, where a kernel has one.
+#define SCENE_FIELD(scene, its_nodes, its_cells, its_frame)                                                                 \
+    scene.field.nodes = its_nodes;                                                                                          \
+    scene.field.cells = its_cells;                                                                                          \
+    scene.field.frame = its_frame
 
 // With one lane: what depends on the settings alone is computed again on each turn of a loop, instead of once before it. It would take a
 // register each for the whole loop, and registers are what limits how many work-items a GPU runs at a time. So the address of the settings

@@ -23,6 +23,20 @@
 #define MEDIUM_FLAG_DARK 2u
 #define MEDIUM_FLAG_OPEN 4u
 #define LIGHT_VERTICES 8u
+#define FIELD_LEAF 2147483648u
+#define FIELD_LEVELS 16u
+#define FIELD_BIN_BITS 8u
+#define FIELD_BINS 256u
+#define FIELD_WORDS 132u
+#define RECORD_EVENTS 16u
+#define RECORD_WORDS 16u
+#define TRAINING_REFLECTED 256u
+#define TRAINING_OUTGOING 257u
+#define TRAINING_SQUARES 258u
+#define TRAINING_SUMS 262u
+#define TRAINING_BITS 16u
+#define TRAINING_MOST 1048576u
+#define TRAINING_MOST_IN_BIN 10u
 #define GGX_ROWS 48u
 #define GGX_COLUMNS 48u
 #define GGX_LOST_ROWS 189u
@@ -214,6 +228,23 @@ typedef struct {
     float filter_radius;        // pixels
     uint padding[2];
 } Settings;
+
+#define FIELD_ROW_BINS 0                // bits: the bin of each of FIELD_BINS equal shares of the directions, four in a word
+#define FIELD_ROW_SHARES 64             // bits: how many of them each bin has, four in a word
+#define FIELD_ROW_GUIDED 128            // share of the directions from here that are drawn from this histogram; 0: none
+#define FIELD_ROW_REFLECTED 129         // luminance that later events bring, relative to the albedo; 0: not known
+#define FIELD_ROW_OUTGOING 130          // the same with light straight from the lights
+#define FIELD_ROW_FIELD_SPARE 131
+
+#define RECORD_ROW_PLACE 0              // bits: the cell's place in the nodes, times FIELD_BINS, plus the direction's bin; NONE: there is no record
+#define RECORD_ROW_PDF 1                // density of the direction, per steradian
+#define RECORD_ROW_BSDF_PDF 2           // that of the BSDF
+#define RECORD_ROW_FIELD_PDF 3          // that of the cell's histogram; 0: it has none
+#define RECORD_ROW_THROUGHPUT 4         // before the event
+#define RECORD_ROW_ALBEDO 7             // luminance of the BSDF's albedo
+#define RECORD_ROW_BEFORE 8             // radiance that the path had found before the vertex, W/(sr m2)
+#define RECORD_ROW_AFTER 11             // and with the light of its light samples there
+#define RECORD_ROW_RECORD_SPARE 14
 
 #define INSTANCE_ROW_TO_OBJECT 0        // first row of an instance: world to object, three rows of the linear part and the offset
 #define INSTANCE_ROW_ROOT 12            // bits: of its group's tree, a reference

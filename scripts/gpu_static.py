@@ -126,6 +126,7 @@ def _programs() -> dict[str, Program]:
     made = {name: Program("integrator/path.cl", tier) for name, tier in _TIERS.items()}
     for name in (
         "integrator/first_hit",
+        "integrator/guided",
         "integrator/photon",
         "integrator/reuse",
         "integrator/whitted",
@@ -134,7 +135,11 @@ def _programs() -> dict[str, Program]:
         for tier in ("simple", "everything"):
             made[f"{name}, {tier}"] = Program(f"{name}.cl", _TIERS[tier])
     unsplit = {name: value for name, value in _TIERS["everything"].items() if name != "PATH_SPLITS"}
-    for name, more in (("integrator/bdpt", {}), ("bidirectional/light_paths", {"LIGHTS_IN_MEDIA": 1})):
+    for name, more in (
+        ("integrator/bdpt", {}),
+        ("bidirectional/light_paths", {"LIGHTS_IN_MEDIA": 1}),
+        ("guiding/training", {}),
+    ):
         made[f"{name}, simple"] = Program(f"{name}.cl", _TIERS["simple"])
         made[f"{name}, everything"] = Program(f"{name}.cl", {**unsplit, **more})
     made["film/accumulate, splats"] = Program("film/accumulate.cl", {"SPLATS": 1})

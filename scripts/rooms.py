@@ -31,7 +31,7 @@ LAYERS: Final = (
     ("cluster",),
     ("rendering",),
     ("aov",),
-    ("radiosity", "photon", "bidirectional"),
+    ("radiosity", "photon", "bidirectional", "guiding"),
     ("drivers",),
     ("device",),
     ("scheduling",),

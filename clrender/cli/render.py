@@ -78,6 +78,18 @@ _FILM_PIXELS: Final = 1 << 24
     metavar="ADDRESS",
     help="Render on a Dask cluster: tcp://host:8786 of its scheduler, or local:N for N processes on this machine.",
 )
+@click.option(
+    "--guiding-field",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Guide paths by the field of this file instead of training one.",
+)
+@click.option(
+    "--save-guiding-field",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write the field that guided the paths to this file.",
+)
 @click.option("--denoise", is_flag=True, help="Denoise with Open Image Denoise; introduces bias.")
 @click.option("--stats", type=click.Path(path_type=Path), metavar="FILE", help="Write render statistics as JSON.")
 @progress_options
@@ -106,6 +118,8 @@ def render(
     resume: bool,
     cluster: str | None,
     denoise: bool,
+    guiding_field: Path | None,
+    save_guiding_field: Path | None,
     stats: Path | None,
     progress: str,
     preview: bool,
@@ -118,15 +132,16 @@ def render(
     Defaults, in parentheses, apply where neither the command line nor the scene sets a value. Ctrl-C stops within a
     second, writes the image so far and exits with code 130.
     """
-    written = [*outputs, *(path for path in (stats, checkpoint) if path)]
+    written = [*outputs, *(path for path in (stats, checkpoint, save_guiding_field) if path)]
     _check_outputs(ctx, outputs, stats)
+    _check_field(save_guiding_field, cluster)
     if denoise:
         from clrender.image.denoise import check_denoiser
 
         check_denoiser()
     _check_progress(progress, preview, quiet)
     how = {**_saving(checkpoint, resume), **_on_cluster(cluster)}
-    check_distinct(written, [Path(scene)])
+    check_distinct(written, [Path(scene), *([guiding_field] if guiding_field else [])])
     layers = _layers(aov, outputs)
     exr = {"exr_type": exr_type, "exr_compression": exr_compression, "exr_tile": exr_tile}
     _check_exr(layers, exr)
@@ -143,7 +158,9 @@ def render(
         read_seconds = time.perf_counter() - begun
         check_distinct(written, scene_files(scene, description))
         chosen = {name: value for name, value in settings.items() if value is not None}
-        job = RenderJob.of(description, size=size, aov=layers, denoise=denoise, **chosen)
+        job = RenderJob.of(description, size=size, aov=layers, denoise=denoise, guiding_field=guiding_field, **chosen)
+        if save_guiding_field is not None and job.settings.guiding == "off":
+            raise UsageError("--save-guiding-field: no field guides this render; ask for one with --guiding on")
         job = job.shard(*shard) if shard else job
         check_image_size(outputs, job.settings.width, job.settings.height)
         view = None if quiet else _view(job, progress, preview, tone_map, exposure)
@@ -161,6 +178,7 @@ def render(
             image.stats[name] = image.stats.get(name, 0.0) + read_seconds
         image.stats["setup_seconds"] = image.stats.get("setup_seconds", 0.0) + called - STARTED
         _write(image, outputs, {"tone_map": tone_map, "exposure": exposure, **exr}, stats, checkpoint)
+        _save_field(image, save_guiding_field)
     click.echo(_result_line(image, outputs))
     if failure is not None:
         raise RenderError(f"{failure}; {' '.join(map(str, outputs))} contains the samples taken until then")
@@ -184,6 +202,27 @@ def _check_outputs(ctx: click.Context, outputs: Sequence[Path], stats: Path | No
         raise UsageError(f"{other}: a shard holds a part of the samples; write it to a .film, for `clrender merge`")
     if ctx.params["denoise"] and endings.issubset(FILM_ENDINGS):
         raise UsageError("--denoise: a .film holds the exact sums; name another output with -o, or leave it out")
+
+
+def _check_field(path: Path | None, cluster: str | None) -> None:
+    """Check that a guiding field can be written."""
+    if path is None:
+        return
+    from clrender.files.access import check_writable
+
+    if cluster is not None:
+        raise UsageError("--save-guiding-field: with --cluster the field is on the workers; save it from a render here")
+    check_writable(path)
+
+
+def _save_field(image: RenderedImage, path: Path | None) -> None:
+    """Write the field that guided an image."""
+    if path is None:
+        return
+    if image.guiding_field is None:
+        click.echo(f"warning: {path} was not written: by its training, guiding does not pay here", err=True)
+    else:
+        image.guiding_field.save(path)
 
 
 def _layers(aov: str | None, outputs: Sequence[Path]) -> tuple[str, ...]:

@@ -40,6 +40,12 @@ __all__ = ["verify"]
     help="Value of `render --environment` (as named in the file).",
 )
 @click.option(
+    "--guiding-field",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Value of `render --guiding-field`, if the image was made with one.",
+)
+@click.option(
     "-d",
     "--device",
     "devices",
@@ -62,6 +68,7 @@ def verify(
     fraction: float,
     scene: str | None,
     environment: Path | float | None,
+    guiding_field: Path | None,
     devices: tuple[str, ...],
     seed: int | None,
     as_json: bool,
@@ -81,6 +88,7 @@ def verify(
             fraction,
             scene=scene,
             environment=environment,
+            guiding_field=guiding_field,
             allow_paths=allow_paths,
             device=list(devices) or None,
             seed=seed,

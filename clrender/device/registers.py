@@ -13,7 +13,7 @@ _NVIDIA_LIMIT: Final = "-cl-nv-maxrregcount=128"
 """At 128 registers a multiprocessor runs a third more work-items than at 136, which the compiler takes by itself."""
 _INTEL_LARGE: Final = "-cl-intel-256-GRF-per-thread"
 """Twice as many registers for half as many threads; with 128 the kernels that trace paths write registers to memory."""
-_LARGE: Final = ("integrator/", "photon/photons.cl", "bidirectional/light_paths.cl", "radiosity/gather.cl")
+_LARGE: Final = ("integrator/", "photon/photons.cl", "bidirectional/", "guiding/", "radiosity/gather.cl")
 """Kernels that trace paths."""
 
 

@@ -96,6 +96,8 @@ class Integrator:
     preparation : str
         Module whose ``prepare`` computes the data that it needs before the first sample
         (`clrender.device.preparation`); empty: it needs only the scene.
+    guiding : str
+        The same if its paths are guided; empty: they cannot be.
     """
 
     pipeline: Pipeline
@@ -114,6 +116,7 @@ class Integrator:
     auto_light_sampler: str = "auto"
     shares: str = ""
     preparation: str = ""
+    guiding: str = ""
 
     @property
     def has_errors(self) -> bool:

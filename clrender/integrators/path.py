@@ -8,4 +8,8 @@ from clrender.integrators.descriptor import Integrator, Pipeline
 
 __all__ = ["INTEGRATOR"]
 
-INTEGRATOR: Final = Integrator(Pipeline("integrator/path.cl", "integrator_path", packets=8), media=True)
+INTEGRATOR: Final = Integrator(
+    Pipeline("integrator/path.cl", "integrator_path", packets=8),
+    media=True,
+    guiding="clrender.guiding.preparation",
+)

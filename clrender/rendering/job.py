@@ -8,7 +8,10 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from numbers import Integral
-from typing import Any, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
 
 from clrender.aov import ERRORS, check_aovs
 from clrender.device.source import kernels_sha256
@@ -16,10 +19,14 @@ from clrender.errors import UsageError
 from clrender.files.package_data import kernels_folder
 from clrender.flatten.supported import check_materials
 from clrender.integrators import INTEGRATORS, Integrator
+from clrender.limits import checked_path
 from clrender.scene import Scene
 from clrender.scene.portable import scene_from_portable, scene_to_portable
 from clrender.settings import REPLICATE_SPP, RenderSettings, check_memory, present, settings_for
 from clrender.version import __version__
+
+if TYPE_CHECKING:
+    from clrender.guiding.field import GuidingField
 
 __all__ = ["RenderJob"]
 
@@ -39,6 +46,8 @@ class RenderJob:
     aov : tuple of str
         Layers in addition to the image.
     denoise : bool
+    guiding_field : GuidingField, optional
+        The field that guides paths, in place of one that is trained.
     """
 
     scene: Scene
@@ -47,6 +56,7 @@ class RenderJob:
     sample_count: int
     aov: tuple[str, ...] = ()
     denoise: bool = False
+    guiding_field: GuidingField | None = None
 
     @classmethod
     def of(
@@ -57,6 +67,7 @@ class RenderJob:
         samples: tuple[int, int] | None = None,
         aov: Iterable[str] = (),
         denoise: bool = False,
+        guiding_field: GuidingField | str | Path | None = None,
         **settings: Any,
     ) -> RenderJob:
         """Create a job and check it.
@@ -71,6 +82,9 @@ class RenderJob:
         aov : iterable of str
             Layers, named in `clrender.aov.AOVS`.
         denoise : bool
+        guiding_field : GuidingField or path, optional
+            A field that was kept (`RenderedImage.guiding_field`), or its file, instead of training; `guiding` is then
+            on.
         **settings
             Fields of `RenderSettings`; those not given come from the scene, else from the defaults.
 
@@ -85,7 +99,10 @@ class RenderJob:
         SceneError
             When the integrator does not support a material of the scene.
         """
-        return cls._checked(scene, settings_for(scene, size, settings), samples, aov, denoise)
+        if guiding_field is not None:
+            settings = {"guiding": "on", **settings}
+            guiding_field = _field(guiding_field)
+        return cls._checked(scene, settings_for(scene, size, settings), samples, aov, denoise, guiding_field)
 
     @classmethod
     def _checked(
@@ -95,7 +112,10 @@ class RenderJob:
         samples: tuple[int, int] | None,
         aov: Iterable[str],
         denoise: bool,
+        guiding_field: GuidingField | None = None,
     ) -> RenderJob:
+        if guiding_field is not None and settings.guiding != "on":
+            raise UsageError(f"guiding_field has no effect with guiding {settings.guiding}; leave one of them out")
         layers = check_aovs(aov)
         if "unconverged" in layers and settings.error is None:
             raise UsageError("aov: the layer unconverged needs error, which says what counts as converged")
@@ -114,7 +134,7 @@ class RenderJob:
                 check_memory(settings)
         _check_parts(settings, first, stop)
         scene.of_contents(f"taken by {settings.integrator}", lambda: check_materials(scene, settings.integrator))
-        return cls(scene, settings, first, stop - first, layers, denoise)
+        return cls(scene, settings, first, stop - first, layers, denoise, guiding_field)
 
     @classmethod
     def given(cls, scene: Scene | RenderJob, **settings: Any) -> RenderJob:
@@ -147,6 +167,11 @@ class RenderJob:
     def integrator(self) -> Integrator:
         """The integrator that the settings name."""
         return INTEGRATORS[self.settings.integrator]
+
+    @property
+    def preparation(self) -> str:
+        """The module that computes what the integrator needs before the first sample; empty: none."""
+        return self.integrator.guiding if self.settings.guiding != "off" else self.integrator.preparation
 
     def shard(self, number: int, count: int) -> RenderJob:
         """One of several disjoint shards of the samples that together make up the job.
@@ -191,8 +216,10 @@ class RenderJob:
         It contains neither the number of samples, as a film may hold fewer, nor the division of the work, nor the
         devices.
         """
+        field = {} if self.guiding_field is None else {"guiding_field_sha256": self.guiding_field.sha256()}
         return {
             **self.settings.request(),
+            **field,
             "scene_sha256": self.scene.sha256(),
             "kernel_sha256": kernels_sha256(),
             "sampler_sha256": _sampler_sha256(),
@@ -218,6 +245,10 @@ class RenderJob:
             When a file cannot be read.
         """
         scene, assets = scene_to_portable(self.scene)
+        field = None
+        if self.guiding_field is not None:
+            field = self.guiding_field.sha256()
+            assets = {**assets, field: self.guiding_field.words.tobytes()}
         content = {
             "format": FORMAT,
             "scene": scene,
@@ -225,6 +256,7 @@ class RenderJob:
             "samples": [self.first_sample, self.first_sample + self.sample_count],
             "aov": list(self.aov),
             "denoise": self.denoise,
+            "guiding_field": field,
             "request": self.request(),
         }
         return json.dumps(content), assets  # in the scene's own order, which numbers the materials
@@ -258,11 +290,11 @@ class RenderJob:
             settings = RenderSettings(**present(dict(content["settings"])))
             first, stop = content["samples"]
             aov, denoise, request = tuple(content["aov"]), bool(content["denoise"]), dict(content["request"])
-            description = dict(content["scene"])
+            description, field = dict(content["scene"]), content["guiding_field"]
         except (KeyError, TypeError, ValueError) as error:
             raise UsageError(f"this is no clrender job of the format {FORMAT!r} ({error})") from None
         scene = scene_from_portable(description, assets, "job")
-        job = cls._checked(scene, settings, (first, stop), aov, denoise)
+        job = cls._checked(scene, settings, (first, stop), aov, denoise, _shipped_field(field, assets))
         here = job.request()
         if different := sorted(key for key in {*here, *request} if here.get(key) != request.get(key)):
             raise UsageError(
@@ -270,6 +302,27 @@ class RenderJob:
                 "of clrender"
             )
         return job
+
+
+def _field(given: GuidingField | str | Path) -> GuidingField:
+    from clrender.guiding.field import GuidingField
+
+    return given if isinstance(given, GuidingField) else GuidingField.read(checked_path(given, "guiding_field"))
+
+
+def _shipped_field(sha256: object, assets: Mapping[str, bytes]) -> GuidingField | None:
+    """The field of a job that was sent, from its assets."""
+    if sha256 is None:
+        return None
+    from clrender.guiding.field import GuidingField
+
+    try:
+        field = GuidingField.of_words(np.frombuffer(assets[str(sha256)], "<u4"))
+        if field.sha256() != sha256:
+            raise ValueError("it is damaged")
+    except (KeyError, ValueError) as error:
+        raise UsageError(f"the job's guiding field is missing or no field ({error})") from None
+    return field
 
 
 def _range(samples: object) -> tuple[int, int]:

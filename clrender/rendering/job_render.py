@@ -49,6 +49,9 @@ from clrender.scheduling.tally import failures_told
 from clrender.scheduling.until_converged import run_until_converged
 
 if TYPE_CHECKING:
+    from clrender.device.preparation import DevicePreparation
+    from clrender.guiding.field import GuidingField
+    from clrender.integrators import Pipeline
     from clrender.settings import RenderSettings
 
 __all__ = ["JobRender"]
@@ -116,6 +119,8 @@ class JobRender:
         self._found: Convergence | None = None
         self._apart_bytes = MOST_BYTES
         self._compiled = 0.0
+        self._prepared_stats: Mapping[str, Any] = {}
+        self._guiding_field: GuidingField | None = None
         self._resumed: Mapping[str, int] = dict.fromkeys(("samples", "rays", "shadow_rays", "max_depth"), 0)
 
     @property
@@ -223,12 +228,14 @@ class JobRender:
         }
         resumed, checkpoint = self._resumed, self._checkpoint
         stats = render_stats(job, flat, film, linear, tally, members, measured, resumed, checkpoint) | dict(taken.told)
+        stats |= self._prepared_stats
         if errors is not None:
             stats |= error_stats(job, film, errors, self._found, tally.complete)
         denoised = self._denoised(denoiser, linear, layers, stats) if denoiser else None
         wanted = {name: layers[name] for name in job.aov if name in layers}
         mattes = {name: names for name, names in matte_names(job.scene).items() if name in wanted} if job.aov else {}
-        return RenderedImage(linear, stats, film, not tally.complete or lacking, denoised, wanted, mattes)
+        incomplete = not tally.complete or lacking
+        return RenderedImage(linear, stats, film, incomplete, denoised, wanted, mattes, self._guiding_field)
 
     def _tell_outcome(self, flat: FlatScene, tally: Tally, image: RenderedImage) -> None:
         """Say which devices failed, which samples were lost, and why an image is black."""
@@ -380,9 +387,9 @@ class JobRender:
     def _prepared(self, flat: FlatScene) -> Prepared:
         """The scene and kernels that the integrator renders with, after its preparation."""
         job, residency, integrator = self._job, self._residency, self._job.integrator
-        if not integrator.preparation:
+        if not job.preparation:
             return Prepared(flat, integrator.pipeline)
-        module = importlib.import_module(integrator.preparation)
+        module = importlib.import_module(job.preparation)
         request = Request(
             job.scene,
             flat,
@@ -392,10 +399,30 @@ class JobRender:
             self._launch,
             residency.tell,
             self._stops,
+            partial(self._worker_for, flat),
+            job.guiding_field,
         )
-        with residency.stages.during("preparing"):
-            prepared: Prepared = module.prepare(request)
+        guided = job.sha256() if job.settings.guiding != "off" else None
+        if guided is not None and residency.guided is not None and residency.guided[0] == guided:
+            prepared: Prepared = dataclasses.replace(residency.guided[1], flat=flat)
+        else:
+            with residency.stages.during("preparing"):
+                prepared = module.prepare(request)
+            if guided is not None and not self._stops():
+                residency.guided = guided, prepared
+        self._prepared_stats, self._guiding_field = prepared.stats, prepared.result
         return prepared
+
+    def _worker_for(
+        self,
+        flat: FlatScene,
+        device: Device,
+        settings: npt.NDArray[np.void],
+        pipeline: Pipeline,
+        on_device: Callable[[DeviceWorker], DevicePreparation],
+    ) -> DeviceWorker:
+        """A worker for what an integrator computes before the first sample."""
+        return self._residency.worker(device, flat, settings, pipeline, self._launch, on_device)
 
     def _stops(self) -> bool:
         if self._checkpoint is not None:

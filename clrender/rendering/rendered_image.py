@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from numbers import Real
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,9 @@ from clrender.image.exposure import camera_exposure, photographic_stops
 from clrender.image.exr_write import ExrFormat
 from clrender.image.files import png_bytes, write_image
 from clrender.limits import checked_path
+
+if TYPE_CHECKING:
+    from clrender.guiding.field import GuidingField
 
 __all__ = ["IncompleteRender", "Progress", "RenderedImage", "check_mattes"]
 
@@ -94,6 +97,8 @@ class RenderedImage:
         The requested layers; see `clrender.aov.first_hits` for their contents.
     mattes : dict of str to sequence of str or None
         For each layer that is a matte, the names of the scene's shapes or materials (`clrender.aov.matte_names`).
+    guiding_field : GuidingField or None
+        The field that guided its paths; None if none did, or if a cluster took the samples.
     """
 
     linear: npt.NDArray[np.float32]
@@ -103,6 +108,7 @@ class RenderedImage:
     denoised: npt.NDArray[np.float32] | None = None
     aovs: dict[str, npt.NDArray[np.float32]] = field(default_factory=dict)
     mattes: Mapping[str, Sequence[str | None]] = field(default_factory=dict)
+    guiding_field: GuidingField | None = None
 
     @property
     def picture(self) -> npt.NDArray[np.float32]:

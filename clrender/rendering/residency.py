@@ -15,6 +15,7 @@ import numpy.typing as npt
 from clrender.device import Buffer, Device
 from clrender.device.launch import LaunchConfig, Scratch
 from clrender.device.preparation import DevicePreparation
+from clrender.device.prepared import Prepared
 from clrender.device.scene_arrays import SceneArrays
 from clrender.device.worker import DeviceWorker
 from clrender.drivers import select
@@ -46,6 +47,11 @@ class Residency:
         Called with one line of text for the user.
     reports_compiling : bool
         Whether the devices report what they compile to `stages`.
+
+    Attributes
+    ----------
+    guided : (str, Prepared) or None
+        The hash of the last guided job, and what was trained for it.
     """
 
     def __init__(
@@ -60,6 +66,7 @@ class Residency:
         self._named = [each for each in given if not isinstance(each, Device)]
         self._reports = reports_compiling
         self._closed = False
+        self.guided: tuple[str, Prepared] | None = None
         self._devices: list[Device] | None = None
         self._dismissed: set[Device] = set()
         self._flat: tuple[_Geometry, FlatScene] | None = None

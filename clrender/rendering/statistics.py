@@ -36,8 +36,11 @@ def job_stats(job: RenderJob, request: Mapping[str, Any]) -> dict[str, Any]:
     request : mapping
         Request of its film.
     """
-    settings = job.settings
+    settings, field = job.settings, {}
+    if "guiding_field_sha256" in request:
+        field = {"guiding_field_sha256": request["guiding_field_sha256"]}
     return {
+        **field,
         "camera_exposure": job.scene.camera.exposure,
         "scene": job.scene.origin,
         "faults": job.scene.faults,

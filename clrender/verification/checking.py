@@ -27,6 +27,7 @@ from clrender.verification.findings import Comparison, explanation
 
 if TYPE_CHECKING:
     from clrender.device import Device
+    from clrender.guiding.field import GuidingField
     from clrender.rendering.rendered_image import Progress
 
 __all__ = ["Verification", "verify"]
@@ -105,6 +106,7 @@ def verify(
     *,
     scene: Scene | str | Path | None = None,
     environment: str | Path | float | None = None,
+    guiding_field: GuidingField | str | Path | None = None,
     allow_paths: Sequence[str | Path] = (),
     device: str | int | Device | Sequence[str | int | Device] | None = None,
     seed: int | None = None,
@@ -123,6 +125,8 @@ def verify(
         The image's scene; by default the one that it names, from the working folder or beside the image.
     environment : path or float, optional
         The environment that was given to the render; default as for `scene`.
+    guiding_field : GuidingField or path, optional
+        The field that was given to the render.
     allow_paths : sequence of path
         See `clrender.load`.
     device : str, int, Device, sequence of them, optional
@@ -154,7 +158,7 @@ def verify(
         return Verification(len(tiles), 0, (), (), tuple(faults), 0)
     chosen = tiles[np.sort(np.random.default_rng(seed).choice(len(tiles), count, replace=False))]
     wanted = claim.ledger.restricted(_blocks_of(claim, chosen))
-    job = _job(path, claim, _scene(path, claim, scene, environment, allow_paths))
+    job = _job(path, claim, _scene(path, claim, scene, environment, allow_paths), guiding_field)
     with Session(device, notify=notify) as session:
         film = session.render_part(job, wanted, lambda here: _check(path, claim, here), on_progress)
     comparison = Comparison.of(claim, film, [_rectangle(claim, tile) for tile in chosen.tolist()])
@@ -251,9 +255,15 @@ def _found(path: Path, name: str, option: str) -> str | Path:
     raise UsageError(f"{path}: was made from {name!r}, which was not found; give its location with {option} FILE")
 
 
-def _job(path: Path, claim: Claim, scene: Scene) -> RenderJob:
+def _job(path: Path, claim: Claim, scene: Scene, field: GuidingField | str | Path | None) -> RenderJob:
     """The render job that made a file, for this scene."""
     said = {name: value for name, value in claim.request.items() if name not in _NOT_SETTINGS}
+    if said.pop("guiding_field_sha256", None) is not None:
+        if field is None:
+            raise UsageError(
+                f"{path}: was guided by a field from a file; name it with --guiding-field (guiding_field=…)"
+            )
+        said["guiding_field"] = field
     size = said.pop("width", None), said.pop("height", None)
     try:
         return RenderJob.of(scene, size=size, spp=claim.samples_end, **said)

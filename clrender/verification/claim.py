@@ -22,6 +22,8 @@ from clrender.image.tone_map import EXPOSURE_LIMIT, TONE_MAPS, srgb_decode, to_d
 __all__ = ["Claim", "FilmClaim", "ImageClaim", "claim_of"]
 
 _HASHES: Final = ("scene_sha256", "kernel_sha256", "version")
+_FIELD: Final = "guiding_field_sha256"
+"""Only of images that were guided by a field from a file."""
 _NAMED_TWICE: Final = ("width", "height", "seed", "integrator", *_HASHES)
 _Mask = npt.NDArray[np.bool_]
 
@@ -132,7 +134,8 @@ class ImageClaim(Claim):
         ledger = Ledger(width, height)
         blocks = np.arange(len(ledger.taken()))
         ledger.add(blocks, first, np.full(len(blocks), count))
-        super().__init__({**settings, **{key: provenance[key] for key in _HASHES}}, ledger, provenance)
+        hashes = {key: provenance[key] for key in (*_HASHES, _FIELD) if key in provenance}
+        super().__init__({**settings, **hashes}, ledger, provenance)
         if provenance.get("spp") != provenance["settings"].get("spp"):
             self.faults.append(
                 f"it contains contradictory values of spp: {provenance.get('spp')} and "

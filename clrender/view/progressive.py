@@ -196,7 +196,7 @@ class Progressive:
 
     def _previews(self, job: RenderJob) -> list[int]:
         """Sides, in pixels, of the squares that are one pixel of the previews to come."""
-        if job.integrator.preparation and not job.integrator.pipeline.sample_by_sample:
+        if job.preparation and not job.integrator.pipeline.sample_by_sample:
             return []  # what it prepares takes longer than all samples of a pixel
         pixels = job.settings.width * job.settings.height
         step = 1

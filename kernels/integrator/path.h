@@ -29,6 +29,10 @@
 #include "geometry/find.h"
 #include "geometry/surface.h"
 #include "geometry/terminator.h"
+#include "guiding/guide.h"
+#ifdef PATH_RECORDED
+#include "guiding/training.h"
+#endif
 #include "integrator/path_state.h"
 #ifdef PATH_BIDIRECTIONAL
 #include "integrator/bdpt_weights.h"
@@ -42,6 +46,13 @@
 #include "material/interior.h"
 #include "medium/homogeneous.h"
 #include "medium/walk.h"
+
+// Where the events of paths are recorded, to train the guiding field.
+#ifdef PATH_RECORDED
+#define PATH_RECORDS , __global uint* records
+#else
+#define PATH_RECORDS
+#endif
 
 // The paths whose ray has not been where it goes.
 static vmask path_traces(const Path* path) { return path->alive & !split_back(&path->split); }
@@ -61,6 +72,7 @@ static void path_vertex(const Scene* scene, Path* path, Hit hit, PoolStats* stat
     v->scatters = arrived & ((path->depth < scene->settings->max_depth) | straight);
     v->dark = walk_in_the_dark(scene, &path->interior, &v->crossing, &v->bsdf);
     v->samples_lights = v->scatters & !(v->bsdf.specular | straight | v->dark);
+    guide_look_up(scene, path, v);
     stats->rays += lane_count(v->traced);
     stats->deepest = pool_deepest(stats->deepest, path->depth, v->traced);
     INVARIANT(path, INVARIANT_SURFACE, terminator_violates(&v->surface, &path->ray, on_surface));
@@ -167,6 +179,7 @@ static vec3 path_direct(const Scene* scene, const Path* path, const Vertex* vert
     __global const Settings* settings = scene->settings;
     vfloat bsdf_pdf;
     const vec3 f_cosine = bsdf_eval(&vertex->bsdf, light->direction, &bsdf_pdf);
+    bsdf_pdf = guide_pdf(scene, vertex, light->direction, bsdf_pdf);
     const vfloat weight = path_weight_sampled(scene, path, vertex, light, bsdf_pdf);
     const vfloat share = weight * inverse_or_one(light->pdf * (float)settings->shadow_rays);
     const vec3 left = shadow_straight(scene, in, light, vertex->surface.point);
@@ -258,13 +271,14 @@ static void path_leave(const Scene* scene, Path* path, const Vertex* vertex, Hit
 
 // Sample the BSDF for the direction to go on in, and for the weight of radiance that arrives along it: β ← β f |cosθ| / p. Returns the paths
 // that carry any.
-static vmask path_sample_bsdf(const Scene* scene, Path* path, const Vertex* vertex) {
+static vmask path_sample_bsdf(const Scene* scene, Path* path, Vertex* vertex) {
     const Bsdf* bsdf = &vertex->bsdf;
     const vmask straight = interior_straight(&vertex->crossing), shadows_pass = shadow_passes(straight);
     vuint bits_u, bits_v;
     sampler_bits(path->sample.sampler, sampler_set(path->depth, SET_BSDF), &bits_u, &bits_v);
     BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
     INVARIANT(path, INVARIANT_BSDF_SAMPLE, bsdf_sample_violates(&next, bsdf->specular, vertex->scatters));
+    guide_sample(scene, path, vertex, bits_u, bits_v, &next);
     interior_straighten(&vertex->crossing, path->ray.direction, &next.direction, &next.weight);
     path->throughput = mul(path->throughput, next.weight);
     path->index_squared = straight ? path->index_squared : path->index_squared * bsdf_index_squared(bsdf, next.direction);
@@ -288,7 +302,7 @@ static void path_roulette(const Scene* scene, Path* path, const Vertex* vertex, 
     const vuint event = path->depth;
     path->depth = straight ? event : event + 1u;
     if (!roulette_matters(scene->settings->roulette, path->depth)) return;
-    const vfloat played = path_survival(scene, path, path->throughput, path->depth, vertex->surface.termination);
+    const vfloat played = guide_survival(scene, path, vertex);
     const vfloat open = medium_survival(scene, &path->interior, medium_scatters(hit), path->depth);
     const vfloat survival = straight ? splat(1.0f) : played * open;
     vuint bits, unused;
@@ -298,7 +312,7 @@ static void path_roulette(const Scene* scene, Path* path, const Vertex* vertex, 
 }
 
 // Scatter each path at its vertex; `ended` are the paths that do not go on.
-static void path_scatter(const Scene* scene, Path* path, const Vertex* vertex, Hit hit) {
+static void path_scatter(const Scene* scene, Path* path, Vertex* vertex, Hit hit) {
     path_leave(scene, path, vertex, hit);
     vmask goes_on = path_sample_bsdf(scene, path, vertex);
     path_roulette(scene, path, vertex, hit, &goes_on);
@@ -325,7 +339,7 @@ static int path_next_of_all(const Scene* scene, Pool* pool, CameraRays* waiting,
     return any;
 }
 
-static void path_trace(const Scene* given, Pool* pool, PoolStats* stats) {
+static void path_trace(const Scene* given, Pool* pool, PoolStats* stats PATH_RECORDS) {
     Scene here = *given;
     const Scene* scene = &here;
     CameraRays waiting = camera_rays_none();
@@ -351,12 +365,18 @@ static void path_trace(const Scene* given, Pool* pool, PoolStats* stats) {
             path_add_sun(scene, &path[k], &vertex[k]);
         }
 
+#ifdef PATH_RECORDED
+        EACH_PACKET(k) vertex[k].guide.before = path[k].radiance;
+#endif
         // Sample light that reaches the surface straight from the lights, and where other light comes from, and go on there
         path_sample_direct(scene, path, vertex, &direct, stats);
         EACH_PACKET(k) path_scatter(scene, &path[k], &vertex[k], hit[k]);
 
         // Add the light of lights that nothing hides; deliver what paths that ended have found
         path_add_direct(scene, path, &direct);
+#ifdef PATH_RECORDED
+        EACH_PACKET(k) training_record(scene, pool, &path[k], &vertex[k], records);
+#endif
         EACH_PACKET(k) path_deliver(pool, &path[k]);
     }
 }

@@ -45,6 +45,9 @@ typedef struct {
     vfloat bsdf_samples;     // else: such rays that left the last vertex, as the MIS weights count them
     vfloat bsdf_pdf;         // and the density of the ray's direction, per steradian
 #endif
+#ifdef PATH_GUIDED
+    vfloat expected;         // luminance that the path was expected to bring where it met the guiding field first; 0: it has not
+#endif
     Interior interior;       // the dielectrics that the ray begins in
 #ifdef STRAIGHT_SHADOWS
     vfloat passed;           // how far behind its origin the last vertex is: surfaces in between were no boundaries
@@ -65,6 +68,9 @@ static Path path_none(void) {
     path.techniques = techniques_none();
 #else
     path.bsdf_samples = path.bsdf_pdf = splat(0.0f);
+#endif
+#ifdef PATH_GUIDED
+    path.expected = splat(0.0f);
 #endif
     path.index_squared = splat(1.0f);
     path.throughput = path.radiance = path.normal = vec3_all(0.0f);
@@ -160,6 +166,9 @@ static void path_start(const Scene* scene, CameraRays* rays, Path* path, vmask l
     path->radiance = choose(lane, vec3_all(0.0f), path->radiance);
     path->depth = lane ? splat_uint(0u) : path->depth;
     path->index_squared = lane ? splat(1.0f) : path->index_squared;
+#ifdef PATH_GUIDED
+    path->expected = lane ? splat(0.0f) : path->expected;
+#endif
 #ifdef PATH_BIDIRECTIONAL
     const vfloat edge = techniques_over(splat((float)scene->settings->light_paths), camera_density(scene, direction));
     path->techniques.edge = lane ? edge : path->techniques.edge;

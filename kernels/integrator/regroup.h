@@ -64,9 +64,14 @@ static int regroup_order(const Scene* scene, const Path* path, const Hit* hit, v
 #else
 #define REGROUP_WEIGHTS(FLOAT) FLOAT(path->bsdf_samples) FLOAT(path->bsdf_pdf)
 #endif
+#ifdef PATH_GUIDED
+#define REGROUP_EXPECTED(FLOAT) FLOAT(path->expected)
+#else
+#define REGROUP_EXPECTED(FLOAT)
+#endif
 #define REGROUP_VEC3(FLOAT, v) FLOAT(v.x) FLOAT(v.y) FLOAT(v.z)
-#define REGROUP_MEMBERS(FLOAT, UINT, MASK)                                                     \
-    MASK(path->alive)                                                                          \
+#define REGROUP_MEMBERS(FLOAT, UINT, MASKS)                                                    \
+    MASKS(path->alive, path->counts_in_full)                                                   \
     UINT(path->sample.slot)                                                                    \
     UINT(path->sample.number)                                                                  \
     UINT(path->sample.sampler.seed)                                                            \
@@ -79,8 +84,8 @@ static int regroup_order(const Scene* scene, const Path* path, const Hit* hit, v
     REGROUP_VEC3(FLOAT, path->radiance)                                                        \
     UINT(path->depth)                                                                          \
     REGROUP_VEC3(FLOAT, path->normal)                                                          \
-    MASK(path->counts_in_full)                                                                 \
     REGROUP_WEIGHTS(FLOAT)                                                                     \
+    REGROUP_EXPECTED(FLOAT)                                                                    \
     REGROUP_INTERIOR(UINT)                                                                     \
     REGROUP_PASSED(FLOAT)                                                                      \
     FLOAT(hit->distance)                                                                       \
@@ -92,8 +97,8 @@ static void regroup_write(const Path* path, const Hit* hit, float* first, float*
     uint n = 0;
 #define WRITE_FLOAT(member) words[n++] = (member);
 #define WRITE_UINT(member) words[n++] = vfloat_from_bits(member);
-#define WRITE_MASK(member) words[n++] = vfloat_from_bits(vuint_from_int(member));
-    REGROUP_MEMBERS(WRITE_FLOAT, WRITE_UINT, WRITE_MASK)
+#define WRITE_MASKS(member, other) words[n++] = vfloat_from_bits(vuint_from_int((member & 1) | (other & 2)));
+    REGROUP_MEMBERS(WRITE_FLOAT, WRITE_UINT, WRITE_MASKS)
     lane_write_rows(words, first);
     lane_write_rows(words + 16, second);
 }
@@ -104,8 +109,10 @@ static void regroup_read(const float* first, const float* second, vuint from, Pa
     uint n = 0;
 #define READ_FLOAT(member) (member) = words[n++];
 #define READ_UINT(member) (member) = vfloat_bits(words[n++]);
-#define READ_MASK(member) (member) = vint_from_uint(vfloat_bits(words[n++]));
-    REGROUP_MEMBERS(READ_FLOAT, READ_UINT, READ_MASK)
+#define READ_MASKS(member, other)                                \
+    (member) = (vint_from_uint(vfloat_bits(words[n])) & 1) != 0; \
+    (other) = (vint_from_uint(vfloat_bits(words[n++])) & 2) != 0;
+    REGROUP_MEMBERS(READ_FLOAT, READ_UINT, READ_MASKS)
 }
 
 static void path_regroup(const Scene* scene, Path* path, Hit* hit) {

@@ -6,6 +6,24 @@
 #include "material/bsdf.h"
 #include "material/interior.h"
 
+#ifdef PATH_GUIDED
+// What the guiding field knows of a vertex (guiding/guide.h), and what it was like before its event.
+typedef struct {
+    vmask asked;             // it is one that may be guided
+    vuint place, cell;       // its cell's place in the field's nodes, and its number, or 0
+    vfloat share;            // of the directions that are drawn from the cell's histogram
+    vfloat reflected;        // luminance that later events will bring, relative to the albedo; 0: not known
+    vfloat albedo;           // luminance
+    vec3 throughput;
+    vfloat index_squared;
+    vuint event;
+    vfloat bsdf_pdf;         // of the direction that the path goes on in
+#ifdef PATH_RECORDED
+    vec3 before;             // radiance that the path had found
+#endif
+} Guide;
+#endif
+
 // Those of a packet.
 typedef struct {
     Surface surface;
@@ -16,6 +34,9 @@ typedef struct {
     vmask scatters;          // the path may go on from it
     vmask dark;              // no light sample could arrive
     vmask samples_lights;    // here: not from deltas alone, nor in the dark
+#ifdef PATH_GUIDED
+    Guide guide;
+#endif
 } Vertex;
 
 #endif

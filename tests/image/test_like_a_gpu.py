@@ -53,6 +53,7 @@ def gpu(device: Device) -> Iterator[LikeGpu]:
         ("room", {"integrator": "reuse"}),
         ("room", {"integrator": "photon", "photons": 2000}),
         ("room", {"integrator": "bdpt"}),
+        ("room", {"guiding": "on", "guiding_paths": 20000}),
         pytest.param("room-diffuse", {"integrator": "radiosity", "patches": 400}, marks=pytest.mark.slow),
         pytest.param("bumpy", {"integrator": "whitted"}, marks=pytest.mark.slow),
     ],

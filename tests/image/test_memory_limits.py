@@ -51,6 +51,7 @@ class Watched:
         ("room", {"spp": 20, "tile": 1024}),
         ("room", {"spp": 3, "integrator": "photon", "photons": 2000}),
         ("room", {"spp": 3, "integrator": "bdpt"}),
+        ("room", {"spp": 3, "guiding": "on", "guiding_paths": 20000, "guiding_memory": 4 << 20}),
         ("room", {"spp": 20, "integrator": "reuse"}),
         ("room", {"spp": 20, "aov": ("albedo", "crypto_object")}),
     ],

@@ -50,6 +50,11 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
     "cut in other ways": ("room", {"tile": 8, "lanes": 4}, {"tile": 64, "lanes": 16, "samples_per_pass": 3}),
     "photon maps": ("room", {"integrator": "photon", "photons": 2000}, {"integrator": "photon", "photons": 2000}),
     "light paths": ("room", {"integrator": "bdpt", "tile": 16}, {"integrator": "bdpt", "filter": "box"}),
+    "guided": (
+        "room",
+        {"guiding": "on", "guiding_paths": 20000, "tile": 16},
+        {"guiding": "on", "guiding_paths": 20000},
+    ),
     "shared light": ("room-diffuse", {"integrator": "reuse", "tile": 16}, {"integrator": "reuse"}),
     "a shard": ("room", {"samples": (5, 17)}, {"samples": (5, 17), "tile": 12}),
 }

@@ -143,6 +143,7 @@ def test_every_kind_of_path(all_devices: list[Device], scene: str, settings: dic
         pytest.param({"integrator": "reuse", "filter": "mitchell"}, marks=pytest.mark.slow),
         {"integrator": "photon", "photons": 500, "max_depth": 3, "seed": 7},
         {"integrator": "bdpt", "filter": "mitchell"},
+        {"guiding": "on", "guiding_paths": 20000, "filter": "mitchell"},
         pytest.param({"integrator": "photon", "photons": 3000}, marks=pytest.mark.slow),
     ],
     ids=str,
@@ -162,6 +163,7 @@ def test_every_kind_of_sharing(all_devices: list[Device], settings: dict[str, An
         {"integrator": "direct"},
         {"integrator": "photon", "photons": 3000},
         {"integrator": "bdpt"},
+        {"guiding": "on", "guiding_paths": 20000},
         {"integrator": "reuse"},
     ],
     ids=str,
@@ -323,6 +325,7 @@ def free_memory() -> int:
         pytest.param({"integrator": "reuse"}, marks=pytest.mark.slow),
         pytest.param({"integrator": "photon", "photons": 500}, marks=pytest.mark.slow),
         pytest.param({"integrator": "bdpt"}, marks=pytest.mark.slow),
+        pytest.param({"guiding": "on", "guiding_paths": 20000}, marks=pytest.mark.slow),
     ],
     ids=str,
 )
@@ -340,7 +343,14 @@ def test_every_integrator_on_every_driver(all_devices: list[Device], settings: d
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "settings", [{"integrator": "photon", "photons": 2000}, {"integrator": "bdpt"}, {"integrator": "reuse"}], ids=str
+    "settings",
+    [
+        {"integrator": "photon", "photons": 2000},
+        {"integrator": "bdpt"},
+        {"integrator": "reuse"},
+        {"guiding": "on", "guiding_paths": 20000, "indirect_rays": 2},
+    ],
+    ids=str,
 )
 @pytest.mark.parametrize("scene", ["rich room", "textures"])
 def test_rich_scenes_by_those_that_share(all_devices: list[Device], scene: str, settings: dict[str, Any]) -> None:

@@ -139,6 +139,7 @@ def test_other_scenes_and_integrators_in_turn(device: Device) -> None:
         ("room", {}),
         ("cornell", {"integrator": "photon", "photons": 5000}),
         ("room", {"integrator": "bdpt"}),
+        ("room", {"guiding": "on", "guiding_paths": 20000}),
         ("room", {"integrator": "whitted", "aov": ("albedo", "depth")}),
         ("room-diffuse", {"integrator": "radiosity", "patches": 200, "patch_rays": 16}),
         ("room-diffuse", {"integrator": "reuse"}),
@@ -328,11 +329,13 @@ FAILURES = [("program", 0), ("program", 6), ("empty", 3), ("launch", 2), ("launc
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(("call", "after"), FAILURES)
-@pytest.mark.parametrize("integrator", ["path", "photon", "bdpt"])
+@pytest.mark.parametrize("integrator", ["path", "photon", "bdpt", "guided"])
 def test_a_device_that_fails_anywhere_leaves_the_image_to_the_other(
     device: Device, watched: Watched, call: str, after: int, integrator: str
 ) -> None:
     how: dict[str, Any] = {"size": SIZE, "spp": 8, "tile": 16, "integrator": integrator}
+    if integrator == "guided":
+        how |= {"integrator": "path", "guiding": "on", "guiding_paths": 10000}
     if integrator == "photon":
         how["photons"] = 2000
     room = clrender.load("cornell")

@@ -31,9 +31,15 @@ from clrender.device.worker import DeviceWorker
 from clrender.drivers.arithmetic import check as arithmetic_check
 from clrender.drivers.discover import drivers, load_platforms
 from clrender.film.unit import Unit, slot_count
+from clrender.flatten.flat_box import scene_box
 from clrender.flatten.flat_scene import flatten
 from clrender.furnace.directions import incident
 from clrender.furnace.surfaces import Surfaces
+from clrender.guiding.field import FACES, GuidingField, cell_rows, empty_field, histogram_words
+from clrender.guiding.preparation import PIPELINE as GUIDED
+from clrender.guiding.preparation import GuidedPaths
+from clrender.guiding.training import PIPELINE as TRAINING
+from clrender.guiding.training import FieldSums
 from clrender.image.files import write_image
 from clrender.integrators import INTEGRATORS
 from clrender.photon.maps import PhotonMaps
@@ -169,6 +175,9 @@ RENDERS: Final = {
     "bdpt-4-interiors": Run("bdpt", 4, interiors=True),
     "bdpt-4-holes": Run("bdpt", 4, opacity="holes", replicate=1),
     "bdpt-4-sun": Run("bdpt", 4, sun=True, instances=True, textured=True),
+    "guided-4": Run("guided", 4, samples=2),
+    "guided-1-media": Run("guided", 1, rough=True, media=True, replicate=1),
+    "training-4": Run("training", 4, samples=2, textured=True),
     "whitted-1-large": Run("whitted", 1, samples=2, large=True),
 }
 
@@ -324,11 +333,22 @@ def scene(run: Run, folder: Path) -> FlatScene:
     return flatten(what.with_files(environments={"sky": EnvironmentPicture(pixels)}), WIDTH, HEIGHT, choice)
 
 
+def field_over(flat: FlatScene) -> GuidingField:
+    """A field of cells that know something by chance."""
+    low, high = scene_box(flat)
+    empty, rng = empty_field(low, float((high - low).max())), np.random.default_rng(4)
+    nodes = empty.nodes.copy()
+    nodes[1:, :FACES] = np.arange(8 * FACES).reshape(8, FACES)
+    weights = np.floor(rng.pareto(1.0, (8 * FACES, layout.FIELD_BINS)) * 100.0) + 1.0
+    numbers = np.column_stack([rng.choice([0.0, 0.25, 0.75], 8 * FACES), rng.random((8 * FACES, 2))])
+    return GuidingField(nodes, cell_rows(histogram_words(weights), numbers), empty.frame)
+
+
 def render(device: Device, run: Run) -> str:
     """Hash of the sums of an image."""
     settings = RenderSettings(filter=run.filter).struct(TILE)
-    indirect = {"reuse": 1, "photon": 0, "bdpt": 1}.get(run.kernel, 2)
-    shadow = 1 if run.kernel == "bdpt" else 2
+    indirect = {"reuse": 1, "photon": 0, "bdpt": 1, "training": 1}.get(run.kernel, 2)
+    shadow = 1 if run.kernel in ("bdpt", "training") else 2
     for name, value in {
         "width": WIDTH, "height": HEIGHT, "tile": TILE, "seed": 5, "shadow_rays": shadow, "max_depth": 6, "reuse": 16,
         "indirect_rays": indirect, "roulette": layout.ROULETTE_THROUGHPUT, "light_samples": shadow,
@@ -342,14 +362,22 @@ def render(device: Device, run: Run) -> str:
         prepare = partial(PhotonMaps, flat=flat, photons=40, radius=0.5)
     elif run.kernel == "bdpt":
         prepare = partial(LightPaths, flat=flat, count=40)
+    elif run.kernel == "guided":
+        prepare = partial(GuidedPaths, field=field_over(flat))
+    trained = FieldSums(device, field_over(flat), 2.0) if run.kernel == "training" else None
+    if trained is not None:
+        prepare = lambda _: trained  # noqa: E731
     cut = LaunchConfig(run.lanes, 2, None, run.traversal)
-    worker = DeviceWorker(device, flat, settings, INTEGRATORS[run.kernel].pipeline, cut, prepare)
+    guiding = {"guided": GUIDED, "training": TRAINING}
+    pipeline = guiding[run.kernel] if run.kernel in guiding else INTEGRATORS[run.kernel].pipeline
+    worker = DeviceWorker(device, flat, settings, pipeline, cut, prepare)
     sums = worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, run.samples, TILE))
+    learned = b"" if trained is None else b"".join(array.tobytes() for array in trained.read())
     worker.release()
     assert (sums.done == run.samples).all()
     assert sums.counts.sum() == run.samples * WIDTH * HEIGHT
     squares = b"" if sums.squares is None else sums.squares.tobytes()
-    return hashlib.sha256(sums.sums.tobytes() + sums.counts.tobytes() + squares).hexdigest()
+    return hashlib.sha256(sums.sums.tobytes() + sums.counts.tobytes() + squares + learned).hexdigest()
 
 
 def layers(device: Device) -> str:

@@ -18,6 +18,7 @@ UNUSED: Final = {
     "width": "of small images",
     "height": "of small images",
     "replicate_spp": "does not change the image",
+    "guiding_memory": "bounds the number of cells, which the number of paths varies",
     "light_paths": "of bdpt, as many as pixels",
     "patches": "of radiosity, which takes almost none of these scenes",
     "patch_rays": "of radiosity",
@@ -86,6 +87,8 @@ def ways(draw: Draw, content: Json) -> Iterator[Way]:
         yield Way("no roulette", {**depth, "roulette": "none"}, depth)
     else:
         yield Way("roulette", {**depth, "roulette": "constant", **draw.one(({}, {"termination": 0.1}))}, depth)
+    guiding = {"guiding": "on", "guiding_paths": draw.one((1 << 10, 1 << 13, 1 << 16))}
+    yield Way("guided", {**depth, **guiding, **draw.one(({}, {"sampling": "light"}, {"indirect_rays": 2}))}, depth)
     yield Way("reuse", {**depth, "integrator": "reuse", "reuse": draw.one((2, 4, 8, 16))}, depth)
     if _found_by_path(content) and "shadow_terminator_offset" not in json.dumps(content):
         yield Way("bdpt", {**depth, "integrator": "bdpt", "light_sampler": draw.one(("power", "uniform"))}, depth)

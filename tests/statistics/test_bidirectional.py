@@ -2,31 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pytest
+from parts_support import apart, judge, rendered
 from PIL import Image
 from render_support import disk, lambert, quad, scene, sphere, triangle
 
 import clrender
-from clrender.agreement.significance import holm
 from clrender.device.launch import LaunchConfig
 from clrender.device.worker import DeviceWorker
 from clrender.image.files import write_image
 from clrender.scene import Scene
-from clrender.statistics.student_t import p_value
 
 if TYPE_CHECKING:
     from clrender.device import Device
 
-SEEDS: Final = 10
-SIZE: Final = (16, 12)
-ALARM: Final = 1e-3
-"""Chance that any test here fails by chance alone."""
-PARTS: Final = 3
 ROUGH: Final = {"type": "principled", "base_color": [0.8, 0.6, 0.3], "metallic": 0.6, "roughness": 0.5, "coat": 0.4}
 CLAY: Final = {"type": "oren_nayar", "reflectance": [0.5, 0.6, 0.7], "roughness": 0.6}
 GLASS: Final = {"type": "dielectric", "ior": 1.4, "roughness": 0.5}
@@ -39,37 +33,6 @@ def session(device: Device) -> Iterator[clrender.Session]:
     """One device for all tests."""
     with clrender.Session(device.info.index) as made:
         yield made
-
-
-def parts_of(image: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Means of parts of an image."""
-    blocks = [each for row in np.array_split(image, PARTS) for each in np.array_split(row, PARTS, axis=1)]
-    return np.array([each.mean() for each in blocks] + [image.mean()])
-
-
-def rendered(session: clrender.Session, what: Scene, first: int, settings: Mapping[str, Any]) -> np.ndarray[Any, Any]:
-    """(SEEDS, parts) of images with seeds from `first` on."""
-    asked = {"size": SIZE, "keep_film": False, **settings}
-    return np.array(
-        [parts_of(session.render(what, seed=first + number, **asked).linear) for number in range(SEEDS)], np.float64
-    )
-
-
-def apart(a: np.ndarray[Any, Any], b: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Probability of such a difference between means, of each part, where they are the same (Welch)."""
-    va, vb = a.var(axis=0, ddof=1) / len(a), b.var(axis=0, ddof=1) / len(b)
-    together = np.maximum(va + vb, 1e-30)
-    freedom = together**2 / np.maximum(va**2 / (len(a) - 1) + vb**2 / (len(b) - 1), 1e-60)
-    difference = a.mean(axis=0) - b.mean(axis=0)
-    return np.where(np.abs(difference) < 1e-12, 1.0, p_value(np.abs(difference) / np.sqrt(together), freedom))
-
-
-def judge(found: Sequence[tuple[str, np.ndarray[Any, Any]]]) -> None:
-    """None of these probabilities is too small, for all together."""
-    every = np.concatenate([p for _, p in found])
-    names = np.concatenate([[name] * len(p) for name, p in found])
-    refused = holm(every, ALARM)
-    assert not refused.any(), sorted(set(names[refused].tolist()))
 
 
 def plates(camera: Mapping[str, Any] | None = None) -> Scene:
