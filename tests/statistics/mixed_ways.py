@@ -87,7 +87,7 @@ def ways(draw: Draw, content: Json) -> Iterator[Way]:
         yield Way("no roulette", {**depth, "roulette": "none"}, depth)
     else:
         yield Way("roulette", {**depth, "roulette": "constant", **draw.one(({}, {"termination": 0.1}))}, depth)
-    guiding = {"guiding": "on", "guiding_paths": draw.one((1 << 10, 1 << 13, 1 << 16))}
+    guiding = {"guiding": draw.one(("on", "on", "auto")), "guiding_paths": draw.one((1 << 10, 1 << 13, 1 << 16))}
     yield Way("guided", {**depth, **guiding, **draw.one(({}, {"sampling": "light"}, {"indirect_rays": 2}))}, depth)
     yield Way("reuse", {**depth, "integrator": "reuse", "reuse": draw.one((2, 4, 8, 16))}, depth)
     if _found_by_path(content) and "shadow_terminator_offset" not in json.dumps(content):

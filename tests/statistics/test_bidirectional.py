@@ -87,7 +87,7 @@ CAMERAS: Final[Mapping[str, dict[str, Any]]] = {
     "pixel_filter",
     [
         {"filter": "box"},
-        {"filter": "mitchell"},
+        pytest.param({"filter": "mitchell"}, marks=pytest.mark.long),
         pytest.param({"filter": "gaussian", "filter_radius": 3.0}, marks=pytest.mark.long),
     ],
     ids=lambda each: each["filter"],
@@ -145,6 +145,7 @@ def lights(folder: Path) -> dict[str, tuple[list[dict[str, Any]], list[dict[str,
     }  # fmt: skip
 
 
+@pytest.mark.long
 def test_lights_of_every_kind(session: clrender.Session, tmp_path: Path) -> None:
     """All ways together, by their weights."""
     found = []

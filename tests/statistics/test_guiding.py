@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from clrender.device import Device
 
 TRAINED: Final[dict[str, Any]] = {"guiding": "on", "guiding_paths": 1 << 15}
-SCENES: Final = ("room", "caustic", "haze", "drink", "textures", "surfaces", "lamps", "foliage")
+SCENES: Final = ("room", "haze", "caustic", "drink", "textures", "surfaces", "lamps", "foliage")
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def misleading(field: GuidingField, seed: int) -> GuidingField:
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name in SCENES[4:] else name for name in SCENES]
+    "name", [pytest.param(name, marks=pytest.mark.long) if name in SCENES[2:] else name for name in SCENES]
 )
 def test_whatever_the_field_says_the_mean_is_that_of_paths(session: clrender.Session, name: str) -> None:
     """Misleading fields let weights grow from event to event: of long paths the variance would be infinite."""
