@@ -332,7 +332,7 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("GUIDED", 128, 1, "share of the directions from here that are drawn from this histogram; 0: none"),
         ("REFLECTED", 129, 1, "luminance that later events bring, relative to the albedo; 0: not known"),
         ("OUTGOING", 130, 1, "the same with light straight from the lights"),
-        ("FIELD_SPARE", 131, 1, ""),
+        ("LIGHT", 131, 1, "probability that light samples are taken"),
     ),
     "RECORD": (
         (

@@ -234,7 +234,7 @@ typedef struct {
 #define FIELD_ROW_GUIDED 128            // share of the directions from here that are drawn from this histogram; 0: none
 #define FIELD_ROW_REFLECTED 129         // luminance that later events bring, relative to the albedo; 0: not known
 #define FIELD_ROW_OUTGOING 130          // the same with light straight from the lights
-#define FIELD_ROW_FIELD_SPARE 131
+#define FIELD_ROW_LIGHT 131             // probability that light samples are taken
 
 #define RECORD_ROW_PLACE 0              // bits: the cell's place in the nodes, times FIELD_BINS, plus the direction's bin; NONE: there is no record
 #define RECORD_ROW_PDF 1                // density of the direction, per steradian

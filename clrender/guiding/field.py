@@ -31,6 +31,7 @@ _SHARES: Final = layout.columns("FIELD")["SHARES"]
 _GUIDED: Final = layout.columns("FIELD")["GUIDED"]
 _REFLECTED: Final = layout.columns("FIELD")["REFLECTED"]
 _OUTGOING: Final = layout.columns("FIELD")["OUTGOING"]
+_LIGHT: Final = layout.columns("FIELD")["LIGHT"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,8 +157,10 @@ class GuidingField:
         named = self.nodes[leaves][:, :FACES]
         if (named[named != layout.NONE] >= len(self.cells)).any():
             raise ValueError("a leaf has a cell that is not there")
-        numbers = self.cells[:, _GUIDED : _OUTGOING + 1].view(np.float32)
-        if not (np.isfinite(numbers).all() and (numbers >= 0.0).all() and (numbers[:, 0] <= 0.75).all()):
+        numbers = self.cells[:, _GUIDED : _LIGHT + 1].view(np.float32)
+        light = numbers[:, _LIGHT - _GUIDED]
+        known = (numbers >= 0.0).all() and (numbers[:, 0] <= 0.75).all()
+        if not (np.isfinite(numbers).all() and known and (light > 0.0).all() and (light <= 1.0).all()):
             raise ValueError("a number of a cell is not allowed")
         of_bins, shares = octets(self.cells[:, _BINS : _BINS + 64]), octets(self.cells[:, _SHARES : _SHARES + 64])
         for begin in range(0, len(self.cells), 4096):
@@ -209,12 +212,13 @@ def cell_rows(histograms: npt.NDArray[np.uint32], numbers: npt.NDArray[np.float6
     ----------
     histograms : (c, 128) uint32
         Of `histogram_words`.
-    numbers : (c, 3) float64
-        Columns ``GUIDED``, ``REFLECTED`` and ``OUTGOING``.
+    numbers : (c, 4) float64
+        Columns ``GUIDED``, ``REFLECTED``, ``OUTGOING`` and ``LIGHT``.
     """
     rows = np.zeros((max(len(histograms), 1), layout.FIELD_WORDS), np.uint32)
+    rows[:, _LIGHT] = np.float32(1.0).view(np.uint32)
     rows[: len(histograms), :128] = histograms
-    rows[: len(histograms), _GUIDED : _OUTGOING + 1] = numbers.astype(np.float32).view(np.uint32)
+    rows[: len(histograms), _GUIDED : _LIGHT + 1] = numbers.astype(np.float32).view(np.uint32)
     return rows
 
 
@@ -231,4 +235,4 @@ def empty_field(low: npt.NDArray[Any], side: float) -> GuidingField:
     nodes = np.full((9, 8), layout.NONE, np.uint32)
     nodes[0] = np.uint32(layout.FIELD_LEAF) | np.arange(1, 9, dtype=np.uint32)
     frame = np.array([*low, 1.0 / side], np.float32)
-    return GuidingField(nodes, np.zeros((1, layout.FIELD_WORDS), np.uint32), frame)
+    return GuidingField(nodes, cell_rows(np.zeros((0, 128), np.uint32), np.zeros((0, 4))), frame)

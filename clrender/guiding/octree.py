@@ -18,6 +18,8 @@ SPLIT_RECORDS: Final = 8000
 """Records of a round above which a leaf is divided."""
 LEAST_RECORDS: Final = 400
 """Records of a round from which on one of a leaf's faces has a cell."""
+LEAST_LIGHT: Final = 0.125
+"""Least probability of light samples: training may have missed what they bring."""
 _KNOWN_RECORDS: Final = 32
 """Records from which on the mean of a cell is used."""
 _CHILDREN: Final = 4.0
@@ -135,8 +137,14 @@ class Growing:
         around = np.broadcast_to(squares[:, :, None, :, None], (len(known), 4, 4, 4, 4)).reshape(self._weights.shape)
         smooth = np.where(known[:, None], _OWN_WEIGHT * self._weights + around, 1.0)
         share = self._shares() if final else np.full(len(known), _TRAINING_SHARE)
-        numbers = np.column_stack([np.where(known, share, 0.0), self._means])
+        numbers = np.column_stack([np.where(known, share, 0.0), self._means, self._light()])
         return GuidingField(self._nodes, cell_rows(histogram_words(smooth), numbers), self._frame)
+
+    def _light(self) -> npt.NDArray[np.float64]:
+        """Probabilities of light samples: 1 where a quarter of what is reflected is light straight from the lights."""
+        reflected, outgoing = self._means.T
+        direct = 1.0 - reflected / np.where(outgoing > 0.0, outgoing, 1.0)
+        return np.where(outgoing > 0.0, (4.0 * direct).clip(LEAST_LIGHT, 1.0), 1.0)
 
     def _shares(self) -> npt.NDArray[np.float64]:
         """The share of guided directions with the least second moment in the last round, of 0, 1/4, 1/2 and 3/4.

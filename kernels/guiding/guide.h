@@ -9,6 +9,7 @@
 #ifndef GUIDING_GUIDE_H
 #define GUIDING_GUIDE_H
 
+#include "core/quotient.h"
 #include "core/roulette.h"
 #include "integrator/path_state.h"
 #include "integrator/vertex.h"
@@ -32,6 +33,7 @@ static void guide_look_up(const Scene* scene, Path* path, Vertex* v) {
     const vmask known = guide->asked & (cell != NONE);
     guide->cell = known ? cell : splat_uint(0u);
     guide->share = known ? field_number(field, guide->cell, FIELD_ROW_GUIDED) : splat(0.0f);
+    guide->light = known ? field_number(field, guide->cell, FIELD_ROW_LIGHT) : splat(1.0f);
     guide->reflected = known ? field_number(field, guide->cell, FIELD_ROW_REFLECTED) : splat(0.0f);
     guide->albedo = guide_luminance(bsdf_albedo(&v->bsdf));
     guide->throughput = path->throughput;
@@ -42,6 +44,16 @@ static void guide_look_up(const Scene* scene, Path* path, Vertex* v) {
     const vfloat outgoing = guide_luminance(path->throughput) * guide->albedo * field_number(field, guide->cell, FIELD_ROW_OUTGOING);
     path->expected = first ? outgoing : path->expected;
 }
+
+// Where light samples are taken: more seldom where training found that they bring little. What they bring then counts for as much more.
+static vmask guide_takes_light(const Path* path, const Vertex* v) {
+    const vmask seldom = v->guide.light < 1.0f;
+    if (!lane_any(seldom)) return mask_all();
+    vuint unused, choice;
+    sampler_hash_bits(path->sample.sampler, sampler_set(path->depth, SET_SPARE), &unused, &choice);
+    return !seldom | (unit_interval(choice) < v->guide.light);
+}
+static vfloat guide_light_weight(const Vertex* v) { return quotient(splat(1.0f), v->guide.light); }
 
 // The density of a direction, if the BSDF has it with this one.
 static vfloat guide_pdf(const Scene* scene, const Vertex* v, vec3 direction, vfloat bsdf_pdf) {
@@ -87,6 +99,8 @@ static vfloat guide_survival(const Scene* scene, const Path* path, const Vertex*
 #else
 
 static void guide_look_up(const Scene* scene, Path* path, Vertex* v) {}
+static vmask guide_takes_light(const Path* path, const Vertex* v) { return mask_all(); }
+static vfloat guide_light_weight(const Vertex* v) { return splat(1.0f); }
 static vfloat guide_pdf(const Scene* scene, const Vertex* v, vec3 direction, vfloat bsdf_pdf) { return bsdf_pdf; }
 static void guide_sample(const Scene* scene, const Path* path, Vertex* v, vuint bits_u, vuint bits_v, BsdfSample* next) {}
 static vfloat guide_survival(const Scene* scene, const Path* path, const Vertex* v) {

@@ -181,7 +181,7 @@ static vec3 path_direct(const Scene* scene, const Path* path, const Vertex* vert
     const vec3 f_cosine = bsdf_eval(&vertex->bsdf, light->direction, &bsdf_pdf);
     bsdf_pdf = guide_pdf(scene, vertex, light->direction, bsdf_pdf);
     const vfloat weight = path_weight_sampled(scene, path, vertex, light, bsdf_pdf);
-    const vfloat share = weight * inverse_or_one(light->pdf * (float)settings->shadow_rays);
+    const vfloat share = weight * guide_light_weight(vertex) * inverse_or_one(light->pdf * (float)settings->shadow_rays);
     const vec3 left = shadow_straight(scene, in, light, vertex->surface.point);
     const vec3 arriving = mul(mul(mul(path->throughput, f_cosine), light->radiance), left);
     return choose(light->pdf > 0.0f, scale(arriving, share), vec3_all(0.0f));
@@ -199,7 +199,7 @@ static vmask path_asks(const Direct* direct, uint packet) { return largest(direc
 static void path_sample_light(const Scene* scene, Path* path, const Vertex* vertex, uint m, Direct* direct, PoolStats* stats) {
     LightChoice choice[PACKETS];
     vmask asked[PACKETS];
-    EACH_PACKET(k) asked[k] = vertex[k].samples_lights & vertex[k].traced;
+    EACH_PACKET(k) asked[k] = vertex[k].samples_lights & vertex[k].traced & guide_takes_light(&path[k], &vertex[k]);
     path_choose_lights(scene, path, vertex, asked, m, choice);
     EACH_PACKET(k) {
         const Surface* surface = &vertex[k].surface;

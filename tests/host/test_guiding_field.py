@@ -108,6 +108,8 @@ def spoiled(words: np.ndarray[tuple[int, ...], np.dtype[np.uint32]], how: str) -
             words[cells + 128] = np.float32(0.8).view(np.uint32)
         case "a share that is no number":
             words[cells + 128] = np.float32(np.inf).view(np.uint32)
+        case "no light samples":
+            words[cells + 131] = 0
         case "a histogram that contradicts itself":
             words[cells + 128] = np.float32(0.5).view(np.uint32)
             words[cells + 64] += 1
@@ -123,7 +125,8 @@ def spoiled(words: np.ndarray[tuple[int, ...], np.dtype[np.uint32]], how: str) -
     [
         "short", "another format", "a wrong number of nodes", "a box without size", "a box that is no number",
         "a child that is not there", "a leaf that is not there", "a circle", "a cell that is not there",
-        "a share above 3/4", "a share that is no number", "a histogram that contradicts itself", "floats", "two axes",
+        "a share above 3/4", "a share that is no number", "no light samples",
+        "a histogram that contradicts itself", "floats", "two axes",
     ],
 )  # fmt: skip
 def test_files_that_would_make_images_wrong_are_refused(tmp_path: Path, how: str) -> None:
@@ -141,5 +144,5 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
 
 
 def test_rows_of_no_cells_are_one_that_nothing_refers_to() -> None:
-    assert cell_rows(np.zeros((0, 128), np.uint32), np.zeros((0, 3))).shape == (1, layout.FIELD_WORDS)
+    assert cell_rows(np.zeros((0, 128), np.uint32), np.zeros((0, 4))).shape == (1, layout.FIELD_WORDS)
     assert empty_field(np.zeros(3), 2.0).cell_count == 0

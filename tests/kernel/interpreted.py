@@ -340,7 +340,9 @@ def field_over(flat: FlatScene) -> GuidingField:
     nodes = empty.nodes.copy()
     nodes[1:, :FACES] = np.arange(8 * FACES).reshape(8, FACES)
     weights = np.floor(rng.pareto(1.0, (8 * FACES, layout.FIELD_BINS)) * 100.0) + 1.0
-    numbers = np.column_stack([rng.choice([0.0, 0.25, 0.75], 8 * FACES), rng.random((8 * FACES, 2))])
+    numbers = np.column_stack(
+        [rng.choice([0.0, 0.25, 0.75], 8 * FACES), rng.random((8 * FACES, 2)), rng.choice([0.3, 1.0], 8 * FACES)]
+    )
     return GuidingField(nodes, cell_rows(histogram_words(weights), numbers), empty.frame)
 
 

@@ -21,7 +21,7 @@ LANES = 4
 
 def field_of(weights: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> GuidingField:
     nodes = empty_field(np.array([-1.0, -2.0, -3.0]), 4.0)
-    numbers = np.full((len(weights), 3), 0.5)
+    numbers = np.full((len(weights), 4), 0.5)
     return GuidingField(nodes.nodes, cell_rows(histogram_words(weights), numbers), nodes.frame)
 
 

@@ -66,3 +66,9 @@ def test_intervals_hold_what_they_say_in_every_kind_of_scene(device: Device, nam
 def test_intervals_of_bidirectional_paths(device: Device) -> None:
     """Pixels of an image share light paths: the interval of its mean allows for any correlation."""
     check(device, "lens", SEEDS, integrator="bdpt")
+
+
+@pytest.mark.slow
+def test_intervals_of_guided_paths(device: Device) -> None:
+    """A field is trained by paths of its own, so samples are as independent as without."""
+    check(device, "lens", SEEDS, guiding="on", guiding_paths=1 << 15)

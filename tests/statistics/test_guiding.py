@@ -35,12 +35,9 @@ def misleading(field: GuidingField, seed: int) -> GuidingField:
     rng = np.random.default_rng(seed)
     count = len(field.cells)
     weights = np.floor(rng.pareto(0.8, (count, layout.FIELD_BINS)) * 100.0) + 1.0
-    shares = rng.choice([0.25, 0.5, 0.75], count)
-    return GuidingField(
-        field.nodes,
-        cell_rows(histogram_words(weights), np.column_stack([shares, rng.pareto(1.0, (count, 2))])),
-        field.frame,
-    )
+    shares, light = rng.choice([0.25, 0.5, 0.75], count), rng.choice([0.3, 1.0], count)
+    numbers = np.column_stack([shares, rng.pareto(1.0, (count, 2)), light])
+    return GuidingField(field.nodes, cell_rows(histogram_words(weights), numbers), field.frame)
 
 
 @pytest.mark.parametrize(
