@@ -159,7 +159,7 @@ class GuidingField:
             raise ValueError("a leaf has a cell that is not there")
         numbers = self.cells[:, _GUIDED : _LIGHT + 1].view(np.float32)
         light = numbers[:, _LIGHT - _GUIDED]
-        known = (numbers >= 0.0).all() and (numbers[:, 0] <= 0.75).all()
+        known = (numbers >= 0.0).all() and np.isin(numbers[:, 0], (0.0, 0.25, 0.5, 0.75)).all()
         if not (np.isfinite(numbers).all() and known and (light > 0.0).all() and (light <= 1.0).all()):
             raise ValueError("a number of a cell is not allowed")
         of_bins, shares = octets(self.cells[:, _BINS : _BINS + 64]), octets(self.cells[:, _SHARES : _SHARES + 64])

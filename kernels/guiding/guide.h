@@ -62,15 +62,24 @@ static vfloat guide_pdf(const Scene* scene, const Vertex* v, vec3 direction, vfl
     return guided ? fma(v->guide.share, field_pdf(&scene->field, v->guide.cell, direction) - bsdf_pdf, bsdf_pdf) : bsdf_pdf;
 }
 
-// Put directions of the field in place of a share of the BSDF's, and weigh both by the mixture. The BSDF's sample is of the bits u and v.
-static void guide_sample(const Scene* scene, const Path* path, Vertex* v, vuint bits_u, vuint bits_v, BsdfSample* next) {
+// Choose whose direction the path goes on in; what is left of the random bits are those of the direction, so that it stays as well distributed. Shares
+// are multiples of a quarter.
+static void guide_choose(Vertex* v, vuint* bits) {
+    Guide* guide = &v->guide;
+    const vuint quarters = vuint_of(vint_of(guide->share * 4.0f));
+    guide->chosen = (*bits >> 30) < quarters;
+    if (!lane_any(quarters > 0u)) return;
+    const vuint rest = guide->chosen ? *bits : *bits - (quarters << 30), of = guide->chosen ? quarters : 4u - quarters;
+    const vuint three = rest + mul_hi(rest, splat_uint(0x55555556u));
+    *bits = of == 1u ? rest << 2 : (of == 2u ? rest << 1 : (of == 3u ? three : rest));
+}
+
+// Put directions of the field in place of some of the BSDF's, and weigh both by the mixture. Both are of the bits u and v.
+static void guide_sample(const Scene* scene, Vertex* v, vuint bits_u, vuint bits_v, BsdfSample* next) {
     Guide* guide = &v->guide;
     guide->bsdf_pdf = next->pdf;
-    const vmask guided = guide->share > 0.0f;
+    const vmask guided = guide->share > 0.0f, chosen = guide->chosen;
     if (!lane_any(guided)) return;
-    vuint choice, unused;
-    sampler_hash_bits(path->sample.sampler, sampler_set(path->depth, SET_SPARE), &choice, &unused);
-    const vmask chosen = guided & (unit_interval(choice) < guide->share);
     const vec3 direction = field_sample(&scene->field, guide->cell, bits_u, bits_v);
     vfloat pdf;
     const vec3 f_cosine = bsdf_eval(&v->bsdf, direction, &pdf);
@@ -102,7 +111,8 @@ static void guide_look_up(const Scene* scene, Path* path, Vertex* v) {}
 static vmask guide_takes_light(const Path* path, const Vertex* v) { return mask_all(); }
 static vfloat guide_light_weight(const Vertex* v) { return splat(1.0f); }
 static vfloat guide_pdf(const Scene* scene, const Vertex* v, vec3 direction, vfloat bsdf_pdf) { return bsdf_pdf; }
-static void guide_sample(const Scene* scene, const Path* path, Vertex* v, vuint bits_u, vuint bits_v, BsdfSample* next) {}
+static void guide_choose(Vertex* v, vuint* bits) {}
+static void guide_sample(const Scene* scene, Vertex* v, vuint bits_u, vuint bits_v, BsdfSample* next) {}
 static vfloat guide_survival(const Scene* scene, const Path* path, const Vertex* v) {
     return path_survival(scene, path, path->throughput, path->depth, v->surface.termination);
 }

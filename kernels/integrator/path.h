@@ -276,9 +276,10 @@ static vmask path_sample_bsdf(const Scene* scene, Path* path, Vertex* vertex) {
     const vmask straight = interior_straight(&vertex->crossing), shadows_pass = shadow_passes(straight);
     vuint bits_u, bits_v;
     sampler_bits(path->sample.sampler, sampler_set(path->depth, SET_BSDF), &bits_u, &bits_v);
+    guide_choose(vertex, &bits_u);
     BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
     INVARIANT(path, INVARIANT_BSDF_SAMPLE, bsdf_sample_violates(&next, bsdf->specular, vertex->scatters));
-    guide_sample(scene, path, vertex, bits_u, bits_v, &next);
+    guide_sample(scene, vertex, bits_u, bits_v, &next);
     interior_straighten(&vertex->crossing, path->ray.direction, &next.direction, &next.weight);
     path->throughput = mul(path->throughput, next.weight);
     path->index_squared = straight ? path->index_squared : path->index_squared * bsdf_index_squared(bsdf, next.direction);

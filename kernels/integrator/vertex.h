@@ -12,6 +12,7 @@ typedef struct {
     vmask asked;             // it is one that may be guided
     vuint place, cell;       // its cell's place in the field's nodes, and its number, or 0
     vfloat share;            // of the directions that are drawn from the cell's histogram
+    vmask chosen;            // the direction is drawn from it
     vfloat light;            // probability that light samples are taken
     vfloat reflected;        // luminance that later events will bring, relative to the albedo; 0: not known
     vfloat albedo;           // luminance

@@ -104,8 +104,8 @@ def spoiled(words: np.ndarray[tuple[int, ...], np.dtype[np.uint32]], how: str) -
             words[7] = 0
         case "a cell that is not there":
             words[7 + 8 * (int(words[7 + 7]) & (LEAF - 1))] = 10**6
-        case "a share above 3/4":
-            words[cells + 128] = np.float32(0.8).view(np.uint32)
+        case "a share that is no quarter":
+            words[cells + 128] = np.float32(0.3).view(np.uint32)
         case "a share that is no number":
             words[cells + 128] = np.float32(np.inf).view(np.uint32)
         case "no light samples":
@@ -125,7 +125,7 @@ def spoiled(words: np.ndarray[tuple[int, ...], np.dtype[np.uint32]], how: str) -
     [
         "short", "another format", "a wrong number of nodes", "a box without size", "a box that is no number",
         "a child that is not there", "a leaf that is not there", "a circle", "a cell that is not there",
-        "a share above 3/4", "a share that is no number", "no light samples",
+        "a share that is no quarter", "a share that is no number", "no light samples",
         "a histogram that contradicts itself", "floats", "two axes",
     ],
 )  # fmt: skip
