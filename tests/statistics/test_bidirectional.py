@@ -83,13 +83,10 @@ CAMERAS: Final[Mapping[str, dict[str, Any]]] = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "pixel_filter",
-    [
-        {"filter": "box"},
-        pytest.param({"filter": "mitchell"}, marks=pytest.mark.long),
-        pytest.param({"filter": "gaussian", "filter_radius": 3.0}, marks=pytest.mark.long),
-    ],
+    [{"filter": "box"}, {"filter": "mitchell"}, {"filter": "gaussian", "filter_radius": 3.0}],
     ids=lambda each: each["filter"],
 )
 def test_cameras_see_what_light_paths_bring(
@@ -170,6 +167,7 @@ def lit(folder: Path, shapes: list[dict[str, Any]], given: list[dict[str, Any]])
     return Scene.model_validate(content).placed("here", folder)
 
 
+@pytest.mark.long
 def test_light_paths_begin_in_the_media_around_their_lights(session: clrender.Session) -> None:
     """A lamp in a cloud, and one in a ball of coloured glass, whose light the camera finds from outside of them."""
     media = {"smoke": {"scattering": [0.5, 0.4, 0.3], "absorption": 0.1, "g": 0.3}}
