@@ -220,7 +220,9 @@ def _save_field(image: RenderedImage, path: Path | None) -> None:
     if path is None:
         return
     if image.guiding_field is None:
-        click.echo(f"warning: {path} was not written: by its training, guiding does not pay here", err=True)
+        unpaid = "guided" in image.stats and not image.stats["guided"]
+        why = "by its training, guiding does not pay here" if unpaid else "no field was trained in this render"
+        click.echo(f"warning: {path} was not written: {why}", err=True)
     else:
         image.guiding_field.save(path)
 

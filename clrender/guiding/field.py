@@ -15,7 +15,7 @@ from clrender.errors import UsageError
 from clrender.files.access import UnreadableFile, atomic_write, open_input
 from clrender.files.npy import read_npy_header, read_npy_items
 
-__all__ = ["FACES", "MOST_NODES", "GuidingField"]
+__all__ = ["FACES", "MOST_NODES", "GuidingField", "cell_rows", "empty_field", "histogram_words", "octets"]
 
 FACES: Final = 7
 """Cells of a leaf: for surfaces that face along +x, -x, +y, -y, +z and -z, and for media."""

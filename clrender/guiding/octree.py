@@ -12,7 +12,7 @@ import numpy.typing as npt
 from clrender import layout
 from clrender.guiding.field import FACES, MOST_NODES, GuidingField, cell_rows, histogram_words
 
-__all__ = ["LEAST_RECORDS", "SPLIT_RECORDS", "Growing"]
+__all__ = ["LEAST_RECORDS", "SPLIT_RECORDS", "Growing", "Sums"]
 
 SPLIT_RECORDS: Final = 8000
 """Records of a round above which a leaf is divided."""

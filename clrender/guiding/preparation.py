@@ -68,4 +68,5 @@ def prepare(request: Request) -> Prepared:
     }
     if not guided:
         return Prepared(request.flat, request.pipeline, stats=told)
-    return Prepared(request.flat, PIPELINE, partial(GuidedPaths, field=field), told, field)
+    complete = given is not None or trained.paths > 0  # else the render stops
+    return Prepared(request.flat, PIPELINE, partial(GuidedPaths, field=field), told, field if complete else None)

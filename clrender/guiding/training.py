@@ -121,7 +121,7 @@ class FieldSums:
             self._device.release(buffer)
 
 
-class _Slot:
+class _Current:
     """Stands for the buffers of the round in a worker, which stays from round to round."""
 
     def __init__(self) -> None:
@@ -144,7 +144,7 @@ class _Crew:
 
     def __init__(self, request: Request, settings: npt.NDArray[np.void]) -> None:
         self._request, self._settings = request, settings
-        self._slots = {device: _Slot() for device in request.devices}
+        self._current = {device: _Current() for device in request.devices}
         self._workers: dict[Device, DeviceWorker] = {}
         self._stopped = False
 
@@ -157,11 +157,15 @@ class _Crew:
         done: dict[Unit, UnitSums] = {}
         while left := [unit for unit in units if unit not in done]:
             waiting = deque(left)
-            with ThreadPoolExecutor(len(self._slots)) as pool:
-                running = {pool.submit(self._work, device, field, scale, waiting): device for device in self._slots}
-                while any(not each.done() for each in running):
-                    wait(running, _POLL_SECONDS, FIRST_COMPLETED)
-                    self._stopped = self._stopped or self._request.should_stop()
+            with ThreadPoolExecutor(len(self._current)) as pool:
+                running = {pool.submit(self._work, device, field, scale, waiting): device for device in self._current}
+                try:
+                    while any(not each.done() for each in running):
+                        wait(running, _POLL_SECONDS, FIRST_COMPLETED)
+                        self._stopped = self._stopped or self._request.should_stop()
+                except BaseException:
+                    self._stopped = True  # the pool waits for the devices
+                    raise
             failures: list[RenderError | DeviceError] = []
             for each, device in running.items():
                 try:
@@ -173,7 +177,7 @@ class _Crew:
                     cells += part
                     records += counted
                     done |= of_units
-            if failures and not self._slots:
+            if failures and not self._current:
                 raise failures[-1]
             if self._stopped:
                 break
@@ -187,7 +191,7 @@ class _Crew:
     def _work(
         self, device: Device, field: GuidingField, scale: float, waiting: deque[Unit]
     ) -> tuple[npt.NDArray[np.uint64], npt.NDArray[np.int64], dict[Unit, UnitSums]]:
-        slot = self._slots[device]
+        slot = self._current[device]
         slot.current = FieldSums(device, field, scale)
         try:
             worker = self._workers.get(device)
@@ -208,7 +212,7 @@ class _Crew:
     def _leave_out(self, device: Device, error: Exception) -> None:
         self._request.notify(f"warning: {error}; guiding is trained without it, if there is another device")
         self._workers.pop(device, None)
-        del self._slots[device]
+        del self._current[device]
 
     def release(self) -> None:
         for worker in self._workers.values():
@@ -302,8 +306,8 @@ def _joined(parts: Sequence[UnitSums]) -> _Found:
 
 def _mean(found: Sequence[_Found]) -> float:
     """Mean luminance of the image."""
-    total = math.fsum(value for half in found for value in half.luminance.tolist())
-    return total / max(int(sum(half.counts.sum() for half in found)), 1)
+    total = math.fsum(value for batch in found for value in batch.luminance.tolist())
+    return total / max(int(sum(batch.counts.sum() for batch in found)), 1)
 
 
 def _gain(found: Sequence[Sequence[_Found]]) -> float:

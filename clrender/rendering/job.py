@@ -169,9 +169,14 @@ class RenderJob:
         return INTEGRATORS[self.settings.integrator]
 
     @property
+    def guided(self) -> bool:
+        """Whether paths may be guided; a scene may ask for it, and then be rendered by another integrator."""
+        return self.settings.guiding != "off" and bool(self.integrator.guiding)
+
+    @property
     def preparation(self) -> str:
         """The module that computes what the integrator needs before the first sample; empty: none."""
-        return self.integrator.guiding if self.settings.guiding != "off" else self.integrator.preparation
+        return self.integrator.guiding if self.guided else self.integrator.preparation
 
     def shard(self, number: int, count: int) -> RenderJob:
         """One of several disjoint shards of the samples that together make up the job.

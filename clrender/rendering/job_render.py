@@ -402,7 +402,7 @@ class JobRender:
             partial(self._worker_for, flat),
             job.guiding_field,
         )
-        guided = job.sha256() if job.settings.guiding != "off" else None
+        guided = job.sha256() if job.guided else None
         if guided is not None and residency.guided is not None and residency.guided[0] == guided:
             prepared: Prepared = dataclasses.replace(residency.guided[1], flat=flat)
         else:

@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import clrender
 from clrender import UsageError, layout
 from clrender.guiding.field import GuidingField, cell_rows, empty_field, histogram_words, octets
 from clrender.guiding.octree import LEAST_RECORDS, SPLIT_RECORDS, Growing, Sums
+from clrender.rendering.job import RenderJob
 
 LEAF, NONE = layout.FIELD_LEAF, layout.NONE
 
@@ -146,3 +148,27 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
 def test_rows_of_no_cells_are_one_that_nothing_refers_to() -> None:
     assert cell_rows(np.zeros((0, 128), np.uint32), np.zeros((0, 4))).shape == (1, layout.FIELD_WORDS)
     assert empty_field(np.zeros(3), 2.0).cell_count == 0
+
+
+def test_a_job_carries_its_field() -> None:
+    """To workers of a cluster: as an asset, whose hash is part of the request."""
+    field, room = grown()[0].field(final=True), clrender.load("room")
+    job = RenderJob.of(room, guiding_field=field)
+    text, assets = job.to_json()
+    again = RenderJob.from_json(text, assets)
+    assert again.guiding_field is not None and again.guiding_field.sha256() == field.sha256()
+    assert again.sha256() == job.sha256() != RenderJob.of(room, guiding="on").sha256()
+    assets[field.sha256()] = assets[field.sha256()][:-4]
+    with pytest.raises(UsageError, match="guiding field is missing or no field"):
+        RenderJob.from_json(text, assets)
+    with pytest.raises(UsageError, match="no effect with guiding auto"):
+        RenderJob.of(room, guiding="auto", guiding_field=field)
+
+
+def test_a_scene_that_asks_for_guiding_may_be_rendered_by_others() -> None:
+    content = clrender.load("room").model_dump(mode="json", exclude_unset=True)
+    room = clrender.Scene.model_validate({**content, "render": {"guiding": "on"}})
+    assert RenderJob.of(room).preparation == "clrender.guiding.preparation"
+    photon, direct = RenderJob.of(room, integrator="photon"), RenderJob.of(room, integrator="direct")
+    assert photon.preparation == "clrender.photon.maps" and direct.preparation == "" and not direct.guided
+    assert "guiding" not in photon.request()

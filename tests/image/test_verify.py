@@ -44,6 +44,20 @@ def test_sound_files(device: Device, tmp_path: Path, case: str) -> None:
         assert found.checked == (12 if name == "a.film" else 4) and found.tiles == 12
 
 
+def test_a_field_from_a_file_is_needed(device: Device, tmp_path: Path) -> None:
+    room = clrender.load("room")
+    made: dict[str, Any] = {"device": device, "size": SIZE, "spp": 2, "guiding_paths": 20000}
+    field = clrender.render(room, guiding="on", **made).guiding_field
+    assert field is not None
+    field.save(tmp_path / "a.npy")
+    image = clrender.render(room, guiding_field=tmp_path / "a.npy", **made)
+    for name in ("a.film", "a.png"):
+        image.save(tmp_path / name)
+        with pytest.raises(clrender.UsageError, match="name it with --guiding-field"):
+            clrender.verify(tmp_path / name, device=device)
+        assert clrender.verify(tmp_path / name, 0.2, guiding_field=field, device=device).sound
+
+
 @pytest.mark.long
 def test_on_another_device(all_devices: list[Device], tmp_path: Path) -> None:
     clrender.render(clrender.load("room"), device=all_devices[0], size=SIZE, spp=2).save(tmp_path / "a.film")
