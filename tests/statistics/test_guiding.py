@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pytest
 from parts_support import SIZE, apart, judge, rendered
-from render_support import down, lambert, scene, sphere
+from render_support import down, lambert, quad, scene, sphere
 
 import clrender
 from clrender import layout
@@ -55,6 +55,18 @@ def test_whatever_the_field_says_the_mean_is_that_of_paths(session: clrender.Ses
         given = {"spp": 256, "max_depth": 4, "guiding_field": misleading(field, seed), **settings}
         found.append((f"misleading {settings}", apart(plain, rendered(session, what, 200 * seed, given))))
     judge(found)
+
+
+def test_light_samples_are_weighed_with_the_mixture(session: clrender.Session) -> None:
+    """Below a ceiling that shines, which either way to sample finds as often."""
+    floor = quad((-2.0, 0.0, -2.0), (0.0, 0.0, 4.0), (4.0, 0.0, 0.0), material="grey")
+    lamp = quad((-2.0, 1.0, -2.0), (4.0, 0.0, 0.0), (0.0, 0.0, 4.0), material="grey", emission=1.0)
+    what = scene([floor, lamp], (), down(height=0.9, degrees=60.0), grey=lambert(0.5))
+    field = session.render(what, size=SIZE, spp=1, **TRAINED).guiding_field
+    assert field is not None
+    plain = rendered(session, what, 0, {"spp": 256, "max_depth": 2})
+    asked = {"spp": 256, "max_depth": 2, "guiding_field": misleading(field, 1)}
+    judge([("misleading", apart(plain, rendered(session, what, 100, asked)))])
 
 
 def test_training_finds_light_that_paths_seldom_find(session: clrender.Session, tmp_path: Path) -> None:
