@@ -64,6 +64,9 @@ FIELD_WORDS: Final = 132
 """The guiding field (kernels/guiding/field.h): the bit of a leaf's number, most levels, bins of directions, as bits of
 their number too, and words of a cell."""
 
+CHAIN_HEAD: Final = 16
+"""Words of the head of the table of specular chains (kernels/specular/table.h)."""
+
 RECORD_EVENTS: Final = 16
 RECORD_WORDS: Final = 16
 TRAINING_REFLECTED: Final = FIELD_BINS
@@ -319,7 +322,8 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("bounds", "float4", "of integrators whose paths start at lights: a sphere around all that rays can hit"),
         ("light_paths", "uint", "of those: paths from the lights for each sample of all pixels"),
         ("filter_radius", "float", "pixels"),
-        ("padding", "uint[2]", ""),
+        ("specular_chains", "uint", "1: light over chains of deltas is sampled"),
+        ("padding", "uint", ""),
     ),
 }
 
@@ -349,6 +353,14 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("BEFORE", 8, 3, "radiance that the path had found before the vertex, W/(sr m2)"),
         ("AFTER", 11, 3, "and with the light of its light samples there"),
         ("RECORD_SPARE", 14, 2, ""),
+    ),
+    "CHAIN_HEAD": (
+        ("LIGHTS", 0, 1, "bits: number of lights that specular chains lead to"),
+        ("ALL_LIGHTS", 1, 1, "bits: of all"),
+        ("SURFACES", 2, 1, "bits: of primitives that may be deltas"),
+        ("FIRST_SURFACE", 3, 1, "bits: word of the first of those"),
+        ("GLASS", 4, 1, "bits: 1 if any of them is glass"),
+        ("HEAD_SPARE", 5, 11, ""),
     ),
     "INSTANCE": (
         ("TO_OBJECT", 0, 12, "first row of an instance: world to object, three rows of the linear part and the offset"),
@@ -563,9 +575,10 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
     ),
     "DEPOSIT": (
         ("POINT", 0, 3, "what a photon leaves"),
-        ("NORMAL", 3, 3, "of the surface, on the side that the photon came from"),
+        ("NORMAL", 3, 3, "of the surface, on the side that the photon came from; in a medium, its unit direction"),
         ("FLUX", 6, 3, "watts"),
         ("EVENTS", 9, 1, "scattering events before it; with a minus where all were at deltas: a caustic"),
+        ("MEDIUM", 10, 1, "bits: the medium that it scattered in, plus 1; 0: it is on a surface"),
     ),
 }
 

@@ -276,6 +276,13 @@ class RenderSettings:
         metavar="BYTES",
         late=True,
     )
+    specular_chains: str = _setting(
+        "off",
+        Choice(("off", "on")),
+        "For integrators path and bdpt: sample light over chains of one or two mirrors or smooth glass boundaries, "
+        "also that of lights without extent",
+        late=True,
+    )
     patches: int = _setting(
         8000,
         Range(1, 2**20, whole=True),
@@ -401,6 +408,10 @@ class RenderSettings:
             if not (setting.late and getattr(self, name) == setting.default)
         }
 
+    @property
+    def _has_chains(self) -> bool:
+        return INTEGRATORS[self.integrator].specular_chains
+
     def struct(self, tile: int, fixed: Mapping[str, Any] | None = None) -> npt.NDArray[np.void]:
         """The `Settings` struct that the kernels read.
 
@@ -437,6 +448,7 @@ class RenderSettings:
             "reuse": self.reuse,
             "replicate_spp": self.replicate_spp or 0,
             "light_paths": self.light_paths or self.width * self.height,
+            "specular_chains": int(self.specular_chains == "on" and self._has_chains and indirect == 1),
             **(fixed or {}),
         }
         if self.filter != "box" or self.filter_radius not in (None, 0.5):  # which random numbers are in any case
@@ -573,6 +585,14 @@ def _refuse_unused(wanted: RenderSettings, given: Mapping[str, str]) -> None:
     if "termination" in given and wanted.termination is not None and wanted.roulette != "constant":
         name = given["termination"]
         raise UsageError(f"{name} has no effect with the roulette {wanted.roulette}; it belongs to constant")
+    if "specular_chains" in given and wanted.specular_chains == "on":
+        name = given["specular_chains"]
+        if not INTEGRATORS[wanted.integrator].specular_chains:
+            owners = " and ".join(each for each, about in INTEGRATORS.items() if about.specular_chains)
+            text = f"{name} has no effect with the integrator {wanted.integrator}; it belongs to {owners}"
+            raise UsageError(text)
+        if wanted.indirect_rays != 1:
+            raise UsageError(f"{name} works with one indirect ray; leave out indirect_rays {wanted.indirect_rays}")
     for name in ("guiding_paths", "guiding_memory"):
         if name in given and wanted.guiding == "off":
             raise UsageError(f"{given[name]} has no effect without guiding; set guiding to on or auto as well")

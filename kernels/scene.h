@@ -39,6 +39,7 @@
     X(float, masked_analytic_packs)                                                                                         \
     X(float, instance_rows)  /* of instances, two each: geometry/instance.h */                                              \
     X(uint, instance_guides) /* which of them a primitive's number belongs to */                                            \
+    X(float, chain_table)    /* of specular chains, where they are sampled: specular/table.h */                             \
     X(Camera, camera)                                                                                                       \
     X(Settings, settings)
 

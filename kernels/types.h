@@ -28,6 +28,7 @@
 #define FIELD_BIN_BITS 8u
 #define FIELD_BINS 256u
 #define FIELD_WORDS 132u
+#define CHAIN_HEAD 16u
 #define RECORD_EVENTS 16u
 #define RECORD_WORDS 16u
 #define TRAINING_REFLECTED 256u
@@ -226,7 +227,8 @@ typedef struct {
     float4 bounds;              // of integrators whose paths start at lights: a sphere around all that rays can hit
     uint light_paths;           // of those: paths from the lights for each sample of all pixels
     float filter_radius;        // pixels
-    uint padding[2];
+    uint specular_chains;       // 1: light over chains of deltas is sampled
+    uint padding;
 } Settings;
 
 #define FIELD_ROW_BINS 0                // bits: the bin of each of FIELD_BINS equal shares of the directions, four in a word
@@ -245,6 +247,13 @@ typedef struct {
 #define RECORD_ROW_BEFORE 8             // radiance that the path had found before the vertex, W/(sr m2)
 #define RECORD_ROW_AFTER 11             // and with the light of its light samples there
 #define RECORD_ROW_RECORD_SPARE 14
+
+#define CHAIN_HEAD_ROW_LIGHTS 0         // bits: number of lights that specular chains lead to
+#define CHAIN_HEAD_ROW_ALL_LIGHTS 1     // bits: of all
+#define CHAIN_HEAD_ROW_SURFACES 2       // bits: of primitives that may be deltas
+#define CHAIN_HEAD_ROW_FIRST_SURFACE 3  // bits: word of the first of those
+#define CHAIN_HEAD_ROW_GLASS 4          // bits: 1 if any of them is glass
+#define CHAIN_HEAD_ROW_HEAD_SPARE 5
 
 #define INSTANCE_ROW_TO_OBJECT 0        // first row of an instance: world to object, three rows of the linear part and the offset
 #define INSTANCE_ROW_ROOT 12            // bits: of its group's tree, a reference
@@ -436,8 +445,9 @@ typedef struct {
 #define LOOK_ROW_OWN 9                  // radiance sent out by itself
 
 #define DEPOSIT_ROW_POINT 0             // what a photon leaves
-#define DEPOSIT_ROW_NORMAL 3            // of the surface, on the side that the photon came from
+#define DEPOSIT_ROW_NORMAL 3            // of the surface, on the side that the photon came from; in a medium, its unit direction
 #define DEPOSIT_ROW_FLUX 6              // watts
 #define DEPOSIT_ROW_EVENTS 9            // scattering events before it; with a minus where all were at deltas: a caustic
+#define DEPOSIT_ROW_MEDIUM 10           // bits: the medium that it scattered in, plus 1; 0: it is on a surface
 
 #endif

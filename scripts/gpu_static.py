@@ -142,6 +142,9 @@ def _programs() -> dict[str, Program]:
     ):
         made[f"{name}, simple"] = Program(f"{name}.cl", _TIERS["simple"])
         made[f"{name}, everything"] = Program(f"{name}.cl", {**unsplit, **more})
+    for name in ("integrator/path", "integrator/bdpt"):
+        for tier, macros in (("simple", _TIERS["simple"]), ("everything", unsplit)):
+            made[f"{name} with chains, {tier}"] = Program(f"{name}.cl", {**macros, "SPECULAR_CHAINS": 1})
     made["film/accumulate, splats"] = Program("film/accumulate.cl", {"SPLATS": 1})
     for name in (*_SCENELESS, *(f"radiosity/{part}" for part in _RADIOSITY)):
         made[name] = Program(f"{name}.cl", {})

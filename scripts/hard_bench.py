@@ -1,7 +1,8 @@
 """Hard light: the error of every way to render it at equal time, on scenes whose light paths seldom find.
 
     .venv/bin/python scripts/hard_bench.py reference SCENE… --way path --minutes 20
-    .venv/bin/python scripts/hard_bench.py measure SCENE… [--ways path,reuse,photon] [--seconds 20] [--seeds 4]
+    .venv/bin/python scripts/hard_bench.py measure SCENE… [--ways path,reuse,photon] [--peer NAME=PYTHON]
+                                                    [--seconds 20] [--seeds 4]
     .venv/bin/python scripts/hard_bench.py agree SCENE…
 
 X1, X8 and X9 are made here (`clrender.bench.hard`). X2 to X7 are scenes of the field, in pbrt's format, whose folder is
@@ -9,7 +10,7 @@ X1, X8 and X9 are made here (`clrender.bench.hard`). X2 to X7 are scenes of the 
 
 The error is relMSE: the mean over pixels and channels of (x - r)² / (r² + (0.1 mean(r))²). Of an unbiased way it falls
 as 1 / seconds, so that their product says how good a way is, and says it of each seed; training of a way counts, as it
-is part of the render.
+is part of the render. Peers render the scene that an exporter writes for them; setting it up does not count.
 
 A reference is the mean of many renders by one way, which `reference` adds to; its own error, estimated between them, is
 told, and `measure` says where it is more than a fiftieth of an error that is measured with it. `agree` compares
@@ -23,7 +24,7 @@ import json
 import math
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -34,6 +35,8 @@ import numpy.typing as npt
 import clrender
 from clrender.bench import write_scene
 from clrender.bench.hard import HARD_SCENES
+from clrender.bench.peers import Peer, Task, peer_from
+from clrender.errors import RenderError, SceneError
 
 __all__: list[str] = []
 
@@ -53,6 +56,9 @@ WAYS: Final[Mapping[str, Mapping[str, Any]]] = {
     "reuse": {"integrator": "reuse"},
     "photon": {"integrator": "photon"},
     "bdpt": {"integrator": "bdpt"},
+    "guided": {"integrator": "path", "guiding": "on"},
+    "chains": {"integrator": "path", "specular_chains": "on"},
+    "bdpt-chains": {"integrator": "bdpt", "specular_chains": "on"},
 }
 """Settings of a render. `photon` has a bias as well, which falls with its passes."""
 PROBE_SPP: Final = 4
@@ -107,18 +113,40 @@ def relative_error(image: npt.NDArray[Any], reference: Floats) -> float:
     return float(np.mean(np.square(image - reference) / (np.square(reference) + floor(reference))))
 
 
-def scene_of(name: str, standard: Path | None, folder: Path) -> tuple[clrender.Scene, tuple[int, int]]:
-    """A scene and its image's size."""
+@dataclass(frozen=True)
+class Subject:
+    """A scene to render.
+
+    Attributes
+    ----------
+    file : Path
+    scene : clrender.Scene
+        What the file holds.
+    size : (int, int)
+        Of its image, pixels.
+    """
+
+    file: Path
+    scene: clrender.Scene
+    size: tuple[int, int]
+
+
+def subject(name: str, arguments: argparse.Namespace, folder: Path) -> Subject:
+    """The scene of this name; those that are made here are written into a folder."""
     if name in HARD_SCENES:
-        scene = clrender.load(write_scene(name, folder))
-        return scene, (scene.image.width, scene.image.height)
-    if name not in STANDARD:
+        file = write_scene(name, folder)
+        scene = clrender.load(file)
+        size = scene.image.width, scene.image.height
+    elif name not in STANDARD:
         raise SystemExit(f"there is no scene {name}; choose of {', '.join((*HARD_SCENES, *STANDARD))}")
-    if standard is None:
+    elif arguments.standard is None:
         raise SystemExit(f"{name} is {STANDARD[name][0]}: name the folder that has it by --standard")
-    place, size = STANDARD[name]
-    (file,) = sorted((standard / place).glob("scene*.pbrt"))
-    return clrender.load(file), size
+    else:
+        place, size = STANDARD[name]
+        (file,) = sorted((arguments.standard / place).glob("scene*.pbrt"))
+        scene = clrender.load(file)
+    width, height = size
+    return Subject(file, scene, (width // arguments.reduce, height // arguments.reduce))
 
 
 @dataclass(frozen=True)
@@ -129,28 +157,40 @@ class Timed:
     cpu_seconds: float
 
 
-class Renders:
-    """Renders of one scene by one way, in a session, with as many samples as take a given time."""
+Renders = Callable[[int, int], Timed]
+"""A render of so many samples a pixel, by a seed."""
 
-    def __init__(
-        self, session: clrender.Session, scene: clrender.Scene, size: tuple[int, int], settings: Mapping[str, Any]
-    ) -> None:
-        self._session, self._scene, self._settings = session, scene, {**settings, "size": size, "keep_film": False}
-        for spp in (1, PROBE_SPP):  # the first one compiles
-            self._rate = self.timed(spp, 0).cpu_seconds / spp
 
-    def timed(self, spp: int, seed: int) -> Timed:
-        """A render of so many samples a pixel."""
+def renders_by(session: clrender.Session, of: Subject, settings: Mapping[str, Any]) -> Renders:
+    """Renders by clrender."""
+
+    def timed(spp: int, seed: int) -> Timed:
         begun = time.process_time()
-        image = self._session.render(self._scene, spp=spp, seed=seed, **self._settings)
+        image = session.render(of.scene, spp=spp, seed=seed, size=of.size, keep_film=False, **settings)
         return Timed(image.linear.astype(np.float64), time.process_time() - begun)
 
-    def samples_for(self, seconds: float) -> int:
-        """Samples a pixel that take about so many CPU seconds: twice, as fixed costs make the first guess low."""
-        spp = max(1, round(seconds / self._rate))
-        if spp > 8 * PROBE_SPP:
-            self._rate = self.timed(spp // 8, 0).cpu_seconds / (spp // 8)
-        return max(1, round(seconds / self._rate))
+    timed(1, 0)  # compiles
+    return timed
+
+
+def renders_by_peer(peer: Peer, of: Subject, folder: Path) -> Renders:
+    """Renders by a peer."""
+
+    def timed(spp: int, seed: int) -> Timed:
+        image = folder / "image.npy"
+        done = peer.run(of.file, Task(*of.size, spp, seed=seed, endless=True), image, folder)
+        return Timed(np.load(image).astype(np.float64), float(done["cpu_seconds"]))
+
+    return timed
+
+
+def samples_for(seconds: float, renders: Renders) -> int:
+    """Samples a pixel that take about so many CPU seconds: twice, as fixed costs make the first guess low."""
+    rate = renders(PROBE_SPP, 0).cpu_seconds / PROBE_SPP
+    spp = max(1, round(seconds / rate))
+    if spp > 8 * PROBE_SPP:
+        rate = renders(spp // 8, 0).cpu_seconds / (spp // 8)
+    return max(1, round(seconds / rate))
 
 
 def tiles_of(image: Floats) -> Floats:
@@ -170,14 +210,14 @@ def add_to_references(arguments: argparse.Namespace) -> None:
     arguments.references.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder, clrender.Session(arguments.device) as session:
         for name in arguments.scenes:
-            scene, size = scene_of(name, arguments.standard, Path(folder))
+            of = subject(name, arguments, Path(folder))
             path = arguments.references / f"{name}.{arguments.way}.npz"
             found = read_reference(path)
-            renders = Renders(session, scene, size, WAYS[arguments.way])
-            spp = renders.samples_for(BATCH_SECONDS)
+            renders = renders_by(session, of, WAYS[arguments.way])
+            spp = samples_for(min(BATCH_SECONDS, 15.0 * arguments.minutes), renders)
             end = time.process_time() + 60.0 * arguments.minutes
             while time.process_time() < end:
-                image = renders.timed(spp, REFERENCE_SEEDS[arguments.way] + (0 if found is None else found.count)).image
+                image = renders(spp, REFERENCE_SEEDS[arguments.way] + (0 if found is None else found.count)).image
                 if found is None:
                     found = Reference(0, np.zeros_like(image), np.zeros_like(image), [])
                 found.count += 1
@@ -209,31 +249,35 @@ def measure(arguments: argparse.Namespace) -> None:
             if not known:
                 raise SystemExit(f"{name} has no reference in {arguments.references}; make one by `reference {name}`")
             by, reference = min(known.items(), key=lambda item: item[1].error)
-            scene, size = scene_of(name, arguments.standard, Path(folder))
-            rows = [row_of(session, scene, size, way, reference, arguments) for way in ways]
-            plain = next((row["product"] for row in rows if row["way"] == "path"), math.nan)
-            for row in rows:
-                row |= {"scene": name, "against_path": round(plain / row["product"], 3), "reference": by}
+            of = subject(name, arguments, Path(folder))
+            every = {way: renders_by(session, of, WAYS[way]) for way in ways}
+            every |= {peer.name: renders_by_peer(peer, of, Path(folder)) for peer in arguments.peer}
+            plain = math.nan
+            for way, renders in every.items():
+                row: dict[str, Any] = {"scene": name, "way": way}
+                try:
+                    row |= row_of(name, way, renders, reference, arguments)
+                except (RenderError, SceneError) as error:
+                    print(json.dumps(row | {"error": str(error)}), flush=True)
+                    continue
+                plain = row["product"] if way == "path" else plain
+                row |= {"against_path": round(plain / row["product"], 3), "reference": by}
                 row["reference_suffices"] = reference.error * SHARE <= row["relmse"]
                 print(json.dumps(row), flush=True)
 
 
 def row_of(
-    session: clrender.Session,
-    scene: clrender.Scene,
-    size: tuple[int, int],
-    way: str,
-    reference: Reference,
-    arguments: argparse.Namespace,
+    name: str, way: str, renders: Renders, reference: Reference, arguments: argparse.Namespace
 ) -> dict[str, Any]:
     """Errors of several seeds."""
-    renders = Renders(session, scene, size, WAYS[way])
-    spp = renders.samples_for(arguments.seconds)
-    made = [renders.timed(spp, 1 + seed) for seed in range(arguments.seeds)]
+    spp = samples_for(arguments.seconds, renders)
+    made = [renders(spp, 1 + seed) for seed in range(arguments.seeds)]
+    if arguments.images:
+        arguments.images.mkdir(parents=True, exist_ok=True)
+        np.save(arguments.images / f"{name}.{way}.npy", made[0].image.astype(np.float32))
     errors = np.array([relative_error(each.image, reference.mean) for each in made])
     seconds = np.array([each.cpu_seconds for each in made])
     return {
-        "way": way,
         "spp": spp,
         "cpu_seconds": round(float(seconds.mean()), 2),
         "relmse": float(f"{errors.mean():.4g}"),
@@ -276,6 +320,7 @@ def main(given: Sequence[str] | None = None) -> None:
             "--references", type=Path, default=Path("references"), help="folder of references (./references)"
         )
         each.add_argument("--device", help="as for `clrender render`")
+        each.add_argument("--reduce", type=int, default=1, help="divide the image's sides by this")
         if name == "reference":
             each.add_argument("--way", choices=WAYS, default="path")
             each.add_argument("--minutes", type=float, default=10.0, help="CPU minutes to add to each scene's (10)")
@@ -283,6 +328,8 @@ def main(given: Sequence[str] | None = None) -> None:
             each.add_argument("--ways", default="path,reuse,photon")
             each.add_argument("--seconds", type=float, default=20.0, help="CPU seconds of a render (20)")
             each.add_argument("--seeds", type=int, default=4)
+            each.add_argument("--peer", type=peer_from, action="append", default=[], help="NAME=PYTHON, repeated")
+            each.add_argument("--images", type=Path, help="folder for the first image of each way")
     arguments = parser.parse_args(given)
     arguments.run(arguments)
 

@@ -32,6 +32,7 @@ def set_up(one: Job) -> None:
     cycles.device, cycles.samples, cycles.seed = "CPU", one.spp, one.seed
     cycles.use_auto_tile = False
     cycles.use_light_tree = one.variant == "tree"
+    cycles.use_guiding = one.variant == "guided"
 
 
 def seconds_in(path: Path) -> float | None:

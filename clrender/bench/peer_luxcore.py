@@ -24,6 +24,8 @@ def session_of(one: Job) -> Any:
         "native.threads.count": len(os.sched_getaffinity(0)),
         "renderengine.seed": one.seed + 1,
     }
+    if one.variant.startswith("BIDIR"):
+        more |= {"path.maxdepth": one.segments, "light.maxdepth": one.segments}
     for name, value in more.items():
         described.Set(pyluxcore.Property(name, [value]))
     scene = pyluxcore.Scene()

@@ -38,14 +38,18 @@ class _Kind:
 
 _MITSUBA: Final = ("write_mitsuba", ".xml")
 _CYCLES: Final = ("write_cycles", ".py")
+_LUXCORE: Final = ("write_luxcore", ".scn")
 PEERS: Final[Mapping[str, _Kind]] = {
     "mitsuba": _Kind("peer_mitsuba.py", "llvm_ad_rgb", *_MITSUBA),
     "mitsuba-path": _Kind("peer_mitsuba.py", "llvm_ad_rgb:path", *_MITSUBA),
     "mitsuba-scalar": _Kind("peer_mitsuba.py", "scalar_rgb", *_MITSUBA),
     "mitsuba-cuda": _Kind("peer_mitsuba.py", "cuda_ad_rgb", *_MITSUBA),
-    "luxcore": _Kind("peer_luxcore.py", "PATHCPU", "write_luxcore", ".scn", spheres=False, no_opencl=True),
+    "luxcore": _Kind("peer_luxcore.py", "PATHCPU", *_LUXCORE, spheres=False, no_opencl=True),
+    "luxcore-bidir": _Kind("peer_luxcore.py", "BIDIRCPU", *_LUXCORE, spheres=False, no_opencl=True),
+    "luxcore-bidirvm": _Kind("peer_luxcore.py", "BIDIRVMCPU", *_LUXCORE, spheres=False, no_opencl=True),
     "cycles": _Kind("peer_cycles.py", "plain", *_CYCLES, spheres=False),
     "cycles-tree": _Kind("peer_cycles.py", "tree", *_CYCLES, spheres=False),
+    "cycles-guided": _Kind("peer_cycles.py", "guided", *_CYCLES, spheres=False),
     "embree": _Kind("peer_embree.py", "rays", spheres=False),
 }
 """Other renderers by name; ``embree`` only traces rays.
@@ -57,7 +61,7 @@ rays of its `path`, ``mitsuba-path``, do not, so that only BSDF sampling finds l
 
 @dataclass(frozen=True)
 class Task:
-    """The common render task: pixels, samples, paths of `SEGMENTS`, no roulette, box filter."""
+    """The common render task: pixels, samples, paths of `SEGMENTS` without roulette or of any length, box filter."""
 
     width: int
     height: int
@@ -68,6 +72,8 @@ class Task:
     """Light sampler of clrender; Mitsuba picks lights uniformly."""
     seed: int = 0
     """Random seed, different in each turn."""
+    endless: bool = False
+    """Whether paths may have any length, and end by roulette."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +96,7 @@ class Peer:
         """Whether it has analytic spheres; else its scene has triangle meshes for them."""
         return PEERS[self.name].spheres
 
-    def run(self, scene: Path, task: Task, image: Path) -> dict[str, Any]:
+    def run(self, scene: Path, task: Task, image: Path, folder: Path | None = None) -> dict[str, Any]:
         """Render once, in a separate process; returns ``wall_seconds``, ``cpu_seconds``, ``version`` and more.
 
         Parameters
@@ -100,6 +106,8 @@ class Peer:
         task : Task
         image : Path
             Output path of the (height, width, 3) float32 NumPy array of the image, if the peer makes one.
+        folder : Path, optional
+            Where the scene is written for the peer; default: beside `scene`.
 
         Raises
         ------
@@ -107,7 +115,7 @@ class Peer:
             If the peer cannot be started or fails.
         """
         kind = PEERS[self.name]
-        scene = _written(scene, task, kind) if kind.writer else scene
+        scene = _written(scene, task, kind, folder or scene.parent) if kind.writer else scene
         numbers = [str(number) for number in (task.width, task.height, task.spp, SEGMENTS, task.seed)]
         command = [self.python, str(_FOLDER / kind.script), kind.variant, str(scene), *numbers, str(image)]
         environment = {**os.environ, "OCL_ICD_VENDORS": str(image.parent)} if kind.no_opencl else None
@@ -129,15 +137,16 @@ class Peer:
         return answer
 
 
-def _written(path: Path, task: Task, kind: _Kind) -> Path:
+def _written(path: Path, task: Task, kind: _Kind, folder: Path) -> Path:
     """Write a scene for a peer, with the settings of the task and its flat shapes as meshes."""
     from clrender import exporters
     from clrender.importers import load
 
-    settings = {"max_depth": SEGMENTS - 1, "roulette": "none", "filter": "box", "spp": task.spp}
+    settings: dict[str, Any] = {"filter": "box", "spp": task.spp}
+    settings |= {"max_depth": None} if task.endless else {"max_depth": SEGMENTS - 1, "roulette": "none"}
     changes = {"image.width": task.width, "image.height": task.height}
     scene = load(path).changed({**changes, **{f"render.{name}": setting for name, setting in settings.items()}})
-    output = path.with_suffix(kind.ending)
+    output = folder / path.with_suffix(kind.ending).name
     getattr(exporters, kind.writer)(scene, output, merge=True)
     return output
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from clrender import layout
 from clrender.device.prepared import Prepared, Request
-from clrender.flatten.interiors import medium_of_primitives
+from clrender.flatten.interiors import has_volumes
 
 if TYPE_CHECKING:
     from clrender.device.device import Argument, Buffer
@@ -53,8 +53,7 @@ class LightPaths:
         self._worker = worker
         self._count = count
         self._kept = min(count, _MOST_KEPT)
-        volumes = len(flat.arrays["media_rows"]) > 1 and bool(medium_of_primitives(flat.arrays).any())
-        more: dict[str, int | str] = {"LIGHTS_IN_MEDIA": 1} if volumes else {}
+        more: dict[str, int | str] = {"LIGHTS_IN_MEDIA": 1} if has_volumes(flat.arrays) else {}
         self._program = worker.program("bidirectional/light_paths.cl", more)
         self._dark = flat.light_count == 0
         self._unit: Unit | None = None

@@ -36,6 +36,7 @@ def register_options(info: DeviceInfo, entry: str, macros: Collection[str]) -> s
     if info.type != "gpu":
         return ""
     platform = info.platform.lower()
-    if "nvidia" in platform and entry == "integrator/path.cl" and "MATERIALS" not in macros:
+    small = "MATERIALS" not in macros and "SPECULAR_CHAINS" not in macros
+    if "nvidia" in platform and entry == "integrator/path.cl" and small:
         return _NVIDIA_LIMIT
     return _INTEL_LARGE if "intel" in platform and entry.startswith(_LARGE) else ""

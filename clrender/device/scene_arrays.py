@@ -13,6 +13,7 @@ from clrender import layout
 from clrender.device import bvh
 from clrender.errors import MemoryRefused, RenderError
 from clrender.files.package_data import kernels_folder
+from clrender.flatten.chains import chain_table
 from clrender.process.memory import shown
 
 if TYPE_CHECKING:
@@ -153,6 +154,8 @@ class SceneArrays:
         check_room(device, scene)
         self._device = device
         self._lent = tree
+        self._scene = scene
+        self._chains: Buffer | None = None
         triangles, primitives = scene.triangle_count, scene.triangle_count + scene.analytic_count
         arrays = {name: device.upload(array) for name, array in scene.arrays.items() if name != "texels"}
         vertices, corners, analytic_shapes = arrays["vertices"], arrays["triangles"], arrays["analytic_shapes"]
@@ -173,6 +176,7 @@ class SceneArrays:
             **dict(zip((f"masked_{name}" for name in _TREE), (self.masked_tree or self.tree).buffers, strict=True)),
             "camera": device.upload(scene.camera),
         }
+        self.buffers["chain_table"] = self.buffers["light_alias"]  # a substitute, which no kernel without chains reads
         geometry: list[Buffer | np.generic] = [vertices, corners, analytic_shapes]
         count, offset = np.uint32(primitives), np.uint32(triangles)
         rows = self.buffers["primitive_rows"]
@@ -192,6 +196,21 @@ class SceneArrays:
         if count:
             program = self._device.program("geometry/rows.cl", {"LANES": 1})
             self._device.launch_each(program, f"rows_{name}", count, arguments)
+
+    def chain_table(self) -> Buffer | None:
+        """The table of specular chains (`clrender.flatten.chains`), uploaded at the first call; None if there are none.
+
+        Raises
+        ------
+        SceneError
+            If there are too many surfaces for them.
+        """
+        if self._chains is None:
+            table = chain_table(self._scene)
+            if not table[layout.columns("CHAIN_HEAD")["LIGHTS"]].view(np.uint32):
+                return None
+            self._chains = self._device.upload(table)
+        return self._chains
 
     @property
     def node_count(self) -> int:
@@ -219,6 +238,9 @@ class SceneArrays:
     def release(self) -> None:
         """Release the device memory."""
         lent = self.tree.buffers if self._lent else ()
+        if self._chains is not None:
+            self._device.release(self._chains)
+            self._chains = None
         for buffer in dict.fromkeys(self.buffers.values()):  # unused entries are duplicates of others
             if buffer not in lent:
                 self._device.release(buffer)

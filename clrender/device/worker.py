@@ -166,8 +166,10 @@ class DeviceWorker:
             self.build_seconds = time.perf_counter() - begin
             self.lanes = launch.lanes or _lanes(device)
             self._parts = self.lanes >= 4 and self._arrays.node_count > _SMALL_TREE
+            table = self._arrays.chain_table() if settings["specular_chains"][0] else None
+            self._chains = table is not None
             # A single packet has no others to alternate with where rays diverge, or to sort paths by material with.
-            several = self._parts or (self.lanes >= 4 and self._features.materials)
+            several = (self._parts or (self.lanes >= 4 and self._features.materials)) and not self._chains
             self._packets = _packets(pipeline, self.lanes) if several else 1
             group = launch.work_group or _work_group(device, self.lanes, self._packets)
             self._group = group if launch.work_group else min(group, device.max_work_group)
@@ -189,6 +191,8 @@ class DeviceWorker:
             self._done_at = 0.0
             self._rays = 0
             named = {**self._arrays.buffers, "settings": self._settings_buffer}
+            if table is not None:
+                named["chain_table"] = table
             self.scene_arguments = [named[name] for name in scene_array_names()]
             self._preparation = prepare(self) if prepare else None
             if self._preparation:
@@ -233,6 +237,8 @@ class DeviceWorker:
             defines["SEVERAL_SHADOW_RAYS"] = 1
         if self._settings["indirect_rays"][0] > 1:
             defines["PATH_SPLITS"] = 1
+        if self._chains:
+            defines["SPECULAR_CHAINS"] = 1
         if self._prefetches:
             defines["PREFETCH"] = 1
             if self._arrays.tree_bytes > _NEAR_BYTES:

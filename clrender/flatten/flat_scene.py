@@ -39,7 +39,7 @@ from clrender.scene.description import (
     SpotLight,
     SunSkyLight,
 )
-from clrender.scene.materials import Dielectric, Material, Subsurface
+from clrender.scene.materials import Conductor, Dielectric, Material, Mirror, Subsurface
 from clrender.scene.values import Vector, cross, length
 from clrender.settings import FILTER_RADII
 
@@ -323,9 +323,10 @@ def _no_light(scene: Scene, lights: FlatLights) -> list[str]:
 
 
 def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> list[str]:
-    """Warn of light from delta lights through glass, which only integrators with paths from the lights find."""
-    used = {solid_of(shape) for _, shape in scene.all_shapes()} - no_boundary
-    glass = {name for name, _ in used if name is not None and _is_glass(scene.materials[name])}
+    """Warn of light from delta lights over mirrors and through glass, which paths from the camera cannot find."""
+    used = {name for name, _ in {solid_of(shape) for _, shape in scene.all_shapes()} - no_boundary if name is not None}
+    glass = {name for name in used if _is_glass(scene.materials[name])}
+    mirrors = {name for name in used if _is_mirror(scene.materials[name])}
     kinds: dict[type, str] = {
         DirectionalLight: "directional",
         PointLight: "point",
@@ -334,12 +335,14 @@ def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> list[str]:
         ProjectorLight: "projector",
     }
     shining = [name for kind, name in kinds.items() if any(isinstance(light, kind) for light in scene.lights)]
-    if not glass or not shining:
+    if not (glass or mirrors) or not shining:
         return []
-    which = f"{' and '.join(shining)} lights, through the dielectric {min(glass)!r}"
+    through = [f"through the dielectric {min(glass)!r}"] if glass else []
+    over = [f"reflected by the mirror {min(mirrors)!r}"] if mirrors else []
+    which = f"{' and '.join(shining)} lights, {' and '.join([*through, *over])}"
     return [
-        f"{scene.source}: light of {which}: only the integrators bdpt and photon find it; elsewhere glass casts a "
-        "full shadow"
+        f"{scene.source}: light of {which}: only the integrators bdpt and photon find it, and path with "
+        "specular_chains on, whose variance there has no bound at the edges of caustics; elsewhere it is missing"
     ]
 
 
@@ -360,6 +363,11 @@ def _is_glass(material: Material) -> bool:
     if isinstance(material, Subsurface):
         return material.ior is not None and not material.rough
     return isinstance(material, Dielectric) and material.ior != material.exterior_ior
+
+
+def _is_mirror(material: Material) -> bool:
+    """Whether the material reflects in one direction alone."""
+    return isinstance(material, Mirror) or (isinstance(material, Conductor) and material.roughness == 0.0)
 
 
 def _padded(array: NDArray[Any]) -> NDArray[Any]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "LIST_LENGTH",
-    "light_inside",
+    "has_volumes",
     "media_around",
     "media_in_box",
     "media_with_lights",
@@ -150,28 +150,6 @@ def _spaces(
         yield of_group, (to_object[:, :3] * point).sum(axis=1) + to_object[:, 3], 1.0 / volume
 
 
-def light_inside(
-    arrays: _Arrays, triangle_count: int, light_count: int, instances: FlatInstances | None = None
-) -> int | None:
-    """The first light inside a medium, judged by a few points of each light.
-
-    Parameters
-    ----------
-    arrays : mapping of str to ndarray
-        See `clrender.flatten.flat_scene.FlatScene`.
-    triangle_count, light_count : int
-
-    Returns
-    -------
-    int or None
-        Row of ``lights``.
-    """
-    if len(arrays["media_rows"]) == 1:
-        return None
-    around = _media_around_lights(arrays, triangle_count, light_count, instances)
-    return next((number for number, media in around if media), None)
-
-
 def media_with_lights(
     arrays: _Arrays, triangle_count: int, light_count: int, instances: FlatInstances | None = None
 ) -> set[int]:
@@ -272,6 +250,11 @@ def medium_of_primitives(arrays: _Arrays) -> NDArray[np.uint32]:
     """The medium behind each primitive's front, (T + R,) uint32; 0: none."""
     medium: NDArray[np.uint32] = arrays["materials"]["medium"][arrays["shapes"]["material"]]
     return medium[arrays["primitive_shape"]]
+
+
+def has_volumes(arrays: _Arrays) -> bool:
+    """Whether there are shapes whose medium paths have to know that begin inside."""
+    return len(arrays["media_rows"]) > 1 and bool(medium_of_primitives(arrays).any())
 
 
 def _box(

@@ -29,7 +29,7 @@ from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.values import POWER_LIMIT, Color, length
 from clrender.wording import place
 
-__all__ = ["FlatLights", "flat_environment", "flat_lights", "points_that_shine"]
+__all__ = ["FlatLights", "flat_environment", "flat_lights"]
 
 _Rows: TypeAlias = NDArray[np.void]
 _LIGHT_LIMIT: Final = 2**24
@@ -231,19 +231,6 @@ def _sun_row(scene: Scene, light: SunSkyLight, sun: Sun) -> _Rows:
     row["radiance"][0, :3], row["alias_threshold"] = sun.mean, 1.0
     row["position"][0, :3] = [-x for x in sun.axis]
     return row
-
-
-def points_that_shine(scene: Scene, tables: LampTables) -> list[int]:
-    """Indices of the point-like lights that have rows, in order.
-
-    Parameters
-    ----------
-    scene : Scene
-    tables : LampTables
-        Tables of its IES files.
-    """
-    points = ((index, light) for index, light in enumerate(scene.lights) if isinstance(light, AT_POINT))
-    return [index for index, light in points if _luminance(lamp_at(light, tables).intensity) > 0.0]
 
 
 def _emitters(

@@ -23,4 +23,5 @@ INTEGRATOR: Final = Integrator(
     auto_light_sampler="power",
     shares="image",
     preparation="clrender.bidirectional.light_paths",
+    specular_chains=True,
 )

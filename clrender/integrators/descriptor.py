@@ -98,6 +98,8 @@ class Integrator:
         (`clrender.device.preparation`); empty: it needs only the scene.
     guiding : str
         The same if its paths are guided; empty: they cannot be.
+    specular_chains : bool
+        Whether its paths can sample light over specular chains.
     """
 
     pipeline: Pipeline
@@ -117,6 +119,7 @@ class Integrator:
     shares: str = ""
     preparation: str = ""
     guiding: str = ""
+    specular_chains: bool = False
 
     @property
     def has_errors(self) -> bool:

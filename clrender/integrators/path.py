@@ -12,4 +12,5 @@ INTEGRATOR: Final = Integrator(
     Pipeline("integrator/path.cl", "integrator_path", packets=8),
     media=True,
     guiding="clrender.guiding.preparation",
+    specular_chains=True,
 )

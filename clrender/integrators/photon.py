@@ -14,6 +14,7 @@ INTEGRATOR: Final = Integrator(
     # Photons start at lights, and a light BVH only samples lights for a given shading point.
     takes={"indirect_rays": (1,), "light_sampler": ("auto", "power", "uniform")},
     fixed={"indirect_rays": 0},
+    media=True,
     auto_light_sampler="power",
     preparation="clrender.photon.maps",
 )

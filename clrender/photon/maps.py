@@ -13,7 +13,7 @@ import numpy.typing as npt
 from clrender.device.prepared import Prepared, Request
 from clrender.device.radix_sort import launch_each, sort
 from clrender.flatten.flat_box import around_box, scene_box
-from clrender.flatten.lights_in_media import refuse_lights_in_media
+from clrender.flatten.interiors import has_volumes
 
 if TYPE_CHECKING:
     from clrender.device.device import Argument, Buffer
@@ -32,6 +32,7 @@ DEPOSITS: Final = 8
 DEPOSIT_WORDS: Final = 12
 
 _MAP_WORDS: Final = 10
+_MAP_WORDS_IN_MEDIA: Final = 11
 _MOST_CELLS: Final = 1 << 22
 
 
@@ -84,7 +85,9 @@ class PhotonMaps:
         self._bounds, around = around_box(low, high)
         self._radius = RADIUS_SHARE * around if radius is None else radius
         self._low, self._extent = low, np.maximum(high - low, 1e-3 * around)
-        self._trace = worker.program("photon/photons.cl")
+        more: dict[str, int | str] = {"LIGHTS_IN_MEDIA": 1} if has_volumes(flat.arrays) else {}
+        self._trace = worker.program("photon/photons.cl", more)
+        self._media = flat.features.media
         self._grid = worker.device.program("photon/grid.cl", {"LANES": 1})
         self._dark = flat.light_count == 0
         self._held: list[Buffer] = []
@@ -109,15 +112,16 @@ class PhotonMaps:
         low, size = self._cells(float(radius))
         deposits, counts = self._deposits(number)
         keys, values = device.empty(8 * places), device.empty(4 * places)
-        arguments: list[Argument] = [deposits, counts, np.uint32(places), low, size, keys, values]
+        media, cells = np.uint32(self._media), int(size[3]) * (2 if self._media else 1)
+        arguments: list[Argument] = [deposits, counts, np.uint32(places), low, size, media, keys, values]
         launch_each(device, self._grid, "grid_keys", places, arguments)
-        cells = int(size[3])
         keys, values = sort(device, keys, values, places, cells.bit_length())
         starts = device.empty(4 * (cells + 1))
         launch_each(device, self._grid, "grid_starts", places + 1, [keys, np.uint32(places), np.uint32(cells), starts])
         stride = np.uint32(-(-places // 16) * 16 + 16)
-        photon_map = device.empty(4 * _MAP_WORDS * int(stride))
-        arguments = [deposits, counts, values, starts, np.uint32(cells), stride, photon_map]
+        words = np.uint32(_MAP_WORDS_IN_MEDIA if self._media else _MAP_WORDS)
+        photon_map = device.empty(4 * int(words) * int(stride))
+        arguments = [deposits, counts, values, starts, np.uint32(cells), stride, words, photon_map]
         launch_each(device, self._grid, "grid_place", int(stride), arguments)
         device.finish()
         for buffer in (deposits, counts, keys, values):
@@ -163,6 +167,5 @@ class PhotonMaps:
 def prepare(request: Request) -> Prepared:
     """Prepare photon maps on each device."""
     settings = request.settings
-    refuse_lights_in_media(request.scene, request.flat, settings.integrator)
     maps = partial(PhotonMaps, flat=request.flat, photons=settings.photons, radius=settings.photon_radius)
     return Prepared(request.flat, request.pipeline, maps)

@@ -191,8 +191,9 @@ static uint light_path_splat(const Scene* scene, const LightPath* p, const Light
     return lane_count(asked);
 }
 
-// Choose where the path goes on; it does with the probability of its largest weight, and its flux keeps its size.
-static vmask light_path_scatter(const Scene* scene, LightPath* p, const LightArrival* a, Hit hit) {
+// Choose where the path goes on; it does with the probability of its largest weight, and its flux keeps its size. `sent`: its flux before it came
+// here, of which a medium may have absorbed a part.
+static vmask light_path_scatter(const Scene* scene, LightPath* p, const LightArrival* a, vec3 sent, Hit hit) {
     const Bsdf* bsdf = &a->bsdf;
     vuint bits_u, bits_v;
     sampler_bits(p->sampler, sampler_set(p->depth, SET_BSDF), &bits_u, &bits_v);
@@ -213,7 +214,7 @@ static vmask light_path_scatter(const Scene* scene, LightPath* p, const LightArr
 
     const vfloat late = a->straight ? splat(1.0f) : roulette_late(p->depth + 1u);
     const vfloat open = medium_survival(scene, &p->interior, medium_scatters(hit), p->depth + 1u);
-    const vfloat survival = roulette_by_flux(weight) * late * open;
+    const vfloat survival = roulette_by_flux(weight) * medium_kept(hit, sent, p->flux) * late * open;
     p->flux = mul(p->flux, scale(weight, inverse_or_one(survival)));
     p->ray = surface_leave(&a->surface, next.direction);
     interior_cross(&p->interior, &a->crossing, next.direction, bsdf->side);
@@ -250,6 +251,7 @@ static uint light_paths_trace(const Scene* scene, const Splats* splats, uint pas
 #endif
         Hit hit = find_nearest(scene, &path.ray, path.sampler, path.depth, mask_none(), path.alive);
         rays += lane_count(path.alive);
+        const vec3 sent = path.flux;
         medium_travel(scene, &path.interior, &free, path.alive, &path.flux, &hit);
         light_path_arrive(scene, &path, hit, &arrival);
 
@@ -259,7 +261,7 @@ static uint light_paths_trace(const Scene* scene, const Splats* splats, uint pas
         path.made = arrival.joins ? path.made + 1u : path.made;
 
         // Go on, or end and say how many vertices there were
-        const vmask ended = path.alive & !light_path_scatter(scene, &path, &arrival, hit);
+        const vmask ended = path.alive & !light_path_scatter(scene, &path, &arrival, sent, hit);
         if (lane_any(ended)) {
             int has_ended[LANES];
             uint number[LANES], count[LANES];

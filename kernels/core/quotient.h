@@ -27,6 +27,7 @@
 
 #if LANES == 1
 #define quotient_one quotient_lanes
+#define square_root_one square_root_lanes
 #else
 #define F float
 #define I int
@@ -60,6 +61,7 @@
 #define quotient_one(a, b) ((a) / (b))
 #define quotient_pack(a, b) ((a) / (b))
 #define square_root_lanes(x) sqrt(x)
+#define square_root_one(x) sqrt(x)
 #define square_root_pack(x) sqrt(x)
 
 #endif

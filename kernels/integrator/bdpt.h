@@ -137,6 +137,7 @@ static void bdpt_trace(const Scene* given, const LightVertices* light, Pool* poo
         // Sample light that reaches the surface straight from the lights, and by way of light paths; and where other light comes from, and go on there
         path_sample_direct(scene, path, vertex, &direct, stats);
         bdpt_sample_joins(scene, light, path, vertex, &joined, stats);
+        EACH_PACKET(k) chains_add(scene, &path[k], &vertex[k], stats);
         EACH_PACKET(k) path_scatter(scene, &path[k], &vertex[k], hit[k]);
 
         // Add the light that nothing hides; deliver what paths that ended have found

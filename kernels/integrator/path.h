@@ -46,6 +46,7 @@
 #include "material/interior.h"
 #include "medium/homogeneous.h"
 #include "medium/walk.h"
+#include "specular/chains.h"
 
 // Where the events of paths are recorded, to train the guiding field.
 #ifdef PATH_RECORDED
@@ -140,7 +141,8 @@ static void path_add_emission(const Scene* scene, Path* path, const Vertex* vert
         emitted = choose(outside, around.radiance, emitted);
         density = outside ? around.pdf : density;
     }
-    path_count_emission(scene, path, &light, surface, emitted, density, shines | outside);
+    const vfloat share = chains_leave_surface(scene, path, &light, surface, shines);
+    path_count_emission(scene, path, &light, surface, scale(emitted, share), density, shines | outside);
 }
 
 // The same for the sun, which is a light of its own before the sky.
@@ -150,7 +152,8 @@ static void path_add_sun(const Scene* scene, Path* path, const Vertex* vertex) {
     const vmask seen = vertex->traced & !vertex->found & (sun.pdf > 0.0f) & !environment_hidden(path->depth);
     if (!lane_any(seen)) return;
     const LightRow light = light_at(scene, splat_uint(sun_light(scene)));
-    path_count_emission(scene, path, &light, &vertex->surface, sun.radiance, sun.pdf, seen);
+    const vfloat share = chains_leave(scene, path, splat_uint(sun_light(scene)), sun.pdf, splat(1.0f), splat(1.0f), mask_all(), seen);
+    path_count_emission(scene, path, &light, &vertex->surface, scale(sun.radiance, share), sun.pdf, seen);
 #endif
 }
 
@@ -281,6 +284,7 @@ static vmask path_sample_bsdf(const Scene* scene, Path* path, Vertex* vertex) {
     INVARIANT(path, INVARIANT_BSDF_SAMPLE, bsdf_sample_violates(&next, bsdf->specular, vertex->scatters));
     guide_sample(scene, vertex, bits_u, bits_v, &next);
     interior_straighten(&vertex->crossing, path->ray.direction, &next.direction, &next.weight);
+    chains_note(scene, path, vertex, &next);
     path->throughput = mul(path->throughput, next.weight);
     path->index_squared = straight ? path->index_squared : path->index_squared * bsdf_index_squared(bsdf, next.direction);
     path_note_direction(scene, path, vertex, &next, !shadows_pass);
@@ -289,8 +293,8 @@ static vmask path_sample_bsdf(const Scene* scene, Path* path, Vertex* vertex) {
     path->ray = surface_leave(&vertex->surface, next.direction);
     interior_cross(&path->interior, &vertex->crossing, next.direction, bsdf->side);
     vmask goes_on = vertex->scatters & (largest(path->throughput) > 0.0f);
-#if defined(PATH_GATHERS) && defined(MATERIALS)
-    goes_on = goes_on & (path->counts_in_full | (vertex->surface.kind != MATERIAL_LAMBERT));
+#if defined(PATH_GATHERS) && (defined(MATERIALS) || defined(MEDIA))
+    goes_on = goes_on & (path->counts_in_full | !path_gathers(vertex));
 #else
     if (scene->settings->indirect_rays == 0) goes_on = goes_on & path->counts_in_full;
 #endif
@@ -371,6 +375,7 @@ static void path_trace(const Scene* given, Pool* pool, PoolStats* stats PATH_REC
 #endif
         // Sample light that reaches the surface straight from the lights, and where other light comes from, and go on there
         path_sample_direct(scene, path, vertex, &direct, stats);
+        EACH_PACKET(k) chains_add(scene, &path[k], &vertex[k], stats);
         EACH_PACKET(k) path_scatter(scene, &path[k], &vertex[k], hit[k]);
 
         // Add the light of lights that nothing hides; deliver what paths that ended have found

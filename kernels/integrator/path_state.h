@@ -7,6 +7,9 @@
 #include "core/roulette.h"
 #include "film/pool.h"
 #include "integrator/split.h"
+#ifdef SPECULAR_CHAINS
+#include "specular/differential.h"
+#endif
 #ifdef PATH_BIDIRECTIONAL
 #include "bidirectional/techniques.h"
 #include "camera/towards.h"
@@ -29,6 +32,20 @@ typedef struct {
     uint left;               // that nobody has asked for yet: the last ones
 } CameraRays;
 
+#ifdef SPECULAR_CHAINS
+// It is on no chain; and all vertices so far were deltas.
+#define CHAIN_NONE 0xffu
+#define CHAIN_CAMERA 0xfeu
+
+// The specular chain that a path is on.
+typedef struct {
+    vuint kind;              // what happened on it (specular/delta.h), or CHAIN_*
+    vfloat pdf;              // of its first direction, and of what happened
+    vfloat chance;           // with which a walk began at its first vertex
+    Differential by;
+} ChainState;
+#endif
+
 typedef struct {
     vmask alive;
     PoolSample sample;       // which one of the pool, and its random numbers
@@ -47,6 +64,9 @@ typedef struct {
 #endif
 #ifdef PATH_GUIDED
     vfloat expected;         // luminance that the path was expected to bring where it met the guiding field first; 0: it has not
+#endif
+#ifdef SPECULAR_CHAINS
+    ChainState chain;
 #endif
     Interior interior;       // the dielectrics that the ray begins in
 #ifdef STRAIGHT_SHADOWS
@@ -71,6 +91,11 @@ static Path path_none(void) {
 #endif
 #ifdef PATH_GUIDED
     path.expected = splat(0.0f);
+#endif
+#ifdef SPECULAR_CHAINS
+    path.chain.kind = splat_uint(CHAIN_CAMERA);
+    path.chain.pdf = path.chain.chance = splat(1.0f);
+    path.chain.by = differential_begin(vec3_of(splat(0.0f), splat(0.0f), splat(1.0f)));
 #endif
     path.index_squared = splat(1.0f);
     path.throughput = path.radiance = path.normal = vec3_all(0.0f);
@@ -168,6 +193,9 @@ static void path_start(const Scene* scene, CameraRays* rays, Path* path, vmask l
     path->index_squared = lane ? splat(1.0f) : path->index_squared;
 #ifdef PATH_GUIDED
     path->expected = lane ? splat(0.0f) : path->expected;
+#endif
+#ifdef SPECULAR_CHAINS
+    path->chain.kind = lane ? splat_uint(CHAIN_CAMERA) : path->chain.kind;
 #endif
 #ifdef PATH_BIDIRECTIONAL
     const vfloat edge = techniques_over(splat((float)scene->settings->light_paths), camera_density(scene, direction));

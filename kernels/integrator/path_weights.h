@@ -12,10 +12,17 @@ static vfloat path_weight_found(const Scene* scene, const Path* path, const Ligh
     return mis_weight(path->bsdf_samples, path->bsdf_pdf, splat((float)scene->settings->light_samples), pdf);
 }
 
+#ifdef PATH_GATHERS
+// Where photons are gathered.
+static vmask path_gathers(const Vertex* vertex) {
+    return (vertex->surface.kind == MATERIAL_LAMBERT) | (bsdf_in_medium(&vertex->bsdf) & !vertex->dark);
+}
+#endif
+
 // How many of the BSDF's samples the MIS weights count at a vertex. Photon mapping has none where photons are gathered, and elsewhere one.
 static vfloat path_bsdf_samples(const Scene* scene, const Path* path, const Vertex* vertex) {
-#if defined(PATH_GATHERS) && defined(MATERIALS)
-    return vertex->surface.kind == MATERIAL_LAMBERT ? splat(0.0f) : splat(1.0f);
+#if defined(PATH_GATHERS) && (defined(MATERIALS) || defined(MEDIA))
+    return path_gathers(vertex) ? splat(0.0f) : splat(1.0f);
 #else
     return split_bsdf_samples(&path->split, scene->settings->bsdf_samples);
 #endif

@@ -2,20 +2,21 @@
 // photon mapping: a probabilistic approach", ACM TOG 30(3) 2011): each sample of a pixel looks into a photon map of its own, whose radius
 // shrinks from map to map, so that noise and blur both vanish in the mean. Consistent, not unbiased.
 //
-// A path is followed to its first surface of the material `lambert`; light straight from the lights is added there by shadow rays, and all
-// other light from the photons around. On the way it meets mirrors, glass and all that is rough, where it goes on as in path.h, with light
+// A path is followed to its first surface of the material `lambert`, or to where it scatters in a medium; light straight from the lights is added
+// there by shadow rays, and all other light from the photons around. On the way it meets mirrors, glass and all that is rough, where it goes on as in path.h, with light
 // and BSDF samples weighted: there every direction counts for something else, and few photons come from those that count.
 #ifndef INTEGRATOR_PHOTON_H
 #define INTEGRATOR_PHOTON_H
 
 #define PATH_GATHERS         // paths end where photons are gathered
 #include "integrator/path.h"
+#include "photon/ball.h"
 #include "photon/deposit.h"
 #include "photon/disk.h"
 #include "photon/grid.h"
 
 typedef struct {
-    __global const float* map;       // [10][stride]: position, normal, flux, scattering events (photon/grid.cl)
+    __global const float* map;       // [10][stride], with media [11][stride]: DEPOSIT_ROW_* (photon/grid.cl)
     __global const uint* starts;
     uint stride;
     Grid grid;
@@ -83,6 +84,87 @@ static PhotonFlux photon_gather_one(const PhotonMap* m, float4 point, float4 sid
     return flux;
 }
 
+#ifdef MEDIA
+// The same in a ball, each with the phase function of light that goes on along `onwards`, in 1/sr; over the whole ball's volume, after a scaling.
+static PhotonFlux photon_gather_in_medium(const PhotonMap* m, float4 point, float4 onwards, uint medium, float g, float depth) {
+    const float r = m->radius, r2 = r * r, caustic_r2 = r2 * (CAUSTIC_BALL * CAUSTIC_BALL);
+    const float4 low = m->grid.low;
+    const uint4 size = m->grid.size;
+    const uint x0 = grid_along(point.x - r, low.x, low.w, size.x), x1 = grid_along(point.x + r, low.x, low.w, size.x);
+    const uint y0 = grid_along(point.y - r, low.y, low.w, size.y), y1 = grid_along(point.y + r, low.y, low.w, size.y);
+    const uint z0 = grid_along(point.z - r, low.z, low.w, size.z), z1 = grid_along(point.z + r, low.z, low.w, size.z);
+    PhotonFlux flux;
+    flux.others = flux.caustics = (float4)(0.0f);
+    for (uint z = z0; z <= z1; ++z)
+        for (uint y = y0; y <= y1; ++y) {
+            const size_t row = ((size_t)z * size.y + y) * size.x + size.w;
+            const uint begin = m->starts[row + x0], end = m->starts[row + x1 + 1u];
+            for (uint i = begin; i < end; ++i) {
+                __global const float* at = m->map + i;
+                const size_t n = m->stride;
+                const float dx = at[0] - point.x, dy = at[n] - point.y, dz = at[2 * n] - point.z, distance2 = fma(dx, dx, fma(dy, dy, dz * dz));
+                const float events = at[DEPOSIT_ROW_EVENTS * n];
+                const int caustic = events < 0.0f, near = distance2 <= (caustic ? caustic_r2 : r2) && (caustic ? -events : events) <= depth;
+                if (!near || as_uint(at[DEPOSIT_ROW_MEDIUM * n]) != medium) continue;
+                const float nx = at[DEPOSIT_ROW_NORMAL * n], ny = at[(DEPOSIT_ROW_NORMAL + 1) * n], nz = at[(DEPOSIT_ROW_NORMAL + 2) * n];
+                const float cosine = fma(nx, onwards.x, fma(ny, onwards.y, nz * onwards.z));
+                const float spread = fmax(fma(g, fma(cosine, -2.0f, g), 1.0f), 1.0e-5f);
+                const float phase = quotient_one(fma(g, -g, 1.0f), spread * square_root_one(spread)) * 0.0795774715459477f;
+                const float4 all = (float4)(at[DEPOSIT_ROW_FLUX * n], at[(DEPOSIT_ROW_FLUX + 1) * n], at[(DEPOSIT_ROW_FLUX + 2) * n], 0.0f) * phase;
+                flux.others += caustic ? (float4)(0.0f) : all;
+                flux.caustics += caustic ? all : (float4)(0.0f);
+            }
+        }
+    return flux;
+}
+
+// Radiance that photons bring to each lane's point of a medium, on its way against the path's ray, over what the medium scatters.
+static vec3 photon_in_medium(const Scene* scene, const PhotonMap* m, const Vertex* v, const Path* path, vmask where, PoolStats* stats) {
+    int is_there[LANES];
+    float number[7][LANES];
+    uint medium[LANES], events[LANES];
+    const vec3 point = v->surface.point, onwards = negate(path->ray.direction);
+    lane_store(where, is_there);
+    lane_store(point.x, number[0]);
+    lane_store(point.y, number[1]);
+    lane_store(point.z, number[2]);
+    lane_store(onwards.x, number[3]);
+    lane_store(onwards.y, number[4]);
+    lane_store(onwards.z, number[5]);
+    lane_store(bsdf_mean_cosine(&v->bsdf), number[6]);
+    lane_store(ball_medium(&path->interior), medium);
+    lane_store(path->depth, events);
+    const uint most = scene->settings->max_depth;
+    for (int lane = 0; lane < LANES; ++lane) {
+        PhotonFlux flux;
+        flux.others = flux.caustics = (float4)(0.0f);
+        if (is_there[lane]) {
+            const float left = most == NONE ? FAR : (float)(most - events[lane] - 1u);
+            const float4 at = (float4)(number[0][lane], number[1][lane], number[2][lane], 0.0f);
+            const float4 to = (float4)(number[3][lane], number[4][lane], number[5][lane], 0.0f);
+            flux = photon_gather_in_medium(m, at, to, medium[lane], number[6][lane], left);
+        }
+        number[0][lane] = flux.others.x, number[1][lane] = flux.others.y, number[2][lane] = flux.others.z;
+        number[3][lane] = flux.caustics.x, number[4][lane] = flux.caustics.y, number[5][lane] = flux.caustics.z;
+    }
+    const vfloat per_volume = splat(quotient_one(m->scale * 0.75f, m->radius));      // the scale is for the area of a disk
+    vec3 sum = vec3_all(0.0f);
+    for (uint kind = 0; kind < 2u; ++kind) {
+        const vec3 flux = vec3_of(lane_restore(number[3 * kind]), lane_restore(number[3 * kind + 1]), lane_restore(number[3 * kind + 2]));
+        const vmask asked = where & (largest(flux) > 0.0f);
+        if (!lane_any(asked)) continue;
+        const vuint set = BALL_SET + (path->depth * 2u + kind) * (2u * BALL_MOST_TRIES);
+        const float radius = kind == 0u ? m->radius : m->radius * CAUSTIC_BALL;
+        sum = add(sum, scale(flux, per_volume * ball_tries(scene, point, path->sample.sampler, set, radius, asked, stats)));
+    }
+    // Deposits are of what is scattered
+    vfloat row[16];
+    lane_rows(scene->media_rows, where ? interior_top(&path->interior) : splat_uint(0u), row);
+    const vec3 scattering = vec3_row(row, MEDIUM_ROW_SCATTERING);
+    return vec3_of(sum.x * inverse_or_one(scattering.x), sum.y * inverse_or_one(scattering.y), sum.z * inverse_or_one(scattering.z));
+}
+#endif
+
 // The flux in each lane's disk, over the whole disk's area.
 static void photon_gather(const Scene* scene, const PhotonMap* m, const Surface* surface, vec3 side, vuint depth, vmask where,
                           vec3* others, vec3* caustics) {
@@ -149,7 +231,7 @@ static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, Po
     while (path_next(scene, pool, &waiting, path)) {
         // Find the nearest surface, and add the light the ray ran into
         path_find(scene, path, free, hit);
-        path->throughput = interior_absorb(scene, &path->interior, hit[0], path->throughput);
+        path_travel(scene, path, free, hit);
         path_vertex(scene, path, hit[0], stats, &vertex[0]);
         path_add_emission(scene, path, vertex);
         path_add_sun(scene, path, vertex);
@@ -157,6 +239,13 @@ static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, Po
         // On a diffuse surface add light straight from the lights, and what the photons brought
         path_sample_direct(scene, path, vertex, &direct, stats);
         path_add_direct(scene, path, &direct);
+#ifdef MEDIA
+        const vmask in_medium = vertex->samples_lights & ball_receives(scene, &path->interior, &vertex->bsdf, vertex->dark);
+        if (lane_any(in_medium)) {
+            const vec3 arriving = mul(path->throughput, photon_in_medium(scene, map, vertex, path, in_medium, stats));
+            path->radiance = choose(in_medium, add(path->radiance, arriving), path->radiance);
+        }
+#endif
         const vmask gathers = vertex->samples_lights & disk_receives(&vertex->surface);
         if (lane_any(gathers)) {
             const vec3 arriving = photon_irradiance(scene, map, &vertex->surface, path, gathers, stats);

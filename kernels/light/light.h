@@ -88,7 +88,7 @@ static vfloat light_probability(const Scene* scene, vec3 origin, vec3 normal, co
     return tree_probability(scene, origin, normal, vfloat_bits(light->row[LIGHT_ROW_PLACE]));
 }
 
-#ifdef PATH_BIDIRECTIONAL
+#if defined(PATH_BIDIRECTIONAL) || defined(SPECULAR_CHAINS)
 // Square metres of a light that is a surface; of others, any.
 static vfloat light_area(const LightRow* l) {
     const vfloat radius = l->row[LIGHT_ROW_RADIUS], disk = radius * radius * PI;

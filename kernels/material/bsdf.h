@@ -33,6 +33,9 @@ typedef struct {
 #ifdef MATERIALS
     Closure closure;
     vmask thin;          // a smooth wall without thickness, whose own index is closure.glass.eta
+#ifdef SPECULAR_CHAINS
+    vmask mixed;         // of mixed materials
+#endif
 #endif
 #ifdef SUBSURFACE
     vmask passes;        // the surface of a subsurface material: all light that can goes through, and is spread by the cosine
@@ -134,11 +137,17 @@ static void bsdf_read_rows(const Scene* scene, const Surface* s, vec3 direction,
     b->kind = black ? splat_uint(MATERIAL_LAMBERT) : p->kind;
     b->thin = by_row & parameters_flag(p, MATERIAL_FLAG_THIN);
     b->eta = b->thin ? splat(1.0f) : s->front ? p->ior : quotient(splat(1.0f), p->ior);
+#ifdef SPECULAR_CHAINS
+    b->mixed = p->mixed;
+#endif
     const vmask delta = (b->kind == MATERIAL_MIRROR) | (b->kind == MATERIAL_DIELECTRIC) | (b->kind == MATERIAL_CONDUCTOR);
     b->specular = delta & !b->closure.present;
 }
 
 static void bsdf_no_rows(Bsdf* b) {
+#ifdef SPECULAR_CHAINS
+    b->mixed = mask_none();
+#endif
     b->closure.present = b->closure.glass.present = b->closure.diffuse.present = b->thin = mask_none();
     b->closure.diffuse.transmission = splat(0.0f);
     b->closure.albedo = vec3_all(0.0f);

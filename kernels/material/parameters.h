@@ -21,6 +21,9 @@ typedef struct {
     vfloat diffuse_transmission;
     vec3 diffuse_transmission_color;
     vec3 eta, k, fresnel;
+#ifdef SPECULAR_CHAINS
+    vmask mixed;                   // it is one of mixed materials
+#endif
 #ifdef TEXTURES
     vec3 shading;                  // the shading normal, on the front side
 #endif
@@ -102,6 +105,9 @@ static Parameters material_at(const Scene* scene, const Surface* s, vec3 directi
     const vmask mixed = parameters_unmix(scene, s, has_row, &row, a);
     lane_rows(scene->material_rows, row * 2u + 1u, b);
     Parameters p;
+#ifdef SPECULAR_CHAINS
+    p.mixed = mixed;
+#endif
     p.kind = has_row ? vfloat_bits(a[MATERIAL_ROW_KIND]) : s->kind;
     p.flags = has_row ? vfloat_bits(a[MATERIAL_ROW_FLAGS]) : splat_uint(0u);
     p.color = choose(has_row, vec3_row(a, MATERIAL_ROW_COLOR), s->color);

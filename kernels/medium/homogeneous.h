@@ -128,9 +128,15 @@ static vfloat medium_survival(const Scene* scene, const Interior* in, vmask here
     return late & ((flags & MEDIUM_FLAG_OPEN) != 0u) ? roulette_lost(depth) : splat(1.0f);
 }
 
+// The share of its flux that a path from a light kept which scatters here, for roulette: that of the medium's albedo, about.
+static vfloat medium_kept(Hit hit, vec3 sent, vec3 flux) {
+    return medium_scatters(hit) ? lesser(largest(flux) * inverse_or_one(largest(sent)), splat(1.0f)) : splat(1.0f);
+}
+
 #else
 
 static vmask medium_scatters(Hit hit) { return mask_none(); }
+static vfloat medium_kept(Hit hit, vec3 sent, vec3 flux) { return splat(1.0f); }
 static vfloat medium_survival(const Scene* scene, const Interior* in, vmask here, vuint depth) { return splat(1.0f); }
 
 typedef struct {

@@ -1,14 +1,17 @@
 // Photons on their way from the lights: at every surface of the material `lambert` that is not black and that they reach after at least one
-// scattering event they leave a deposit. Light that comes straight from the lights is found by shadow rays, with less noise.
+// scattering event they leave a deposit, and so they do where they scatter in a medium. Light that comes straight from the lights is found by shadow rays, with less noise.
 #ifndef PHOTON_TRACE_H
 #define PHOTON_TRACE_H
 
+#include "camera/surroundings.h"
 #include "core/roulette.h"
 #include "geometry/find.h"
 #include "geometry/surface.h"
 #include "material/bsdf.h"
 #include "material/interior.h"
 #include "material/turning.h"
+#include "medium/walk.h"
+#include "photon/ball.h"
 #include "photon/deposit.h"
 #include "photon/disk.h"
 #include "photon/emit.h"
@@ -43,51 +46,60 @@ static void photon_start(const Scene* scene, float4 bounds, uint pass, vuint num
     p->sampler.index = p->number;
     const Emission e = emission_sample(scene, p->sampler, bounds);
     ray_replace(&p->ray, e.ray, start);
-    p->flux = choose(start, e.flux, p->flux);
+    p->flux = choose(start, choose(e.far, mul(e.flux, interior_through_fog(scene)), e.flux), p->flux);
     p->depth = start ? splat_uint(0u) : p->depth;
     p->deposits = start ? splat_uint(0u) : p->deposits;
     p->specular = p->specular | start;
-    interior_replace(&p->interior, interior_none(), start);       // the host sees to it that no light is in a medium
+    interior_replace(&p->interior, interior_none(), start);
+#ifdef LIGHTS_IN_MEDIA
+    const vmask near = start & !e.far;
+    if (lane_any(near)) interior_replace(&p->interior, surroundings_at(scene, e.ray.origin, near), near);
+#endif
     p->alive = p->alive | start;
 }
 
 // Keep the deposit in the next free place of its photon; when all are taken, in a random one or nowhere, so that at any time each
 // deposit so far is as likely to be there (Vitter 1985).
-static void photon_deposit(const Photon* p, const Surface* s, vec3 flux, vmask where, __global float* deposits) {
+static void photon_deposit(const Photon* p, const Surface* s, vec3 flux, vuint medium, vmask where, __global float* deposits) {
     vuint random, unused;
     sampler_hash_bits(p->sampler, sampler_set(p->depth, SET_LIGHT), &random, &unused);
     const vuint drawn = mul_hi(random, p->deposits + 1u), place = p->deposits < PHOTON_DEPOSITS ? p->deposits : drawn;
     const vmask kept = where & (place < PHOTON_DEPOSITS);
     const vfloat events = vfloat_of(vint_from_uint(p->depth));
     const vec3 side = choose(s->front, s->normal, negate(s->normal));
-    vfloat words[10];
+    vfloat words[11];
     vec3_row_put(words, DEPOSIT_ROW_POINT, s->point);
-    vec3_row_put(words, DEPOSIT_ROW_NORMAL, side);
+    vec3_row_put(words, DEPOSIT_ROW_NORMAL, choose(medium != 0u, p->ray.direction, side));
     vec3_row_put(words, DEPOSIT_ROW_FLUX, flux);
     words[DEPOSIT_ROW_EVENTS] = p->specular ? -events : events;
+    words[DEPOSIT_ROW_MEDIUM] = vfloat_from_bits(medium);
     int is_kept[LANES];
     uint at[LANES];
     float word[LANES];
     lane_store(kept, is_kept);
     lane_store(p->number * PHOTON_DEPOSITS + place, at);
-    for (uint k = 0; k < 10; ++k) {
+    for (uint k = 0; k < 11u; ++k) {
         lane_store(words[k], word);
         for (int lane = 0; lane < LANES; ++lane)
             if (is_kept[lane]) deposits[(size_t)at[lane] * DEPOSIT_WORDS + k] = word[lane];
     }
 }
 
-// Choose where the photon goes on; it does with the probability of its largest weight, and its flux keeps its size.
-static vmask photon_scatter(const Scene* scene, Photon* p, const Surface* surface, const Bsdf* bsdf, const Crossing* crossing, vmask found) {
+// Choose where the photon goes on; it does with the probability of its largest weight, and its flux keeps its size. `sent`: its flux before it came
+// here, of which a medium may have absorbed a part.
+static vmask photon_scatter(const Scene* scene, Photon* p, const Surface* surface, const Bsdf* bsdf, const Crossing* crossing, vec3 sent, Hit hit,
+                            vmask found) {
     const vmask straight = interior_straight(crossing);
     vuint bits_u, bits_v;
     sampler_bits(p->sampler, sampler_set(p->depth, SET_BSDF), &bits_u, &bits_v);
     BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
     // bsdf_sample weighs radiance, and this is flux
     const vfloat turned = bsdf_turned(bsdf, p->ray.direction, next.direction) * bsdf_index_squared(bsdf, next.direction);
-    vec3 weight = scale(next.weight, turned);
+    vec3 weight = scale(next.weight, bsdf_in_medium(bsdf) ? splat(1.0f) : turned);
     interior_straighten(crossing, p->ray.direction, &next.direction, &weight);
-    const vfloat late = straight ? splat(1.0f) : roulette_late(p->depth + 1u), survival = roulette_by_flux(weight) * late;
+    const vfloat late = straight ? splat(1.0f) : roulette_late(p->depth + 1u);
+    const vfloat open = medium_survival(scene, &p->interior, medium_scatters(hit), p->depth + 1u);
+    const vfloat survival = roulette_by_flux(weight) * medium_kept(hit, sent, p->flux) * late * open;
     p->flux = mul(p->flux, scale(weight, inverse_or_one(survival)));
     p->ray = surface_leave(surface, next.direction);
     interior_cross(&p->interior, crossing, next.direction, bsdf->side);
@@ -114,24 +126,35 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
         }
 
         // Find where the photon arrives, and leave a deposit if that is diffuse and not the first place
-        const Hit hit = find_nearest(scene, &photon.ray, photon.sampler, photon.depth, mask_none(), photon.alive);
-        const vmask found = photon.alive & (hit.primitive != NONE);
-        Surface surface = surface_at(scene, &photon.ray, hit, found);
-        const Crossing crossing = interior_meet(scene, &photon.interior, &surface, found);
-        photon.flux = interior_absorb(scene, &photon.interior, hit, photon.flux);
+#ifdef MEDIA
+        const FreePath free = medium_free_path(scene, &photon.interior, &photon.ray, photon.sampler, photon.depth, photon.flux);
+        photon.ray.limit = lesser(photon.ray.limit, free.length);
+#else
+        FreePath free;
+        free.nothing = 0u;
+#endif
+        Hit hit = find_nearest(scene, &photon.ray, photon.sampler, photon.depth, mask_none(), photon.alive);
+        const vec3 sent = photon.flux;
+        medium_travel(scene, &photon.interior, &free, photon.alive, &photon.flux, &hit);
+        const vmask found = photon.alive & (hit.primitive != NONE), on_surface = found & !medium_scatters(hit);
+        Surface surface = surface_at(scene, &photon.ray, hit, on_surface);
+        medium_surface(scene, &photon.ray, &photon.interior, hit, &surface);
+        const Crossing crossing = interior_meet(scene, &photon.interior, &surface, on_surface);
         Bsdf bsdf;
         bsdf_at(scene, &surface, photon.ray.direction, &bsdf);
-        const vmask arrives = found & disk_receives(&surface) & (photon.depth > 0u);
+        const vmask dark = walk_in_the_dark(scene, &photon.interior, &crossing, &bsdf);
+        const vmask in_medium = found & ball_receives(scene, &photon.interior, &bsdf, dark);
+        const vmask arrives = ((on_surface & disk_receives(&surface)) | in_medium) & (photon.depth > 0u);
         rays += lane_count(photon.alive);
         if (lane_any(arrives)) {
-            const vec3 flux = scale(photon.flux, bsdf_shaded(&bsdf, photon.ray.direction));
-            photon_deposit(&photon, &surface, flux, arrives, deposits);
+            const vec3 flux = choose(in_medium, photon.flux, scale(photon.flux, bsdf_shaded(&bsdf, photon.ray.direction)));
+            photon_deposit(&photon, &surface, flux, in_medium ? ball_medium(&photon.interior) : splat_uint(0u), arrives, deposits);
             photon.deposits = arrives ? photon.deposits + 1u : photon.deposits;
         }
 
         // Go on, or end and say how many deposits there were
         photon.specular = photon.specular & bsdf.specular;
-        const vmask goes_on = photon_scatter(scene, &photon, &surface, &bsdf, &crossing, found);
+        const vmask goes_on = photon_scatter(scene, &photon, &surface, &bsdf, &crossing, sent, hit, found);
         const vmask ended = photon.alive & !goes_on;
         if (lane_any(ended)) {
             int has_ended[LANES];

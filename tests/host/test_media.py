@@ -13,7 +13,7 @@ from cases import for_each
 from clrender import layout
 from clrender.errors import SceneError
 from clrender.flatten.flat_scene import flatten, seen_by
-from clrender.flatten.interiors import light_inside, packed
+from clrender.flatten.interiors import media_with_lights, packed
 from clrender.flatten.media import absorption_coefficients, scene_media
 from clrender.rendering.job import RenderJob
 from clrender.scene import Scene
@@ -238,16 +238,16 @@ def test_lights_inside_are_found(light: dict[str, Any]) -> None:
     far = {**light, "transform": {"translate": [5.0, 0.0, 0.0]}}
     for shapes, exact in (([volume, far, light], True), ([volume, far], False)):
         flat = flatten(scene(shapes, a=glass(priority=1)), 8, 8)
-        assert (light_inside(flat.arrays, flat.triangle_count, flat.light_count) is not None) == exact
+        assert bool(media_with_lights(flat.arrays, flat.triangle_count, flat.light_count)) == exact
     flat = flatten(scene([volume, light], a=glass()), 8, 8)
-    assert light_inside(flat.arrays, flat.triangle_count, flat.light_count) is None
+    assert not media_with_lights(flat.arrays, flat.triangle_count, flat.light_count)
 
 
 def test_a_volume_that_shines_is_no_light_inside_itself() -> None:
     for shape in (SPHERE, {"type": "box", "size": [1, 1, 1]}):
         flat = flatten(scene([{**shape, "material": "a", "emission": [1, 1, 1]}], a=glass(priority=1)), 8, 8)
         assert flat.light_count > 0
-        assert light_inside(flat.arrays, flat.triangle_count, flat.light_count) is None
+        assert not media_with_lights(flat.arrays, flat.triangle_count, flat.light_count)
 
 
 @pytest.mark.parametrize("key, material", [("priority", glass(priority=1)), ("attenuation_color", tinted())])

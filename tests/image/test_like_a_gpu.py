@@ -54,6 +54,7 @@ def gpu(device: Device) -> Iterator[LikeGpu]:
         ("room", {"integrator": "photon", "photons": 2000}),
         ("room", {"integrator": "bdpt"}),
         ("room", {"guiding": "on", "guiding_paths": 20000}),
+        ("room", {"specular_chains": "on"}),
         pytest.param("room-diffuse", {"integrator": "radiosity", "patches": 400}, marks=pytest.mark.slow),
         pytest.param("bumpy", {"integrator": "whitted"}, marks=pytest.mark.slow),
     ],

@@ -55,6 +55,7 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
         {"guiding": "on", "guiding_paths": 20000, "tile": 16},
         {"guiding": "on", "guiding_paths": 20000},
     ),
+    "chains": ("room", {"specular_chains": "on", "tile": 16}, {"specular_chains": "on"}),
     "shared light": ("room-diffuse", {"integrator": "reuse", "tile": 16}, {"integrator": "reuse"}),
     "a shard": ("room", {"samples": (5, 17)}, {"samples": (5, 17), "tile": 12}),
 }

@@ -144,6 +144,7 @@ def test_every_kind_of_path(all_devices: list[Device], scene: str, settings: dic
         {"integrator": "photon", "photons": 500, "max_depth": 3, "seed": 7},
         {"integrator": "bdpt", "filter": "mitchell"},
         {"guiding": "on", "guiding_paths": 20000, "filter": "mitchell"},
+        {"specular_chains": "on"},
         pytest.param({"integrator": "photon", "photons": 3000}, marks=pytest.mark.slow),
     ],
     ids=str,
@@ -164,6 +165,7 @@ def test_every_kind_of_sharing(all_devices: list[Device], settings: dict[str, An
         {"integrator": "photon", "photons": 3000},
         {"integrator": "bdpt"},
         {"guiding": "on", "guiding_paths": 20000},
+        {"specular_chains": "on"},
         {"integrator": "reuse"},
     ],
     ids=str,
@@ -326,6 +328,8 @@ def free_memory() -> int:
         pytest.param({"integrator": "photon", "photons": 500}, marks=pytest.mark.slow),
         pytest.param({"integrator": "bdpt"}, marks=pytest.mark.slow),
         pytest.param({"guiding": "on", "guiding_paths": 20000}, marks=pytest.mark.slow),
+        pytest.param({"specular_chains": "on"}, marks=pytest.mark.slow),
+        pytest.param({"integrator": "bdpt", "specular_chains": "on"}, marks=pytest.mark.slow),
     ],
     ids=str,
 )
@@ -349,6 +353,8 @@ def test_every_integrator_on_every_driver(all_devices: list[Device], settings: d
         {"integrator": "bdpt"},
         {"integrator": "reuse"},
         {"guiding": "on", "guiding_paths": 20000, "indirect_rays": 2},
+        {"guiding": "on", "guiding_paths": 20000, "specular_chains": "on"},
+        {"integrator": "bdpt", "specular_chains": "on"},
     ],
     ids=str,
 )

@@ -22,6 +22,7 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "photon maps": ("room", {"integrator": "photon", "photons": 2000, "photon_radius": 0.05}),
     "light paths": ("room", {"integrator": "bdpt", "filter": "mitchell", "light_paths": 3000}),
     "guided": ("room", {"guiding": "on", "guiding_paths": 20000, "guiding_memory": 1 << 20}),
+    "chains": ("room", {"specular_chains": "on"}),
     "shared light": ("room-diffuse", {"integrator": "reuse", "reuse": 4}),
     "radiosity": ("room-diffuse", {"integrator": "radiosity", "patches": 200, "patch_rays": 16}),
     "roulette": ("room", {"roulette": "constant", "termination": 0.3, "seed": 4}),

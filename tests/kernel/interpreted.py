@@ -178,6 +178,10 @@ RENDERS: Final = {
     "guided-4": Run("guided", 4, samples=2),
     "guided-1-media": Run("guided", 1, rough=True, media=True, replicate=1),
     "training-4": Run("training", 4, samples=2, textured=True),
+    "chains-4": Run("chains", 4, samples=2),
+    "chains-1-rough": Run("chains", 1, rough=True, lamps=True, interiors=True),
+    "chains-4-instances": Run("chains", 4, sun=True, instances=True, textured=True),
+    "chains-bdpt-4": Run("chains-bdpt", 4, media=True, interiors=True),
     "whitted-1-large": Run("whitted", 1, samples=2, large=True),
 }
 
@@ -329,7 +333,7 @@ def scene(run: Run, folder: Path) -> FlatScene:
     pixels = np.random.default_rng(71).random((3, 5, 3), np.float32)
     what = Scene.model_validate(described).placed("everything", folder)
     # Photons start at lights, for which a tree has no answer
-    choice = "power" if run.kernel in ("photon", "bdpt") else "auto"
+    choice = "power" if run.kernel in ("photon", "bdpt", "chains-bdpt") else "auto"
     return flatten(what.with_files(environments={"sky": EnvironmentPicture(pixels)}), WIDTH, HEIGHT, choice)
 
 
@@ -349,12 +353,13 @@ def field_over(flat: FlatScene) -> GuidingField:
 def render(device: Device, run: Run) -> str:
     """Hash of the sums of an image."""
     settings = RenderSettings(filter=run.filter).struct(TILE)
-    indirect = {"reuse": 1, "photon": 0, "bdpt": 1, "training": 1}.get(run.kernel, 2)
-    shadow = 1 if run.kernel in ("bdpt", "training") else 2
+    indirect = {"reuse": 1, "photon": 0, "bdpt": 1, "training": 1, "chains": 1, "chains-bdpt": 1}.get(run.kernel, 2)
+    shadow = 1 if run.kernel in ("bdpt", "chains-bdpt", "training") else 2
     for name, value in {
         "width": WIDTH, "height": HEIGHT, "tile": TILE, "seed": 5, "shadow_rays": shadow, "max_depth": 6, "reuse": 16,
         "indirect_rays": indirect, "roulette": layout.ROULETTE_THROUGHPUT, "light_samples": shadow,
         "bsdf_samples": indirect, "replicate_spp": run.replicate, "light_paths": 40,
+        "specular_chains": run.kernel.startswith("chains"),
     }.items():  # fmt: skip
         settings[name] = value
     with tempfile.TemporaryDirectory() as folder:
@@ -362,7 +367,7 @@ def render(device: Device, run: Run) -> str:
     prepare: Callable[[DeviceWorker], DevicePreparation] | None = None
     if run.kernel == "photon":
         prepare = partial(PhotonMaps, flat=flat, photons=40, radius=0.5)
-    elif run.kernel == "bdpt":
+    elif run.kernel in ("bdpt", "chains-bdpt"):
         prepare = partial(LightPaths, flat=flat, count=40)
     elif run.kernel == "guided":
         prepare = partial(GuidedPaths, field=field_over(flat))
@@ -370,8 +375,9 @@ def render(device: Device, run: Run) -> str:
     if trained is not None:
         prepare = lambda _: trained  # noqa: E731
     cut = LaunchConfig(run.lanes, 2, None, run.traversal)
-    guiding = {"guided": GUIDED, "training": TRAINING}
-    pipeline = guiding[run.kernel] if run.kernel in guiding else INTEGRATORS[run.kernel].pipeline
+    others = {"guided": GUIDED, "training": TRAINING, "chains": INTEGRATORS["path"].pipeline}
+    others["chains-bdpt"] = INTEGRATORS["bdpt"].pipeline
+    pipeline = others[run.kernel] if run.kernel in others else INTEGRATORS[run.kernel].pipeline
     worker = DeviceWorker(device, flat, settings, pipeline, cut, prepare)
     sums = worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, run.samples, TILE))
     learned = b"" if trained is None else b"".join(array.tobytes() for array in trained.read())

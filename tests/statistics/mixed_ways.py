@@ -92,6 +92,9 @@ def ways(draw: Draw, content: Json) -> Iterator[Way]:
     yield Way("reuse", {**depth, "integrator": "reuse", "reuse": draw.one((2, 4, 8, 16))}, depth)
     if _found_by_path(content) and "shadow_terminator_offset" not in json.dumps(content):
         yield Way("bdpt", {**depth, "integrator": "bdpt", "light_sampler": draw.one(("power", "uniform"))}, depth)
+    if _found_by_path(content):
+        more: Json = draw.one(({}, {"guiding": "on", "guiding_paths": 1 << 13}, {"sampling": "light"}))
+        yield Way("chains", {**depth, "specular_chains": "on", **more}, depth)
     direct = {"integrator": "direct", "light_sampler": "power"}  # it has light samples alone
     others = {"light_sampler": draw.one(("bvh", "uniform")), "shadow_rays": draw.count(1, 3)}
     yield Way("direct", {**direct, **others}, direct)

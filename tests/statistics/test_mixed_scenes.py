@@ -45,7 +45,7 @@ NATURAL = 10
 """Of so many scenes one is rendered without the features that it lacks, by the program of the path tracer alone."""
 OF_ALL_PROGRAMS = 50
 """Of so many scenes one is rendered without them by all programs. To compile those takes longer than all images."""
-PROGRAMS = ("filter", "splitting", "photon", "whitted", "reuse", "direct", "shadow_rays", "guided", "bdpt")
+PROGRAMS = ("filter", "splitting", "photon", "whitted", "reuse", "direct", "shadow_rays", "guided", "chains", "bdpt")
 """Ways that need programs of their own."""
 NEVER = {
     ("Scene", "title"),

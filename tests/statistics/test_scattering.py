@@ -296,7 +296,7 @@ def test_light_from_infinity_in_a_cloud_without_an_end(evidence: Evidence, studi
         evidence.equal(way, studio.pixels(around, 16, spp=64, max_depth=1, sampling=way), by_bsdf)
 
 
-@pytest.mark.parametrize("integrator", ["whitted", "photon", "reuse", "radiosity"])
+@pytest.mark.parametrize("integrator", ["whitted", "reuse", "radiosity"])
 @pytest.mark.parametrize("fog", [False, True], ids=["shape", "fog"])
 def test_integrators_refuse_media(device: Device, integrator: str, fog: bool) -> None:
     place = "fog" if fog else r"shapes\[1\].interior"

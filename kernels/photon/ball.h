@@ -1,0 +1,58 @@
+// Photons in media (Jensen and Christensen, "Efficient simulation of light transport in scenes with participating media using photon maps", SIGGRAPH 1998):
+// where a path scatters in a medium it gathers those within a ball that scattered in the same medium, by its phase function.
+//
+// Near the medium's surface, or another one, only a part of the ball is in the medium. Points of the ball, drawn until a ray from its centre reaches one,
+// are in the mean as many as one over that part, as for the disks of surfaces (photon/disk.h).
+//
+// Built only where media scatter (-D MEDIA).
+#ifndef PHOTON_BALL_H
+#define PHOTON_BALL_H
+
+#include "core/sampler.h"
+#include "core/warp.h"
+#include "film/pool.h"
+#include "geometry/surface.h"
+#include "material/bsdf.h"
+#include "material/interior.h"
+#include "medium/homogeneous.h"
+#include "medium/walk.h"
+
+// The number of a medium as deposits have it; 0: it is of a surface.
+#define BALL_FIRST_MEDIUM 1u
+
+#ifdef MEDIA
+
+#define BALL_MOST_TRIES 64u
+#define BALL_SET 0x30000u        // of the sampler's sets of dimensions the first of these points
+
+// Where photons are left and gathered: not below the surface of skin and the like, where paths walk on.
+static vmask ball_receives(const Scene* scene, const Interior* in, const Bsdf* b, vmask dark) { return bsdf_in_medium(b) & !dark; }
+static vuint ball_medium(const Interior* in) { return interior_top(in) + BALL_FIRST_MEDIUM; }
+
+// One over the part of the ball that is in reach, in the mean; 0 where it is not asked for.
+static vfloat ball_tries(const Scene* scene, vec3 center, Sampler sampler, vuint set, float radius, vmask asked, PoolStats* stats) {
+    vfloat tries = splat(0.0f);
+    for (uint n = 0; n < BALL_MOST_TRIES && lane_any(asked); ++n) {
+        vuint bits_u, bits_v, bits_w, unused;
+        sampler_hash_bits(sampler, set + n, &bits_u, &bits_v);
+        sampler_hash_bits(sampler, set + (n + BALL_MOST_TRIES), &bits_w, &unused);
+        // The largest of three numbers is distributed as the distance of points of a ball
+        const vfloat a = unit_interval(bits_w), b = unit_interval(unused), c = unit_interval(hash_pair(bits_w, unused));
+        const vfloat distance = greater(greater(a, greater(b, c)), splat(1.0e-3f)) * radius;
+        Ray ray = ray_make(center, scale(warp_sphere(unit_interval(bits_u), unit_interval(bits_v)), distance));
+        ray.limit = splat(1.0f);
+        tries = asked ? tries + 1.0f : tries;
+        stats->shadow_rays += lane_count(asked);
+        asked = asked & traverse_occluded(&scene->bvh, &ray, asked);
+    }
+    return tries;
+}
+
+#else
+
+static vmask ball_receives(const Scene* scene, const Interior* in, const Bsdf* b, vmask dark) { return mask_none(); }
+static vuint ball_medium(const Interior* in) { return splat_uint(0u); }
+
+#endif
+
+#endif
