@@ -62,6 +62,7 @@ WAYS: Final[Mapping[str, Mapping[str, Any]]] = {
 }
 """Settings of a render. `photon` has a bias as well, which falls with its passes."""
 PROBE_SPP: Final = 4
+PROBES: Final = 6
 BATCH_SECONDS: Final = 30.0
 """CPU seconds of one of the renders of a reference."""
 REFERENCE_SEEDS: Final = {way: (1 + number) << 20 for number, way in enumerate(WAYS)}
@@ -166,7 +167,8 @@ def renders_by(session: clrender.Session, of: Subject, settings: Mapping[str, An
 
     def timed(spp: int, seed: int) -> Timed:
         begun = time.process_time()
-        image = session.render(of.scene, spp=spp, seed=seed, size=of.size, keep_film=False, **settings)
+        # The same code from the first sample on
+        image = session.render(of.scene, spp=spp, seed=seed, size=of.size, keep_film=False, code="fast", **settings)
         return Timed(image.linear.astype(np.float64), time.process_time() - begun)
 
     timed(1, 0)  # compiles
@@ -178,19 +180,21 @@ def renders_by_peer(peer: Peer, of: Subject, folder: Path) -> Renders:
 
     def timed(spp: int, seed: int) -> Timed:
         image = folder / "image.npy"
-        done = peer.run(of.file, Task(*of.size, spp, seed=seed, endless=True), image, folder)
+        done = peer.run(of.file, Task(*of.size, spp, seed=seed, own_paths=True), image, folder)
         return Timed(np.load(image).astype(np.float64), float(done["cpu_seconds"]))
 
     return timed
 
 
 def samples_for(seconds: float, renders: Renders) -> int:
-    """Samples a pixel that take about so many CPU seconds: twice, as fixed costs make the first guess low."""
-    rate = renders(PROBE_SPP, 0).cpu_seconds / PROBE_SPP
-    spp = max(1, round(seconds / rate))
-    if spp > 8 * PROBE_SPP:
-        rate = renders(spp // 8, 0).cpu_seconds / (spp // 8)
-    return max(1, round(seconds / rate))
+    """Samples a pixel that take about so many CPU seconds, by renders of ever more, as fixed costs make a guess low."""
+    spp = PROBE_SPP
+    for _ in range(PROBES):
+        wanted = max(1, round(seconds * spp / renders(spp, 0).cpu_seconds))
+        if wanted <= 2 * spp:
+            return wanted
+        spp = wanted // 2
+    return wanted
 
 
 def tiles_of(image: Floats) -> Floats:

@@ -61,7 +61,7 @@ rays of its `path`, ``mitsuba-path``, do not, so that only BSDF sampling finds l
 
 @dataclass(frozen=True)
 class Task:
-    """The common render task: pixels, samples, paths of `SEGMENTS` without roulette or of any length, box filter."""
+    """The common render task: pixels, samples, paths of `SEGMENTS` without roulette or as the scene says, box filter."""
 
     width: int
     height: int
@@ -72,8 +72,8 @@ class Task:
     """Light sampler of clrender; Mitsuba picks lights uniformly."""
     seed: int = 0
     """Random seed, different in each turn."""
-    endless: bool = False
-    """Whether paths may have any length, and end by roulette."""
+    own_paths: bool = False
+    """Whether paths are as long as the scene says, and end by its roulette."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def _written(path: Path, task: Task, kind: _Kind, folder: Path) -> Path:
     from clrender.importers import load
 
     settings: dict[str, Any] = {"filter": "box", "spp": task.spp}
-    settings |= {"max_depth": None} if task.endless else {"max_depth": SEGMENTS - 1, "roulette": "none"}
+    settings |= {} if task.own_paths else {"max_depth": SEGMENTS - 1, "roulette": "none"}
     changes = {"image.width": task.width, "image.height": task.height}
     scene = load(path).changed({**changes, **{f"render.{name}": setting for name, setting in settings.items()}})
     output = folder / path.with_suffix(kind.ending).name

@@ -154,9 +154,8 @@ SHINING: Final[dict[str, dict[str, Any]]] = {
 }
 
 
-@pytest.mark.parametrize(
-    "light", [pytest.param(name, marks=() if name == "ball" else pytest.mark.long) for name in SHINING]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("light", SHINING)
 def test_lights_that_paths_find_are_shared_with_them(session: clrender.Session, light: str) -> None:
     """Caustics of a glass and a mirror ball, whose light paths find by chance, in every way to render them."""
     view = {"position": [0.2, 5.0, 0.0], "target": [0.2, 0.0, 0.0], "up": [0.0, 0.0, -1.0], "vertical_fov": 36.0}
@@ -183,6 +182,7 @@ def test_built_in_scenes_stay_the_same(session: clrender.Session, name: str) -> 
     judge([(name, apart(plain, rendered(session, what, 100, {"spp": 128, **CHAINS})))])
 
 
+@pytest.mark.long
 def test_what_the_camera_sees_in_a_mirror(session: clrender.Session) -> None:
     """Where `bdpt` has no way of its own: what its chains find is what those of `path` do."""
     wall = quad((-3.0, 0.0, -2.0), (6.0, 0.0, 0.0), (0.0, 4.0, 0.0), material="mirror")

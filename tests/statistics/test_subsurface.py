@@ -302,7 +302,7 @@ def test_bits_do_not_depend_on_lanes_and_cuts(device: Device) -> None:
     assert len(hashes_by_lanes_and_cuts(device, what)) == 1
 
 
-@pytest.mark.parametrize("integrator", ["whitted", "photon", "reuse", "radiosity"])
+@pytest.mark.parametrize("integrator", ["whitted", "reuse", "radiosity"])
 def test_integrators_refuse_it(integrator: str) -> None:
     message = rf"^Scene: shapes\[0\].material: 'skin' is of type subsurface, which the integrator {integrator} does not"
     with pytest.raises(clrender.SceneError, match=message):
