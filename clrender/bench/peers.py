@@ -61,7 +61,7 @@ rays of its `path`, ``mitsuba-path``, do not, so that only BSDF sampling finds l
 
 @dataclass(frozen=True)
 class Task:
-    """The common render task: pixels, samples, paths of `SEGMENTS` without roulette or as the scene says, box filter."""
+    """The common render task, with a box filter, and paths of `SEGMENTS` without roulette or as the scene says."""
 
     width: int
     height: int

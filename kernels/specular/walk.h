@@ -179,7 +179,8 @@ static vec3 walk_to_light(const Scene* scene, const Path* path, const Vertex* v,
         part = anew ? splat(1.0f) : part;
         fresh = anew;
     }
-    return found;
+    // A driver that ends long loops has lost the sample: it counts as one that is not finite
+    return choose(walking, vec3_all(NAN), found);
 }
 
 #endif
