@@ -189,6 +189,7 @@ OTHERS: Final[Mapping[str, Sequence[str]]] = {
     "integrators.jpg": ["integrator_docs.py", "pictures"],
     "caustic.jpg": ["integrator_docs.py", "caustic"],
     "hard-light.jpg": ["integrator_docs.py", "hard"],
+    "hard-light-peers.jpg": ["hard_bench.py", "picture", "--images", "images"],
     "speed.jpg": ["speed_docs.py", "pictures"],
     "speed-growth.svg": ["speed_docs.py"],
     "report-*": ["report_docs"],

@@ -4,6 +4,7 @@
     .venv/bin/python scripts/hard_bench.py measure SCENE… [--ways path,reuse,photon] [--peer NAME=PYTHON]
                                                     [--seconds 20] [--seeds 4]
     .venv/bin/python scripts/hard_bench.py agree SCENE…
+    .venv/bin/python scripts/hard_bench.py picture --images FOLDER
 
 X1, X8 and X9 are made here (`clrender.bench.hard`). X2 to X7 are scenes of the field, in pbrt's format, whose folder is
 `--standard`: veach-ajar, veach-bidir, classroom, dining-room, water-caustic and volumetric-caustic.
@@ -14,7 +15,8 @@ is part of the render. Peers render the scene that an exporter writes for them; 
 
 A reference is the mean of many renders by one way, which `reference` adds to; its own error, estimated between them, is
 told, and `measure` says where it is more than a fiftieth of an error that is measured with it. `agree` compares
-references by different ways with each other, by means and by tiles.
+references by different ways with each other, by means and by tiles. `picture` makes docs/hard-light-peers.jpg of images
+that `measure --images` has kept.
 """
 
 from __future__ import annotations
@@ -31,6 +33,7 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
+from PIL import Image
 
 import clrender
 from clrender.bench import write_scene
@@ -61,6 +64,12 @@ WAYS: Final[Mapping[str, Mapping[str, Any]]] = {
     "bdpt-chains": {"integrator": "bdpt", "specular_chains": "on"},
 }
 """Settings of a render. `photon` has a bias as well, which falls with its passes."""
+PICTURE: Final = Path(__file__).resolve().parents[1] / "docs" / "hard-light-peers.jpg"
+ROWS: Final = (("X2", "guided"), ("X3", "bdpt"), ("X6", "photon"), ("X7", "bdpt"))
+"""Scenes of the picture, and the best way of each."""
+COLUMNS: Final = ("path", "", "mitsuba", "cycles-guided", "luxcore-bidir")
+"""Ways of its columns; empty: the best."""
+CROP: Final = 44
 PROBE_SPP: Final = 4
 PROBES: Final = 6
 BATCH_SECONDS: Final = 30.0
@@ -312,6 +321,24 @@ def z_of(a: Floats, b: Floats) -> Floats:
     return np.asarray((a.mean(axis=0) - b.mean(axis=0)) / error)
 
 
+def picture(arguments: argparse.Namespace) -> None:
+    rows = []
+    for scene, best in ROWS:
+        images = [np.load(arguments.images / f"{scene}.{way or best}.npy").astype(np.float64) for way in COLUMNS]
+        white = 3.0 * float(np.median(images[COLUMNS.index("")].mean(axis=2)))
+        row = [np.pad(shown(image, white), ((0, 4), (0, 4), (0, 0)), constant_values=255) for image in images]
+        rows.append(np.concatenate(row, axis=1))
+    Image.fromarray(np.concatenate(rows)[:-4, :-4]).save(PICTURE, quality=88)
+    print(PICTURE)
+
+
+def shown(image: Floats, white: float) -> npt.NDArray[np.uint8]:
+    """A square of the middle of an image, four times as large, where `white` is white."""
+    top, left = (image.shape[0] - CROP) // 2, (image.shape[1] - CROP) // 2
+    part = np.clip(image[top : top + CROP, left : left + CROP] / white, 0.0, 1.0)
+    return np.repeat(np.repeat((np.sqrt(part) * 255.0).astype(np.uint8), 4, axis=0), 4, axis=1)
+
+
 def main(given: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
@@ -334,6 +361,9 @@ def main(given: Sequence[str] | None = None) -> None:
             each.add_argument("--seeds", type=int, default=4)
             each.add_argument("--peer", type=peer_from, action="append", default=[], help="NAME=PYTHON, repeated")
             each.add_argument("--images", type=Path, help="folder for the first image of each way")
+    shows = commands.add_parser("picture")
+    shows.set_defaults(run=picture)
+    shows.add_argument("--images", type=Path, required=True)
     arguments = parser.parse_args(given)
     arguments.run(arguments)
 
