@@ -168,6 +168,7 @@ RENDERS: Final = {
     "whitted-4": Run("whitted", 4),
     "reuse-4": Run("reuse", 4, samples=2),
     "photon-4": Run("photon", 4, samples=2),
+    "photon-4-media": Run("photon", 4, samples=2, media=True, skin=True),
     "bdpt-4": Run("bdpt", 4, samples=2),
     "bdpt-1-rough": Run("bdpt", 1, rough=True, lamps=True),
     "bdpt-4-sky": Run("bdpt", 4, sky=True, filter="mitchell"),
