@@ -174,6 +174,17 @@ def test_lights_that_paths_find_are_shared_with_them(session: clrender.Session, 
     judge(found)
 
 
+def test_near_a_focus_paths_and_chains_share_the_light(studio: Studio) -> None:
+    """Below a ball of glass that gathers the light of a lamp: without right weights a part of it would count twice."""
+    shapes = [*BALLS[:2], SHINING["ball"]]
+    what = scene(shapes, (), down((-1.125, 0.0, -0.625)), grey=GREY, glass=GLASS, black=BLACK)
+    plain = studio.image(what, 16, spp=2048, max_depth=3).reshape(-1, 3)[:, 1]
+    shared = studio.image(what, 16, spp=512, max_depth=3, seed=1, **CHAINS).reshape(-1, 3)[:, 1]
+    error = math.sqrt(plain.var(ddof=1) / len(plain) + shared.var(ddof=1) / len(shared))
+    assert error < 0.02 * plain.mean()
+    assert abs(shared.mean() - plain.mean()) < 4.0 * error
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["room", "drink", "haze", "textures", "bumpy", "surfaces", "foliage", "metals"])
 def test_built_in_scenes_stay_the_same(session: clrender.Session, name: str) -> None:
