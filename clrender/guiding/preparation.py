@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["PIPELINE", "GuidedPaths", "prepare"]
 
 PIPELINE: Final = Pipeline("integrator/guided.cl", "integrator_guided", packets=8)
-_WORTH: Final = 1.2
+_WORTH: Final = 1.25
 """How much less a guided render has to cost by training, for ``auto`` to guide."""
 
 

@@ -40,15 +40,19 @@ PIPELINE: Final = Pipeline(
 _MOST_PIXELS: Final = 1 << 14
 """Pixels of the image that training paths begin in: larger images are trained with fewer."""
 _ROUNDS: Final = (2, 2, 4, 8)
-"""Batches of each round. All are of as many samples of each pixel; in the first round paths are not guided."""
+"""Batches of each round. All are of as many samples of each pixel."""
+_PLAIN_ROUNDS: Final = 2
+"""Rounds whose paths are not guided: the first has no cells, and those of the second know nothing yet."""
 _BYTES_OF_CELL: Final = 4 * layout.FIELD_WORDS + 8 * layout.TRAINING_SUMS + 256
 """Memory on a device while a cell is trained, with its part of the nodes."""
 _LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722])
 _SEED_FACTOR: Final = 747796405
 _SEED_TERM: Final = 2891336453
 """The seed of training: that of the image, times and plus these."""
+_HOPELESS: Final = 0.8
+"""Gain of the first guided round below which ``auto`` trains no further."""
 _POLL_SECONDS: Final = 0.05
-_GUIDED_COST: Final = 1.15
+_GUIDED_COST: Final = 1.2
 """How much longer a ray of a guided path takes than another."""
 
 
@@ -259,6 +263,8 @@ def train(request: Request) -> Trained:
             rays += sum(each.rays for each in found[-1])
             first += samples * batches
             growing.learn(sums)
+            if number == _PLAIN_ROUNDS and request.settings.guiding == "auto" and _gain(found) < _HOPELESS:
+                break
             if number + 1 < len(_ROUNDS):
                 growing.grow(sums.records, _ROUNDS[number + 1] / batches)
             if number == 0:
@@ -306,19 +312,20 @@ def _joined(parts: Sequence[UnitSums]) -> _Found:
 
 def _mean(found: Sequence[_Found]) -> float:
     """Mean luminance of the image."""
-    total = math.fsum(value for batch in found for value in batch.luminance.tolist())
+    total = math.fsum(itertools.chain.from_iterable(batch.luminance.tolist() for batch in found))
     return total / max(int(sum(batch.counts.sum() for batch in found)), 1)
 
 
 def _gain(found: Sequence[Sequence[_Found]]) -> float:
-    """How many times as much the paths of the first round cost as those of the last one, for the same error."""
+    """How many times as much unguided paths cost as those of the last round, for the same error."""
     batches = [batch for each in found for batch in each]
     totals, counts = sum(batch.luminance for batch in batches), sum(batch.counts for batch in batches)
     of_blocks = np.asarray(totals).reshape(-1, BLOCK_SLOTS).sum(axis=1)
     mean = of_blocks / np.asarray(counts).reshape(-1, BLOCK_SLOTS).sum(axis=1).clip(1)
     floor = 0.1 * _mean(batches)
     weight = np.repeat(1.0 / np.maximum(np.square(mean) + floor * floor, 1e-300), BLOCK_SLOTS)
-    plain, guided = _cost(found[0], weight), _cost(found[-1], weight) * _GUIDED_COST
+    unguided = [batch for each in found[:_PLAIN_ROUNDS] for batch in each]
+    plain, guided = _cost(unguided, weight), _cost(found[-1], weight) * _GUIDED_COST
     return plain / guided if plain > 0.0 and guided > 0.0 else 1.0
 
 

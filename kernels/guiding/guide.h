@@ -3,7 +3,7 @@
 // Directions are of a mixture: with the share of the cell from its histogram, else from the BSDF; weights are by the mixture's density (the one-sample
 // model of Veach and Guibas 1995), which light samples at the vertex are weighed with too (Müller, Gross and Novák 2017). A path goes on with the
 // probability that it is worth it: what it is expected to bring, relative to what was expected where it first met the field (Vorba and Křivánek 2016).
-// Whatever the field says, each is unbiased, and no weight grows by more than the share and the least probability allow.
+// Whatever the field says, each is unbiased, and no weight grows by much more than GUIDE_MOST_WEIGHT beyond that of a path which is not guided.
 //
 // Without PATH_GUIDED all of this is nothing, and paths are those of the BSDF.
 #ifndef GUIDING_GUIDE_H
@@ -19,8 +19,12 @@
 
 #define GUIDE_LEAST_SURVIVAL 0.25f
 #define GUIDE_SURVIVAL_SCALE 2.0f
+#define GUIDE_MOST_WEIGHT 4.0f
 
 static vfloat guide_luminance(vec3 color) { return fma(color.x, splat(0.2126f), fma(color.y, splat(0.7152f), color.z * 0.0722f)); }
+
+// The paths whose weight guiding has let grow so much that it may not grow any more: directions of the BSDF and paths that are not ended keep it.
+static vmask guide_is_heavy(const Path* path) { return largest(path->throughput) * path->index_squared > GUIDE_MOST_WEIGHT; }
 
 // What the field knows of each path's vertex.
 static void guide_look_up(const Scene* scene, Path* path, Vertex* v) {
@@ -32,8 +36,9 @@ static void guide_look_up(const Scene* scene, Path* path, Vertex* v) {
     const vuint at = guide->asked ? guide->place : splat_uint(0u), cell = LANE_LOOK_UP(uint, field->nodes, at);
     const vmask known = guide->asked & (cell != NONE);
     guide->cell = known ? cell : splat_uint(0u);
-    guide->share = known ? field_number(field, guide->cell, FIELD_ROW_GUIDED) : splat(0.0f);
-    guide->light = known ? field_number(field, guide->cell, FIELD_ROW_LIGHT) : splat(1.0f);
+    const vmask guides = known & !guide_is_heavy(path);
+    guide->share = guides ? field_number(field, guide->cell, FIELD_ROW_GUIDED) : splat(0.0f);
+    guide->light = guides ? field_number(field, guide->cell, FIELD_ROW_LIGHT) : splat(1.0f);
     guide->reflected = known ? field_number(field, guide->cell, FIELD_ROW_REFLECTED) : splat(0.0f);
     guide->albedo = guide_luminance(bsdf_albedo(&v->bsdf));
     guide->throughput = path->throughput;
@@ -92,7 +97,7 @@ static void guide_sample(const Scene* scene, Vertex* v, vuint bits_u, vuint bits
 }
 
 // The probability that a path goes on after its event. Where the field does not know what to expect, paths survive as their event's weight says, and
-// those that have not met the field at all, by their throughput.
+// those that have not met the field at all, by their throughput. The first two events have none: roulette's random numbers would undo the stratification.
 static vfloat guide_survival(const Scene* scene, const Path* path, const Vertex* v) {
     const vfloat plain = path_survival(scene, path, path->throughput, path->depth, v->surface.termination);
     if (scene->settings->roulette != ROULETTE_THROUGHPUT) return plain;
@@ -101,8 +106,9 @@ static vfloat guide_survival(const Scene* scene, const Path* path, const Vertex*
     const vfloat worth = bounded(carried * inverse_or_one(path->expected), GUIDE_LEAST_SURVIVAL, 1.0f);
     const vfloat after = largest(path->throughput) * path->index_squared, before = largest(guide->throughput) * guide->index_squared;
     const vfloat weight = lesser(after * inverse_or_one(before), splat(1.0f));
-    const vfloat by_field = guide->event == 0u ? splat(1.0f) : guide->reflected > 0.0f ? worth : guide->event >= 4u ? weight : splat(1.0f);
-    return path->expected > 0.0f ? by_field * roulette_late(path->depth) : plain;
+    const vfloat by_field = guide->event < 2u ? splat(1.0f) : guide->reflected > 0.0f ? worth : guide->event >= 4u ? weight : splat(1.0f);
+    const vfloat survival = guide_is_heavy(path) ? splat(1.0f) : by_field;
+    return path->expected > 0.0f ? survival * roulette_late(path->depth) : plain;
 }
 
 #else
