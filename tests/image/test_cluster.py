@@ -82,11 +82,12 @@ def mesh_scene(folder: Path, frequency: int) -> clrender.Scene:
         {"integrator": "photon", "spp": 4, "photons": 4096},
         {"integrator": "bdpt", "spp": 12, "filter": "mitchell"},
         {"guiding": "on", "guiding_paths": 20000, "spp": 16},
+        {"specular_chains": "on", "spp": 4},
         {"integrator": "radiosity", "spp": 4, "patches": 300},
         {"aov": ("albedo", "object"), "lanes": 8},
         {"aov": ("stderr", "unconverged"), "error": 0.9, "share": 0.5, "replicate_spp": 4, "spp": 1024},
     ],
-    ids=["path", "shard", "photon", "bdpt", "guided", "radiosity", "layers", "error"],
+    ids=["path", "shard", "photon", "bdpt", "guided", "chains", "radiosity", "layers", "error"],
 )
 def test_the_bits_are_those_of_a_render_here(local: DaskCluster, here: Session, settings: dict[str, Any]) -> None:
     asked = {"spp": 64, "size": SIZE, **settings}

@@ -140,6 +140,7 @@ def test_other_scenes_and_integrators_in_turn(device: Device) -> None:
         ("cornell", {"integrator": "photon", "photons": 5000}),
         ("room", {"integrator": "bdpt"}),
         ("room", {"guiding": "on", "guiding_paths": 20000}),
+        ("room", {"specular_chains": "on"}),
         ("room", {"integrator": "whitted", "aov": ("albedo", "depth")}),
         ("room-diffuse", {"integrator": "radiosity", "patches": 200, "patch_rays": 16}),
         ("room-diffuse", {"integrator": "reuse"}),
@@ -347,6 +348,30 @@ def test_a_device_that_fails_anywhere_leaves_the_image_to_the_other(
     assert not watched.held
     failed = [line for line in told if "told to fail" in line]
     assert failed and all(line.startswith("warning: ") for line in failed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "how",
+    [
+        {"integrator": "bdpt"},
+        {"integrator": "photon", "photons": 2000},
+        {"guiding": "on", "guiding_paths": 10000},
+        {"specular_chains": "on"},
+        {"integrator": "bdpt", "specular_chains": "on"},
+        {"guiding": "on", "guiding_paths": 10000, "specular_chains": "on"},
+    ],
+    ids=str,
+)
+def test_two_and_three_devices_make_the_bits_of_one(device: Device, how: dict[str, Any]) -> None:
+    asked: dict[str, Any] = {"size": SIZE, "spp": 8, "tile": 16, **how}
+    room = clrender.load("room-glass")
+    expected = clrender.render(room, device=device, **asked).stats["image_sha256"]
+    for count in (2, 3):
+        with clrender.Session([Broken(device, "never") for _ in range(count)]) as session:
+            image = session.render(room, **asked)
+        assert image.stats["image_sha256"] == expected
+        assert len(image.stats["devices"]) == count
 
 
 def test_when_the_last_device_fails_what_was_finished_is_kept(device: Device, watched: Watched) -> None:

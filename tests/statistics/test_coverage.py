@@ -72,3 +72,9 @@ def test_intervals_of_bidirectional_paths(device: Device) -> None:
 def test_intervals_of_guided_paths(device: Device) -> None:
     """A field is trained by paths of its own, so samples are as independent as without."""
     check(device, "lens", SEEDS, guiding="on", guiding_paths=1 << 15)
+
+
+@pytest.mark.slow
+def test_intervals_of_specular_chains(device: Device) -> None:
+    """Trials of walks are of a geometric distribution: of what they bring few samples are much."""
+    check(device, "lens", SEEDS, specular_chains="on")
