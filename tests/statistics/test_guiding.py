@@ -70,7 +70,7 @@ def test_light_samples_are_weighed_with_the_mixture(session: clrender.Session) -
 
 
 def test_weights_do_not_grow_whatever_the_field_says(session: clrender.Session) -> None:
-    """Between two plates that shine and reflect nine tenths paths are long: without a bound the variance is over 100."""
+    """Between two plates that shine and reflect nine tenths paths are long; the bound is 20 squared means."""
     floor = quad((-50.0, 0.0, -50.0), (0.0, 0.0, 100.0), (100.0, 0.0, 0.0), material="grey", emission=1.0)
     ceiling = quad((-50.0, 1.0, -50.0), (100.0, 0.0, 0.0), (0.0, 0.0, 100.0), material="grey", emission=1.0)
     what = scene([floor, ceiling], (), down(height=0.5, degrees=60.0), grey=lambert(0.9))
