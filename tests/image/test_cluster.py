@@ -95,8 +95,10 @@ def test_the_bits_are_those_of_a_render_here(local: DaskCluster, here: Session, 
     alone, far = here.render(scene, **asked), here.render(scene, cluster=local, **asked)
     assert hash_of(alone) == hash_of(far)
     assert alone.film.ledger == far.film.ledger
-    for name in ("samples", "rays", "shadow_rays", "max_depth", "nonfinite_samples", "scene_sha256"):
+    for name in ("samples", "shadow_rays", "max_depth", "nonfinite_samples", "scene_sha256"):
         assert alone.stats[name] == far.stats[name], name
+    if settings.get("integrator") not in ("photon", "bdpt"):  # each worker traces photons and light paths for itself
+        assert alone.stats["rays"] == far.stats["rays"]
     for name, layer in alone.aovs.items():
         assert np.array_equal(layer, far.aovs[name], equal_nan=True)
     assert sum(each["samples"] for each in far.stats["devices"]) == far.stats["samples"]
