@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import configparser
 import importlib.util
 import shutil
 import subprocess
@@ -105,6 +106,23 @@ def test_shared_structs_hold_plain_members_only() -> None:
 def test_resources_are_found() -> None:
     assert (kernels_folder() / "types.h").is_file()
     assert scenes_folder().is_dir()
+
+
+def test_every_room_is_packed() -> None:
+    """And every file of a room that is no module. The tests run from the folder itself, where none can be missing."""
+    told = configparser.ConfigParser()
+    told.read(ROOT / "setup.cfg")
+    packages = set(told["options"]["packages"].split()) - {"clrender.kernels", "clrender.scenes"}
+    folders = {path.parent.relative_to(ROOT) for path in (ROOT / "clrender").rglob("*.py")}
+    assert packages == {".".join(folder.parts) for folder in folders}
+    data = told["options.package_data"]
+    others = {path for path in _files(ROOT / "clrender") if path.suffix not in (".py", ".pyc")}
+    packed = {path for name in packages & set(data) for path in _matching(ROOT / name.replace(".", "/"), data[name])}
+    assert others == packed
+
+
+def _matching(folder: Path, patterns: str) -> set[Path]:
+    return {path for pattern in patterns.split() for path in folder.glob(pattern) if path.is_file()}
 
 
 @pytest.mark.long
