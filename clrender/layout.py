@@ -166,6 +166,15 @@ LIGHT_IES: Final = 7
 LIGHT_SUN: Final = 8
 LIGHT_PROJECTOR: Final = 9
 
+HAS_MASKED: Final = 1
+"""Rays may pass through some surfaces, which have a BVH of their own."""
+HAS_SUN: Final = 2
+HAS_HIDDEN_ENVIRONMENT: Final = 4
+HAS_ENVIRONMENT_MAP: Final = 8
+HAS_STRAIGHT_SHADOWS: Final = 16
+HAS_LAMPS: Final = 32
+HAS_CAMERA_CUTS_MEDIA: Final = 64
+
 ROULETTE_NONE: Final = 0
 ROULETTE_THROUGHPUT: Final = 1
 ROULETTE_CONSTANT: Final = 2
@@ -323,7 +332,7 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("light_paths", "uint", "of those: paths from the lights for each sample of all pixels"),
         ("filter_radius", "float", "pixels"),
         ("specular_chains", "uint", "1: light over chains of deltas is sampled"),
-        ("padding", "uint", ""),
+        ("has", "uint", "HAS_*: what of the features that kernels are compiled for this scene has"),
     ),
 }
 

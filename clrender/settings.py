@@ -322,9 +322,9 @@ class RenderSettings:
         Choice(("packet", "single")), "BVH traversal on CPUs: ray packets or single rays", option=None
     )
     code: str | None = _work(
-        Choice(("fast", "small")),
-        "Machine code on CPUs: fast, or small, which is compiled in about half the time",
-        unset="chosen by the number of samples",
+        Choice(("fast", "small", "any")),
+        "Machine code: fast, small (on CPUs), which is compiled in about half the time, or fast code for any scene",
+        unset="chosen by the number of samples and what is compiled already",
     )
     time_limit: float | None = _setting(
         None,

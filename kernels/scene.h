@@ -103,6 +103,15 @@ typedef struct {
     scene.field.cells = its_cells;                                                                                          \
     scene.field.frame = its_frame
 
+// Whether the scene has a feature HAS_* that this program is compiled for. A program for any scene (-D UNIVERSAL) asks; else it has.
+static int scene_has(const Scene* scene, uint feature) {
+#ifdef UNIVERSAL
+    return (scene->settings->has & feature) != 0u;
+#else
+    return 1;
+#endif
+}
+
 // With one lane: what depends on the settings alone is computed again on each turn of a loop, instead of once before it. It would take a
 // register each for the whole loop, and registers are what limits how many work-items a GPU runs at a time. So the address of the settings
 // seems to change with a number that is never NONE.

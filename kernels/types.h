@@ -105,6 +105,13 @@
 #define LIGHT_IES 7u
 #define LIGHT_SUN 8u
 #define LIGHT_PROJECTOR 9u
+#define HAS_MASKED 1u
+#define HAS_SUN 2u
+#define HAS_HIDDEN_ENVIRONMENT 4u
+#define HAS_ENVIRONMENT_MAP 8u
+#define HAS_STRAIGHT_SHADOWS 16u
+#define HAS_LAMPS 32u
+#define HAS_CAMERA_CUTS_MEDIA 64u
 #define ROULETTE_NONE 0u
 #define ROULETTE_THROUGHPUT 1u
 #define ROULETTE_CONSTANT 2u
@@ -228,7 +235,7 @@ typedef struct {
     uint light_paths;           // of those: paths from the lights for each sample of all pixels
     float filter_radius;        // pixels
     uint specular_chains;       // 1: light over chains of deltas is sampled
-    uint padding;
+    uint has;                   // HAS_*: what of the features that kernels are compiled for this scene has
 } Settings;
 
 #define FIELD_ROW_BINS 0                // bits: the bin of each of FIELD_BINS equal shares of the directions, four in a word

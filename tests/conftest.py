@@ -152,6 +152,14 @@ def _set(variables: dict[str, str | None]) -> None:
             os.environ[name] = value
 
 
+@pytest.fixture(scope="session", autouse=True)
+def own_programs() -> Iterator[None]:
+    """Every scene is rendered by its own program, as long renders are, whichever have been compiled before."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("clrender.rendering.job_render.STAND_INS", False)
+        yield
+
+
 @pytest.fixture(scope="session")
 def all_devices(request: pytest.FixtureRequest, cache_folder: Path) -> list[Device]:
     """Every device that passes the probe, PoCL first where it is installed.

@@ -47,6 +47,7 @@ COMMANDS: Final[dict[str, str]] = {
     "verify": "Render random tiles of an image again and compare them bit for bit.",
     "radiosity": "Animate a moving shape in a diffuse scene.",
     "bench": "Benchmark clrender, optionally against other renderers.",
+    "warmup": "Compile kernels before they are needed.",
     "completion": "Print a shell completion script.",
 }
 """Name -> first line of the help; the command `NAME` is the function `NAME` in the module `clrender.cli.NAME`."""

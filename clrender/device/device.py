@@ -31,6 +31,8 @@ from clrender.process.huge_pages import LARGE_BYTES, prefer_large_pages, withdra
 if TYPE_CHECKING:
     import pyopencl as cl
 
+    from clrender.device.compilation import Aside, Compilation
+
 __all__ = ["PROGRAM_LIMIT", "Argument", "Buffer", "Device", "Program", "Reading", "leave_busy_drivers", "whole_warps"]
 
 _T = TypeVar("_T")
@@ -116,6 +118,9 @@ class Device:
         Lock of the threads that share the device; a render holds it.
     on_compile : callable or None
         Called with True when the driver's compiler begins, and with False when it has ended.
+    compile_aside : callable or None
+        Begins to compile a program in another process, so that this one has it later, and returns the `Aside`; None
+        if it cannot now.
     lost : bool
         Whether a driver call did not return. Further calls might not return either, so none is made.
 
@@ -159,6 +164,7 @@ class Device:
         self.builds = 0
         self.turn = Turn(BUSY)
         self.on_compile: Callable[[bool], None] | None = None
+        self.compile_aside: Callable[[Compilation], Aside | None] | None = None
         self.lost = False
         self._calls = 0
         self._compiling = False
@@ -236,6 +242,26 @@ class Device:
         if len(self._programs) > PROGRAM_LIMIT:
             del self._programs[next(iter(self._programs))]
         return program
+
+    def has_program(self, entry: str, defines: Mapping[str, int | str], *, small: bool = False) -> bool:
+        """Whether `program` need not compile a program: it was compiled by this process or an earlier one.
+
+        Only known where small code is possible.
+
+        Parameters
+        ----------
+        entry, defines
+            See `program`.
+        small : bool
+            Whether small code is meant.
+        """
+        macros = {name: str(value) for name, value in defines.items()} | ({SMALL_CODE: "1"} if small else {})
+        kept = self._programs.get((entry, tuple(sorted(macros.items()))))
+        return (kept is not None and bool(kept.launched)) or self._small_code.is_there(entry, macros)
+
+    def wants_fast(self, entry: str, defines: Mapping[str, int | str], samples: int | None) -> bool:
+        """Whether fast code pays for a program that is to trace about `samples` more samples; None: many."""
+        return self._small_code.wants_fast(entry, {name: str(value) for name, value in defines.items()}, samples)
 
     def _build(self, source: Source, more_options: str) -> Program:
         begin = time.perf_counter()

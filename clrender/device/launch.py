@@ -33,7 +33,10 @@ class LaunchConfig:
     samples : int or None
         About how many samples the device is to trace; None: many.
     code : str or None
-        Kernels are compiled to ``fast`` code, or in less time to ``small`` code; None: by `samples`.
+        Kernels are compiled to ``fast`` code, in less time to ``small`` code, or to fast code for ``any`` scene; None:
+        by `samples`.
+    stand_ins : bool
+        Whether a program for any scene may trace samples while the scene's own is not compiled, if `code` is None.
     """
 
     lanes: int | None = None
@@ -43,11 +46,12 @@ class LaunchConfig:
     slice_seconds: float = SLICE_SECONDS
     samples: int | None = None
     code: str | None = None
+    stand_ins: bool = False
 
     @property
     def compiled_for(self) -> int | None:
         """Samples to compile kernels for; see `Device.program`."""
-        return {"fast": None, "small": 0}.get(self.code or "", self.samples)
+        return {"fast": None, "any": None, "small": 0}.get(self.code or "", self.samples)
 
 
 class Scratch:

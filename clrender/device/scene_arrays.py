@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,8 @@ _AS_THEY_ARE = (
 )
 """Host arrays that the kernels read unchanged."""
 _TREE = ("nodes", "triangle_packs", "analytic_packs")
+_FIRST_ROWS = 1024
+"""Least bytes of an array. Lanes that have nothing to look up read its first rows, whether the scene has any or not."""
 
 
 @cache
@@ -157,7 +159,7 @@ class SceneArrays:
         self._scene = scene
         self._chains: Buffer | None = None
         triangles, primitives = scene.triangle_count, scene.triangle_count + scene.analytic_count
-        arrays = {name: device.upload(array) for name, array in scene.arrays.items() if name != "texels"}
+        arrays = {name: device.upload(_with_first_rows(a)) for name, a in scene.arrays.items() if name != "texels"}
         vertices, corners, analytic_shapes = arrays["vertices"], arrays["triangles"], arrays["analytic_shapes"]
         shape_of, shapes = arrays["primitive_shape"], arrays["shapes"]
         source = bvh.SourceArrays(vertices, corners, analytic_shapes, shape_of, shapes, triangles, scene.analytic_count)
@@ -245,6 +247,14 @@ class SceneArrays:
             if buffer not in lent:
                 self._device.release(buffer)
         self.buffers.clear()
+
+
+def _with_first_rows(array: NDArray[Any]) -> NDArray[Any]:
+    """The array, with zeros behind its end up to `_FIRST_ROWS` bytes."""
+    lacking = _FIRST_ROWS - array.nbytes
+    if lacking <= 0:
+        return array
+    return np.concatenate([np.ascontiguousarray(array).reshape(-1).view(np.uint8), np.zeros(lacking, np.uint8)])
 
 
 def _trees(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 
 from clrender.device.compiler import program_key
 from clrender.device.program_cache import has_run
-from clrender.device.source import SMALL_CODE, Source, load_source
+from clrender.device.source import SMALL_CODE, load_source
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -52,12 +52,18 @@ class SmallCode:
         if samples == 0:
             return {**macros, SMALL_CODE: "1"}
         key = entry, tuple(sorted(macros.items()))
-        self._taken[key] += samples or 0
-        if samples is None or self._taken[key] > FEW_SAMPLES:
+        if self.wants_fast(entry, macros, samples):
             self._small[key] = False
         elif key not in self._small:
-            self._small[key] = not self._is_there(load_source(entry, macros))
+            self._small[key] = not self.is_there(entry, macros)
         return {**macros, SMALL_CODE: "1"} if self._small[key] else dict(macros)
 
-    def _is_there(self, source: Source) -> bool:
-        return has_run(program_key(self._info, self._options, source))
+    def wants_fast(self, entry: str, macros: Mapping[str, str], samples: int | None) -> bool:
+        """Whether fast code pays for a program that is to trace about `samples` more samples; None: many."""
+        key = entry, tuple(sorted(macros.items()))
+        self._taken[key] += samples or 0
+        return samples is None or self._taken[key] > FEW_SAMPLES
+
+    def is_there(self, entry: str, macros: Mapping[str, str]) -> bool:
+        """Whether the program with these macros has been compiled, by this process or an earlier one."""
+        return has_run(program_key(self._info, self._options, load_source(entry, macros)))

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
-from clrender.device.worker import DeviceWorker, most_lanes
+from clrender.device.kernel_build import most_lanes
+from clrender.device.worker import DeviceWorker
 from clrender.errors import UsageError
 from clrender.process.memory import unit_slots
 from clrender.scheduling.member import Member

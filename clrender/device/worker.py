@@ -7,19 +7,20 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from clrender import layout
-from clrender.device.bvh import STACK
+from clrender.device.kernel_build import kernel_build
 from clrender.device.launch import LaunchConfig, Scratch
 from clrender.device.preparation import DevicePreparation, SplattingPreparation
 from clrender.device.replicates import ReplicateSums
 from clrender.device.scene_arrays import SceneArrays, scene_array_names
-from clrender.device.small_code import FEW_RAYS
+from clrender.device.tracing_program import TracingProgram
 from clrender.film.unit import BLOCK_SLOTS, Unit, UnitSums
 from clrender.flatten.flat_box import around_box, scene_box
 from clrender.integrators.descriptor import Pipeline
@@ -30,15 +31,10 @@ if TYPE_CHECKING:
     from clrender.device.device import Argument, Buffer, Device, Program, Reading
     from clrender.flatten.flat_scene import FlatScene
 
-__all__ = ["DeviceWorker", "most_lanes", "probe_hash"]
+__all__ = ["DeviceWorker", "probe_hash"]
 
 _SHORT_SECONDS: Final = 0.005
 
-_CPU_LANES: Final = 16
-_NARROW_CPU_LANES: Final = 8
-"""Paths per work-item of a CPU with vectors of sixteen floats, and of one with shorter vectors."""
-_CPU_WORK_GROUP: Final = 4
-_LONE_WORK_GROUP: Final = 16
 _GPU_FILL: Final = 300_000
 _UNIT_THREADS: Final = 2048
 _SAMPLES_BYTES: Final = (96 << 20, 512 << 20)
@@ -53,17 +49,10 @@ _OF_SLICES: Final = ("samples", "records", "stats", "totals")
 """Names of the buffers of a slice."""
 _MOST_SAMPLES_PER_PASS: Final = (16, 64)
 """Most samples per pixel of a launch: on a CPU, and on a GPU, where ever fewer paths are left towards its end."""
-_SMALL_TREE: Final = 8
-"""Number of BVH nodes up to which packets are not split, as splitting costs more than traversing the BVH."""
-_NEAR_BYTES: Final = 3 << 19
-"""Size of a BVH up to which it fits into the processor's cache; larger ones are prefetched."""
 
 _SHORT_LOOPS: Final = ("rusticl",)
 """Platforms that end loops after 65,535 iterations (llvmpipe, which counts the iterations of all loops of a work-item).
 A work-item then gets only one sample; if even that is not written, it counts as not finite."""
-
-_NO_PREFETCH: Final = ("oclgrind",)
-"""Platforms of CPUs without a prefetch instruction: an interpreter."""
 
 
 @dataclass(frozen=True)
@@ -146,9 +135,6 @@ class DeviceWorker:
             self._arrays = arrays or SceneArrays(device, scene, tree)
             if arrays is None:
                 self._owned.callback(self._arrays.release)
-            self._features = scene.features
-            if self._arrays.masked_tree is None:  # a given BVH holds all primitives
-                self._features = replace(scene.features, opacity=False, holes=False)
             self._scratch = scratch or Scratch(device)
             if scratch is None:
                 self._owned.callback(self._scratch.release)
@@ -158,30 +144,36 @@ class DeviceWorker:
             self._settings["light_count"] = scene.light_count
             self._settings["environment"] = scene.environment
             self._settings["light_levels"] = scene.light_levels
+            self._settings["has"] = scene.features.stated(self._arrays.masked_tree is not None)
             if pipeline.splats:
                 self._settings["bounds"] = around_box(*scene_box(scene))[0]
             self._settings["lights_equal"] = bool((scene.arrays["lights"]["alias_threshold"] >= 1.0).all())
             self._settings_buffer = self._scratch.buffer("settings", self._settings.nbytes)
             device.write(self._settings_buffer, self._settings)
             self.build_seconds = time.perf_counter() - begin
-            self.lanes = launch.lanes or _lanes(device)
-            self._parts = self.lanes >= 4 and self._arrays.node_count > _SMALL_TREE
             table = self._arrays.chain_table() if settings["specular_chains"][0] else None
-            self._chains = table is not None
-            # A single packet has no others to alternate with where rays diverge, or to sort paths by material with.
-            several = (self._parts or (self.lanes >= 4 and self._features.materials)) and not self._chains
-            self._packets = _packets(pipeline, self.lanes) if several else 1
-            group = launch.work_group or _work_group(device, self.lanes, self._packets)
-            self._group = group if launch.work_group else min(group, device.max_work_group)
+            build = partial(
+                kernel_build,
+                device,
+                self._arrays,
+                scene.features,
+                self._settings,
+                pipeline,
+                launch,
+                chains=table is not None,
+            )
+            # What an integrator prepares is compiled for the scene, and must agree with the rest
+            universal = build(universal=True) if launch.stand_ins or (launch.code == "any" and not prepare) else None
+            self._own = universal if universal and launch.code == "any" else build()
+            self.lanes = self._own.lanes
             self._per_pass = launch.samples_per_pass
             self._samples = launch.compiled_for
             self._slice_seconds = launch.slice_seconds
             platform = device.info.platform.lower()
             self._short_loops = any(name in platform for name in _SHORT_LOOPS)
-            self._prefetches = self._parts and device.is_cpu and not any(name in platform for name in _NO_PREFETCH)
-            self._defined = self._defines(launch)
             self._pipeline = pipeline
-            self._program = self._tracing()
+            stands_in = universal if launch.code is None else None
+            self._tracing = TracingProgram(device, pipeline, self._own, stands_in, self._samples)
             splats: dict[str, int | str] = {"SPLATS": 1} if pipeline.splats else {}
             self._accumulate = device.program("film/accumulate.cl", {"LANES": 1, **splats})
             self._splats: list[Buffer | np.generic] = []
@@ -201,54 +193,22 @@ class DeviceWorker:
 
     def program(self, entry: str, more: Mapping[str, int | str] | None = None) -> Program:
         """Build a kernel file that reads the scene, for this scene and launch configuration, with `more` macros."""
-        return self.device.program(entry, {**self._defined, **(more or {})}, self._samples)
-
-    def _tracing(self) -> Program:
-        return self.program(self._pipeline.entry, {"PACKETS": self._packets})
+        return self.device.program(entry, {**self._own.macros, **(more or {})}, self._samples)
 
     def padded(self, items: int) -> int:
         """Round a number of work-items up to whole groups."""
-        return -(-items // self._group) * self._group
+        return _padded(items, self._own.group)
 
     def launch(self, program: Program, kernel: str, items: int, arguments: Sequence[Argument]) -> None:
         """Launch a kernel over a padded number of work-items; the scene's arguments come first."""
-        self.device.launch(program, kernel, items, self._group, [*self.scene_arguments, *arguments])
+        self._launch_in(self._own.group, program, kernel, items, arguments)
+
+    def _launch_in(self, group: int, program: Program, kernel: str, items: int, arguments: Sequence[Argument]) -> None:
+        self.device.launch(program, kernel, items, group, [*self.scene_arguments, *arguments])
 
     def launch_over(self, program: Program, kernel: str, count: int, arguments: Sequence[Argument]) -> None:
         """Launch a kernel over `count` elements, one per lane; the scene's arguments come first."""
         self.launch(program, kernel, self.padded(-(-count // self.lanes)), arguments)
-
-    def _defines(self, launch: LaunchConfig) -> dict[str, int | str]:
-        defines: dict[str, int | str] = {"LANES": self.lanes}
-        if self.device.fixes_groups:
-            defines["WORK_GROUP"] = self._group
-        if launch.traversal == "single":
-            defines["TRAVERSAL_SINGLE"] = 1
-        if self.lanes >= 4 and not self._parts:
-            defines["PACKET_PARTS"] = 0  # not for single lanes: their program is the same, and compiled only once
-        defines |= self._features.macros
-        if self._features.textures and self._arrays.page_bits is not None:
-            defines["TEXEL_PAGE_BITS"] = self._arrays.page_bits
-        if self._settings["filter_weight"][0] > 0.0:
-            defines["PIXEL_FILTER"] = 1
-            if self._settings["filter_negative"][0] < layout.FILTER_LINES:
-                defines["PIXEL_FILTER_NEGATIVE"] = 1
-        if self._settings["shadow_rays"][0] > 1:
-            defines["SEVERAL_SHADOW_RAYS"] = 1
-        if self._settings["indirect_rays"][0] > 1:
-            defines["PATH_SPLITS"] = 1
-        if self._chains:
-            defines["SPECULAR_CHAINS"] = 1
-        if self._prefetches:
-            defines["PREFETCH"] = 1
-            if self._arrays.tree_bytes > _NEAR_BYTES:
-                defines["BVH_PREFETCH"] = 1
-        stack = STACK
-        while stack < self._arrays.stack_entries:
-            stack *= 2
-        if stack > STACK:
-            defines["BVH_STACK"] = stack
-        return defines
 
     def render(
         self,
@@ -271,9 +231,7 @@ class DeviceWorker:
         RenderError
             When the driver fails.
         """
-        if self._samples and self._rays > FEW_RAYS and self.device.compiles_small_code:
-            self._samples = None
-            self._program = self._tracing()
+        self._tracing.improve(self._rays)
         slots = unit.slot_count
         sums, counts = self._scratch.buffer("sums", 48 * slots), self._scratch.buffer("counts", 4 * slots)
         self._launch(self._accumulate, "film_clear", slots, [sums, counts, np.uint32(slots)])
@@ -342,7 +300,8 @@ class DeviceWorker:
         device = self.device
         more, rays = self._prepared(part.first_sample)
         begin = time.perf_counter()
-        items = self.padded(-(-part.slot_count // (self.lanes * self._packets)))
+        build, program = self._tracing.build, self._tracing.program
+        items = _padded(-(-part.slot_count // (build.lanes * build.packets)), build.group)
         samples = self._scratch.buffer("samples", 12 * part.slot_count * part.sample_count)
         stats = self._scratch.buffer("stats", _STATS_BYTES * items)
         if self._short_loops:
@@ -354,7 +313,7 @@ class DeviceWorker:
             record_bytes = self._pipeline.record_bytes * part.slot_count * part.sample_count
             more.append(self._scratch.buffer("records", record_bytes))
         for kernel in (self._pipeline.kernel, *self._pipeline.then):
-            self.launch(self._program, kernel, items, [*span, samples, stats, *more])
+            self._launch_in(build.group, program, kernel, items, [*span, samples, stats, *more])
         head: list[Buffer | np.generic] = [
             self._settings_buffer,
             samples,
@@ -454,42 +413,16 @@ class DeviceWorker:
         self._owned.close()
 
 
+def _padded(items: int, group: int) -> int:
+    return -(-items // group) * group
+
+
 def _fill(device: Device) -> int:
     """Slots of a launch that fully occupy the device; above it, more samples per pixel are better than more slots.
 
     A GPU hides memory latency with many threads: two thousand on each compute unit.
     """
     return 4096 if device.is_cpu else max(_GPU_FILL, _UNIT_THREADS * device.info.compute_units)
-
-
-def most_lanes(device: Device) -> int:
-    """Largest number of paths per work-item on a device.
-
-    With more than one, rusticl's compiler does not finish within minutes, and with sixteen it takes more than 20 GB.
-    Its llvmpipe maps neighbouring work-items to vector lanes by itself, like a GPU.
-    """
-    return 1 if "rusticl" in device.info.platform.lower() else _CPU_LANES
-
-
-def _lanes(device: Device) -> int:
-    """Default number of paths per work-item: sixteen where the processor computes as many at once, or eight."""
-    if not device.is_cpu:
-        return 1
-    return min(most_lanes(device), _CPU_LANES if device.vector_width >= _CPU_LANES else _NARROW_CPU_LANES)
-
-
-def _packets(pipeline: Pipeline, lanes: int) -> int:
-    """Packets of a work-item: with fewer lanes more, so that it has as many paths to choose from."""
-    return pipeline.packets if pipeline.packets == 1 else pipeline.packets * _CPU_LANES // lanes
-
-
-def _work_group(device: Device, lanes: int, packets: int) -> int:
-    """Default number of work-items in a group."""
-    if not device.is_cpu:
-        return device.group
-    # llvmpipe maps work-items to its own lanes: with sixteen it is six times faster than with one. Packets count like
-    # work-items: a core takes one group at a time, and at the end of a launch the others wait for it.
-    return max(1, _CPU_WORK_GROUP // packets) if lanes > 1 else _LONE_WORK_GROUP
 
 
 def probe_hash(device: Device) -> str:

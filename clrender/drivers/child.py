@@ -14,11 +14,15 @@ import signal
 import sys
 import threading
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from clrender.device.program_cache import leave
 from clrender.drivers.discover import Driver, load_platforms
 from clrender.drivers.probe import MARK
 from clrender.errors import ClrenderError, DeviceError
+
+if TYPE_CHECKING:
+    from clrender.device.info import DeviceInfo
 
 __all__ = ["end_with_the_parent", "main"]
 
@@ -27,10 +31,16 @@ def main(argument: str) -> None:
     """Execute the request and print the answer."""
     request = json.loads(argument)
     if request.get("lifeline"):
-        threading.Thread(target=end_with_the_parent, daemon=True).start()
+        compiles = request["task"] == "compile"
+        threading.Thread(target=end_with_the_parent, args=(compiles,), daemon=True).start()
     _be_the_first_to_die()
     driver = Driver(**{**request["driver"], "preload": tuple(request["driver"]["preload"])})
-    answer = _list(driver) if request["task"] == "list" else _probe(driver, request["ordinal"])
+    if request["task"] == "list":
+        answer = _list(driver)
+    elif request["task"] == "probe":
+        answer = _probe(driver, request["ordinal"])
+    else:
+        answer = _compile(driver, request["ordinal"], request["compilation"])
     print(f"\n{MARK}{json.dumps(answer)}", flush=True)
 
 
@@ -43,10 +53,18 @@ def _be_the_first_to_die() -> None:
         Path("/proc/self/oom_score_adj").write_text("1000")
 
 
-def end_with_the_parent() -> None:
-    """Wait for the end of stdin, which comes when the parent ends in any way; then kill this process group."""
+def end_with_the_parent(on_purpose: bool = False) -> None:
+    """Wait for the end of stdin, which comes when the parent ends in any way; then kill this process group.
+
+    Parameters
+    ----------
+    on_purpose : bool
+        Whether the parent may end before the answer: programs that were loaded meanwhile are then sound.
+    """
     while os.read(0, 1):
         pass
+    if on_purpose:
+        leave()
     if os.getsid(0) == os.getpid():
         os.killpg(0, signal.SIGKILL)
     os._exit(1)
@@ -80,11 +98,9 @@ def _platform(platform: Any) -> dict[str, Any]:
     }
 
 
-def _probe(driver: Driver, ordinal: int) -> dict[str, Any]:
-    from clrender.device.device import Device
+def _found(driver: Driver, ordinal: int) -> tuple[Any, DeviceInfo]:
+    """The driver's object for a device, and its description."""
     from clrender.device.info import DeviceInfo
-    from clrender.device.worker import probe_hash
-    from clrender.drivers.arithmetic import check
 
     found = [
         (
@@ -95,7 +111,26 @@ def _probe(driver: Driver, ordinal: int) -> dict[str, Any]:
         for described in (_platform(platform),)
         for handle, each in zip(_handles(platform), described["devices"], strict=True)
     ]
-    handle, info = found[ordinal]
+    return found[ordinal]
+
+
+def _compile(driver: Driver, ordinal: int, compilation: dict[str, Any]) -> dict[str, Any]:
+    from clrender.device.compilation import Compilation
+    from clrender.device.device import Device
+    from clrender.device.tracing_program import compile_tracing
+
+    handle, info = _found(driver, ordinal)
+    device = Device(info, handle)
+    compile_tracing(device, Compilation(**compilation))
+    return {"compile_seconds": device.compile_seconds}
+
+
+def _probe(driver: Driver, ordinal: int) -> dict[str, Any]:
+    from clrender.device.device import Device
+    from clrender.device.worker import probe_hash
+    from clrender.drivers.arithmetic import check
+
+    handle, info = _found(driver, ordinal)
     stage = "open"
     try:
         device = Device(info, handle)

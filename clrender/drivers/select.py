@@ -8,13 +8,14 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 from clrender.device.device import Device
 from clrender.device.forked import refuse_forked
 from clrender.device.info import DeviceInfo
 from clrender.drivers import discover
+from clrender.drivers.aside import compile_aside
 from clrender.drivers.probe import DriverReport, lacks_library, probe, survey
 from clrender.errors import DeviceError, UsageError
 
@@ -230,7 +231,10 @@ def open_devices(chosen: Sequence[DeviceInfo], known: Sequence[DeviceInfo]) -> l
     platforms = discover.load_platforms(wanted)
     loaded = [info for info in known if info.library in libraries]
     handles = [_handle(info, platforms, loaded) for info in chosen]
-    return [Device(replace(info), handle) for info, handle in spare_cores(chosen, handles)]
+    opened = [Device(replace(info), handle) for info, handle in spare_cores(chosen, handles)]
+    for device in opened:
+        device.compile_aside = partial(compile_aside, device.info)
+    return opened
 
 
 def spare_cores(chosen: Sequence[DeviceInfo], handles: Sequence[Any]) -> list[tuple[DeviceInfo, Any]]:

@@ -82,6 +82,30 @@ class Features:
         """Macros of the features that are there."""
         return {each.name.upper(): 1 for each in fields(self) if getattr(self, each.name)}
 
+    @classmethod
+    def all(cls) -> Features:
+        """All of them: a program for these renders any scene, if it is told what the scene has (`stated`)."""
+        return cls(**{each.name: True for each in fields(cls)})
+
+    def stated(self, masked: bool) -> int:
+        """Features that kernels are not only able to handle but take for granted: ``HAS_*``.
+
+        Parameters
+        ----------
+        masked : bool
+            Whether there is a BVH of masked primitives.
+        """
+        stated = {
+            layout.HAS_MASKED: masked,
+            layout.HAS_SUN: self.sun,
+            layout.HAS_HIDDEN_ENVIRONMENT: self.hidden_environment,
+            layout.HAS_ENVIRONMENT_MAP: self.environment_map,
+            layout.HAS_STRAIGHT_SHADOWS: self.straight_shadows,
+            layout.HAS_LAMPS: self.lamps,
+            layout.HAS_CAMERA_CUTS_MEDIA: self.camera_cuts_media,
+        }
+        return sum(flag for flag, has in stated.items() if has)
+
     def seen_by(self, camera: NDArray[np.void]) -> Features:
         """The features of the same scene with another camera.
 

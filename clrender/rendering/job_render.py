@@ -56,6 +56,9 @@ if TYPE_CHECKING:
 
 __all__ = ["JobRender"]
 
+STAND_INS: Final = True
+"""Whether programs for any scene may trace samples while a scene's own is not compiled."""
+
 _LIVE_SECONDS: Final = 0.008
 """Target duration of a launch in interactive rendering, where a different image may be requested at any time."""
 
@@ -455,7 +458,11 @@ class JobRender:
             flat=prepared.flat,
             settings=self._settings.struct(self._plan.tile, self._job.integrator.fixed),
             pipeline=prepared.pipeline,
-            launch=dataclasses.replace(self._launch, samples=-(-self._plan.samples // len(residency.devices)) or 1),
+            launch=dataclasses.replace(
+                self._launch,
+                samples=-(-self._plan.samples // len(residency.devices)) or 1,
+                stand_ins=STAND_INS and prepared.on_device is None,
+            ),
             on_device=prepared.on_device,
         )
 
@@ -489,7 +496,9 @@ class JobRender:
             self._residency.worker,
             flat=flat,
             settings=self._settings.struct(self._plan.tile),
-            launch=dataclasses.replace(self._launch, samples=most * self._settings.width * self._settings.height),
+            launch=dataclasses.replace(
+                self._launch, samples=most * self._settings.width * self._settings.height, stand_ins=STAND_INS
+            ),
         )
         return first_hits(
             self._residency.devices,

@@ -104,7 +104,7 @@ static void light_path_arrive(const Scene* scene, LightPath* p, Hit hit, LightAr
     a->scatters = found & ((p->depth < scene->settings->max_depth) | a->straight);
     a->joins = a->scatters & !(a->bsdf.specular | a->straight | a->dark);
     a->arrived = vertex_cosine(&a->surface, &a->bsdf, p->ray.direction);
-    const vmask vertex = found & !shadow_passes(a->straight);
+    const vmask vertex = found & !shadow_passes(scene, a->straight);
     const vfloat reach = vertex_reach(scene, &p->interior, &a->surface, &a->bsdf, p->ray.direction);
     techniques_arrive(&p->techniques, p->passed + hit.distance, p->far, reach, vertex);
     light_path_saw_sphere(scene, p, a, reach, vertex);
@@ -201,7 +201,7 @@ static vmask light_path_scatter(const Scene* scene, LightPath* p, const LightArr
     const vfloat index_squared = a->straight ? splat(1.0f) : bsdf_index_squared(bsdf, next.direction);
     vec3 weight = scale(next.weight, bsdf_turned(bsdf, p->ray.direction, next.direction) * index_squared);
     interior_straighten(&a->crossing, p->ray.direction, &next.direction, &weight);
-    const vmask delta = bsdf->specular | a->straight, passes = shadow_passes(a->straight), lobes = a->scatters & !delta;
+    const vmask delta = bsdf->specular | a->straight, passes = shadow_passes(scene, a->straight), lobes = a->scatters & !delta;
     techniques_pass(&p->techniques, vertex_reach(scene, &p->interior, &a->surface, bsdf, p->ray.direction), index_squared, delta & !passes);
     if (lane_any(lobes)) {
         vfloat back;

@@ -39,6 +39,7 @@ static void masked_start(Masked* m, uint packet, const Ray* ray, vfloat limit, v
 __attribute__((noinline)) static int masked_next(const Scene* scene, Masked* m) {
     Traversal t;
     int any = 0;
+    if (!scene_has(scene, HAS_MASKED)) return 0;
     EACH_PACKET(k) any |= lane_any(m->open[k]);
     if (!any) return 0;
     EACH_PACKET(k) traverse_start(&scene->masked, &t, k, &m->ray[k], m->open[k], 0);
@@ -141,6 +142,7 @@ static void passage_through(const Scene* scene, Masked* m, vfloat* left) {
 __attribute__((noinline)) static void passage_known(const Scene* scene, Masked* m, vfloat* left) {
     Traversal t;
     int any = 0;
+    if (!scene_has(scene, HAS_MASKED)) return;
     EACH_PACKET(k) any |= lane_any(m->open[k]);
     if (!any) return;
     EACH_PACKET(k) traverse_start(&scene->masked, &t, k, &m->ray[k], m->open[k], 1);

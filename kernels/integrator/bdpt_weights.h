@@ -53,7 +53,7 @@ static void path_note_direction(const Scene* scene, Path* path, const Vertex* v,
 
 // The paths arrive at their vertices, once they have found the light there.
 static void path_arrive(const Scene* scene, Path* path, const Vertex* v, Hit hit) {
-    const vmask vertex = v->found & !shadow_passes(interior_straight(&v->crossing));
+    const vmask vertex = v->found & !shadow_passes(scene, interior_straight(&v->crossing));
     const vmask parallel = camera_is_parallel(scene) ? path->depth == 0u : mask_none();
     vfloat distance = hit.distance;
 #ifdef STRAIGHT_SHADOWS

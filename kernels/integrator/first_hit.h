@@ -117,7 +117,7 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
         path.throughput = choose(found, interior_absorb(scene, &path.interior, hit, path.throughput), path.throughput);
         const vmask straight = interior_straight(&crossing);
         vec3 outside = vec3_all(0.0f);
-        const vmask escapes = path.alive & !found & !environment_hidden(path.depth);
+        const vmask escapes = path.alive & !found & !environment_hidden(scene, path.depth);
         if (lane_any(escapes)) {
             const vec3 emitted = mul(environment_emitted(scene, path.ray.direction, escapes), interior_through_fog(scene));
             outside = choose(escapes, emitted, outside);

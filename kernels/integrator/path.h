@@ -126,7 +126,7 @@ static void path_add_emission(const Scene* scene, Path* path, const Vertex* vert
     __global const Settings* settings = scene->settings;
     const Surface* surface = &vertex->surface;
     const vmask shines = vertex->found & light_shines(surface);
-    const vmask there = (splat_uint(settings->environment) != NONE) & !environment_hidden(path->depth);
+    const vmask there = (splat_uint(settings->environment) != NONE) & !environment_hidden(scene, path->depth);
     const vmask outside = vertex->traced & !vertex->found & there;
     if (!lane_any(shines | outside)) return;
     const LightRow light = light_met(scene, surface, shines, outside);
@@ -148,8 +148,9 @@ static void path_add_emission(const Scene* scene, Path* path, const Vertex* vert
 // The same for the sun, which is a light of its own before the sky.
 static void path_add_sun(const Scene* scene, Path* path, const Vertex* vertex) {
 #ifdef SUN
+    if (!scene_has(scene, HAS_SUN)) return;
     const EnvironmentSample sun = sun_along(scene, path->ray.direction);
-    const vmask seen = vertex->traced & !vertex->found & (sun.pdf > 0.0f) & !environment_hidden(path->depth);
+    const vmask seen = vertex->traced & !vertex->found & (sun.pdf > 0.0f) & !environment_hidden(scene, path->depth);
     if (!lane_any(seen)) return;
     const LightRow light = light_at(scene, splat_uint(sun_light(scene)));
     const vfloat share = chains_leave(scene, path, splat_uint(sun_light(scene)), sun.pdf, splat(1.0f), splat(1.0f), mask_all(), seen);
@@ -266,7 +267,7 @@ static void path_add_direct(const Scene* scene, Path* path, Direct* direct) {
 // Emission that is met next counts in full where light sampling could not have found it from here: after a delta. And keep the vertex for the other
 // rays that part from it.
 static void path_leave(const Scene* scene, Path* path, const Vertex* vertex, Hit hit) {
-    const vmask straight = interior_straight(&vertex->crossing), shadows_pass = shadow_passes(straight);
+    const vmask straight = interior_straight(&vertex->crossing), shadows_pass = shadow_passes(scene, straight);
     path_note_vertex(scene, path, vertex, !shadows_pass);
     split_leave(&path->split, &path->ray, hit, path->interior, &path->throughput, &path->index_squared, &path->sample.sampler, path->depth,
                 vertex->samples_lights, scene->settings->indirect_rays);
@@ -276,7 +277,7 @@ static void path_leave(const Scene* scene, Path* path, const Vertex* vertex, Hit
 // that carry any.
 static vmask path_sample_bsdf(const Scene* scene, Path* path, Vertex* vertex) {
     const Bsdf* bsdf = &vertex->bsdf;
-    const vmask straight = interior_straight(&vertex->crossing), shadows_pass = shadow_passes(straight);
+    const vmask straight = interior_straight(&vertex->crossing), shadows_pass = shadow_passes(scene, straight);
     vuint bits_u, bits_v;
     sampler_bits(path->sample.sampler, sampler_set(path->depth, SET_BSDF), &bits_u, &bits_v);
     guide_choose(vertex, &bits_u);

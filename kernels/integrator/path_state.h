@@ -161,9 +161,11 @@ static void path_camera_rays(const Scene* scene, Pool* pool, CameraRays* rays) {
     lane_store(inside, rays->inside);
     lane_store(camera_sees(&ray), rays->sees);
 #ifdef CAMERA_CUTS_MEDIA
-    const Interior around = surroundings_at(scene, ray.origin, inside & camera_sees(&ray));
-    lane_store(around.first, rays->first);
-    lane_store(around.last, rays->last);
+    if (scene_has(scene, HAS_CAMERA_CUTS_MEDIA)) {
+        const Interior around = surroundings_at(scene, ray.origin, inside & camera_sees(&ray));
+        lane_store(around.first, rays->first);
+        lane_store(around.last, rays->last);
+    }
 #endif
 }
 
@@ -208,8 +210,10 @@ static void path_start(const Scene* scene, CameraRays* rays, Path* path, vmask l
     path->counts_in_full = path->counts_in_full | lane;
     interior_start(scene, &path->interior, lane);
 #ifdef CAMERA_CUTS_MEDIA
-    path->interior.first = lane ? splat_uint(rays->first[i]) : path->interior.first;
-    path->interior.last = lane ? splat_uint(rays->last[i]) : path->interior.last;
+    if (scene_has(scene, HAS_CAMERA_CUTS_MEDIA)) {
+        path->interior.first = lane ? splat_uint(rays->first[i]) : path->interior.first;
+        path->interior.last = lane ? splat_uint(rays->last[i]) : path->interior.last;
+    }
 #endif
     split_start(&path->split, lane);
     path->alive = path->alive | lane;

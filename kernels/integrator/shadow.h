@@ -45,16 +45,6 @@ static ShadowRay shadow_ray(const Surface* surface, const LightSample* light, co
 
 #ifdef STRAIGHT_SHADOWS
 
-typedef struct {
-    vec3 left[PACKETS];      // of the light on its way, by channel
-} Shadows;
-
-// The paths that go straight on, whose last vertex stays the one at which light samples and samples of the BSDF are weighed.
-static vmask shadow_passes(vmask straight) { return straight; }
-
-// What is left on the way: the rays themselves tell.
-static vec3 shadow_straight(const Scene* scene, const Interior* in, const LightSample* light, vec3 from) { return vec3_all(1.0f); }
-
 // What is left of light that comes along a shadow ray.
 static vec3 shadow_transmittance(const Scene* scene, const ShadowRay* shadow, vmask asked) {
     Ray ray = shadow->ray;
@@ -83,33 +73,58 @@ static vec3 shadow_transmittance(const Scene* scene, const ShadowRay* shadow, vm
     return left;
 }
 
-static void shadow_start(const Scene* scene, Shadows* shadows, uint packet, const ShadowRay* shadow, vmask asked) {
-    shadows->left[packet] = shadow_transmittance(scene, shadow, asked);
+#endif
+
+typedef struct {
+    Passage passage;
+#ifdef STRAIGHT_SHADOWS
+    int pass;                // they do pass such surfaces,
+    vec3 left[PACKETS];      // and this is left of the light on its way, by channel
+#endif
+} Shadows;
+
+// Whether shadow rays pass surfaces that are no boundaries.
+static int shadows_pass(const Scene* scene) {
+#ifdef STRAIGHT_SHADOWS
+    return scene_has(scene, HAS_STRAIGHT_SHADOWS);
+#else
+    return 0;
+#endif
 }
-static void shadow_finish(const Scene* scene, Shadows* shadows) {}
+
+// The paths that go straight on, whose last vertex stays the one at which light samples and samples of the BSDF are weighed.
+static vmask shadow_passes(const Scene* scene, vmask straight) { return shadows_pass(scene) ? straight : mask_none(); }
+
+// What is left on the way, if that is free: all of it is in the medium that the ray begins in. Rays that pass surfaces tell themselves.
+static vec3 shadow_straight(const Scene* scene, const Interior* in, const LightSample* light, vec3 from) {
+    if (shadows_pass(scene)) return vec3_all(1.0f);
+    return interior_transmittance(scene, in, magnitude(sub(light->target, from)), light->infinite);
+}
+
+// A packet's rays set out, those of every packet before they finish.
+static void shadow_start(const Scene* scene, Shadows* shadows, uint packet, const ShadowRay* shadow, vmask asked) {
+#ifdef STRAIGHT_SHADOWS
+    shadows->pass = shadows_pass(scene);
+    if (shadows->pass) {
+        shadows->left[packet] = shadow_transmittance(scene, shadow, asked);
+        return;
+    }
+#endif
+    passage_start(scene, &shadows->passage, packet, &shadow->ray, asked);
+}
+static void shadow_finish(const Scene* scene, Shadows* shadows) {
+    if (!shadows_pass(scene)) passage_finish(scene, &shadows->passage);
+}
 
 // Whether light arrives; less may than was sent.
 static vmask shadow_arrives(const Shadows* shadows, uint packet, vec3* arriving) {
-    *arriving = mul(*arriving, shadows->left[packet]);
-    return largest(shadows->left[packet]) > 0.0f;
-}
-
-#else
-
-typedef Passage Shadows;
-
-static vmask shadow_passes(vmask straight) { return mask_none(); }
-
-// What is left on the way, if that is free: all of it is in the medium that the ray begins in.
-static vec3 shadow_straight(const Scene* scene, const Interior* in, const LightSample* light, vec3 from) {
-    return interior_transmittance(scene, in, magnitude(sub(light->target, from)), light->infinite);
-}
-static void shadow_start(const Scene* scene, Shadows* shadows, uint packet, const ShadowRay* shadow, vmask asked) {
-    passage_start(scene, shadows, packet, &shadow->ray, asked);
-}
-static void shadow_finish(const Scene* scene, Shadows* shadows) { passage_finish(scene, shadows); }
-static vmask shadow_arrives(const Shadows* shadows, uint packet, vec3* arriving) { return passage_arrives(shadows, packet, arriving); }
-
+#ifdef STRAIGHT_SHADOWS
+    if (shadows->pass) {
+        *arriving = mul(*arriving, shadows->left[packet]);
+        return largest(shadows->left[packet]) > 0.0f;
+    }
 #endif
+    return passage_arrives(&shadows->passage, packet, arriving);
+}
 
 #endif

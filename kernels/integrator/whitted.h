@@ -28,7 +28,7 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
         const Crossing crossing = interior_meet(scene, &path.interior, &surface, found);
         const vmask straight = interior_straight(&crossing);
         path.throughput = interior_absorb(scene, &path.interior, hit, path.throughput);
-        const vmask escapes = path.alive & !found & !environment_hidden(path.depth);
+        const vmask escapes = path.alive & !found & !environment_hidden(scene, path.depth);
         vec3 outside = vec3_all(0.0f);
         if (lane_any(escapes)) outside = choose(escapes, environment_emitted(scene, path.ray.direction, escapes), outside);
         const vec3 seen = mul(path.throughput, choose(found, light_emitted(scene, &surface, found), outside));

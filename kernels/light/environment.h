@@ -23,6 +23,15 @@ typedef struct {
     vfloat pdf;          // per steradian
 } EnvironmentSample;
 
+// The same light from everywhere.
+static EnvironmentSample environment_even(vec3 radiance, vec3 direction) {
+    EnvironmentSample s;
+    s.direction = direction;
+    s.radiance = radiance;
+    s.pdf = splat(WARP_SPHERE_PDF);
+    return s;
+}
+
 #ifdef ENVIRONMENT_MAP
 
 // scene->environment_map (clrender/flatten/environment.py writes it): a row of numbers, ENVIRONMENT_ROW_*. Then a row for each band
@@ -195,10 +204,17 @@ static void environment_guided(__global const float* guide, vuint entry, vuint* 
 
 static vuint environment_entry(vfloat part, uint entries) { return vuint_from_int(vint_of(part * (float)entries)); }
 
+// Without a picture: the two numbers.
+static EnvironmentChoice environment_anywhere(vfloat u, vfloat v) {
+    EnvironmentChoice c = {{splat_uint(0u), splat_uint(0u), u, v}};
+    return c;
+}
+
 // A sample takes three steps. The first two ask for the memory that the next one reads, so that other packets can take theirs meanwhile.
 //
 // First, choose the latitude, between two lines, by all light there, and of the two lines one.
 static EnvironmentChoice environment_choose_line(const Scene* scene, vfloat u, vfloat v) {
+    if (!scene_has(scene, HAS_ENVIRONMENT_MAP)) return environment_anywhere(u, v);
     const EnvironmentMap map = environment_map_of(scene);
     vuint first, last;
     environment_guided(map.band_guide, environment_entry(u, map.band_guides), &first, &last);
@@ -226,6 +242,7 @@ static EnvironmentChoice environment_choose_line(const Scene* scene, vfloat u, v
 
 // Then look up about where along that line.
 static void environment_guide(const Scene* scene, EnvironmentChoice* c) {
+    if (!scene_has(scene, HAS_ENVIRONMENT_MAP)) return;
     const EnvironmentMap map = environment_map_of(scene);
     environment_guided(map.guide, c->entry, &c->first, &c->last);
     lane_prefetch(map.pixels, environment_at(&map, environment_row(&map, c->place.line), c->first));
@@ -234,6 +251,7 @@ static void environment_guide(const Scene* scene, EnvironmentChoice* c) {
 
 // And choose where exactly. `mean` is the radiance of all directions.
 static EnvironmentSample environment_sample_chosen(const Scene* scene, vec3 mean, const EnvironmentChoice* c) {
+    if (!scene_has(scene, HAS_ENVIRONMENT_MAP)) return environment_even(mean, warp_sphere(c->place.down, c->place.right));
     const EnvironmentMap map = environment_map_of(scene);
     EnvironmentPlace place = c->place;
     place.column = search_last(map.pixels, environment_at(&map, c->row, splat_uint(0u)), 3u, c->sought, c->first, c->last);
@@ -252,6 +270,7 @@ static EnvironmentSample environment_sample_chosen(const Scene* scene, vec3 mean
 
 // The sample that a direction of any length would be.
 static EnvironmentSample environment_along(const Scene* scene, vec3 mean, vec3 direction) {
+    if (!scene_has(scene, HAS_ENVIRONMENT_MAP)) return environment_even(mean, direction);
     const EnvironmentMap map = environment_map_of(scene);
     const EnvironmentPlace place = environment_place(scene, &map, direction);
     const EnvironmentCorners corners = environment_corners(&map, place.line, place.column);
@@ -275,19 +294,9 @@ static EnvironmentChoice environment_choose_line(const Scene* scene, vfloat u, v
 }
 static void environment_guide(const Scene* scene, EnvironmentChoice* c) {}
 static EnvironmentSample environment_sample_chosen(const Scene* scene, vec3 mean, const EnvironmentChoice* c) {
-    EnvironmentSample s;
-    s.direction = warp_sphere(c->u, c->v);
-    s.radiance = mean;
-    s.pdf = splat(WARP_SPHERE_PDF);
-    return s;
+    return environment_even(mean, warp_sphere(c->u, c->v));
 }
-static EnvironmentSample environment_along(const Scene* scene, vec3 mean, vec3 direction) {
-    EnvironmentSample s;
-    s.direction = direction;
-    s.radiance = mean;
-    s.pdf = splat(WARP_SPHERE_PDF);
-    return s;
-}
+static EnvironmentSample environment_along(const Scene* scene, vec3 mean, vec3 direction) { return environment_even(mean, direction); }
 
 #endif
 

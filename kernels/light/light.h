@@ -230,9 +230,9 @@ static EnvironmentSample environment_found(const Scene* scene, const LightRow* e
     return environment_along(scene, environment->radiance, choose(leaves, direction, vec3_of(splat(0.0f), splat(1.0f), splat(0.0f))));
 }
 // Whether it is hidden from rays that leave a path's vertex of this depth: from those of the camera.
-static vmask environment_hidden(vuint depth) {
+static vmask environment_hidden(const Scene* scene, vuint depth) {
 #ifdef HIDDEN_ENVIRONMENT
-    return depth == 0u;
+    return scene_has(scene, HAS_HIDDEN_ENVIRONMENT) ? depth == 0u : mask_none();
 #else
     return mask_none();
 #endif
@@ -244,7 +244,7 @@ static vec3 environment_emitted(const Scene* scene, vec3 direction, vmask leaves
         emitted = environment_found(scene, &environment, direction, leaves).radiance;
     }
 #ifdef SUN
-    emitted = add(emitted, sun_along(scene, direction).radiance);
+    if (scene_has(scene, HAS_SUN)) emitted = add(emitted, sun_along(scene, direction).radiance);
 #endif
     return emitted;
 }

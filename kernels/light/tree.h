@@ -74,10 +74,12 @@ __attribute__((always_inline)) static void tree_first(const Scene* scene, vuint 
     const vfloat either = two_sided ? splat(1.0f) : splat(0.0f);
     TreeImportance a = tree_importance(row, origin, normal, either), b = tree_importance(row + 8, origin, normal, either);
 #ifdef LAMPS
-    vfloat cones[8];
-    lane_octets(scene->light_cones, node * 8u, cones);
-    a.weight = tree_reaches(row, cones, origin) ? a.weight : splat(0.0f);
-    b.weight = tree_reaches(row + 8, cones + 4, origin) ? b.weight : splat(0.0f);
+    if (scene_has(scene, HAS_LAMPS)) {
+        vfloat cones[8];
+        lane_octets(scene->light_cones, node * 8u, cones);
+        a.weight = tree_reaches(row, cones, origin) ? a.weight : splat(0.0f);
+        b.weight = tree_reaches(row + 8, cones + 4, origin) ? b.weight : splat(0.0f);
+    }
 #endif
     // The farther one near 1 and the other not too far below it, so that no product is lost
     const vfloat most = greater(a.distance2, b.distance2), near_one = inverse_scale(vec3_of(most, most, most));

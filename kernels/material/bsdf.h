@@ -148,8 +148,9 @@ static void bsdf_no_rows(Bsdf* b) {
 #ifdef SPECULAR_CHAINS
     b->mixed = mask_none();
 #endif
-    b->closure.present = b->closure.glass.present = b->closure.diffuse.present = b->thin = mask_none();
+    b->closure.present = b->closure.glass.present = b->closure.glass.thin = b->closure.diffuse.present = b->thin = mask_none();
     b->closure.diffuse.transmission = splat(0.0f);
+    b->closure.glass.eta = splat(1.0f);
     b->closure.albedo = vec3_all(0.0f);
 }
 #endif

@@ -83,7 +83,7 @@ static Emission emission_sample(const Scene* scene, Sampler sampler, float4 boun
     vec3 radiance = emission_sampled(scene, &l, from.point, from.normal, u, v, surface);
 #ifdef ENVIRONMENT_MAP
     // Where the environment is brighter more photons start: each direction stands for the same flux, up to its colour
-    if (lane_any(environment)) {
+    if (scene_has(scene, HAS_ENVIRONMENT_MAP) && lane_any(environment)) {
         const EnvironmentSample around = environment_sample(scene, l.radiance, u2, v2);
         direction = choose(environment, negate(around.direction), direction);
         radiance = choose(environment, scale(around.radiance, inverse_or_one(around.pdf) * (0.25f * INV_PI)), radiance);

@@ -150,7 +150,7 @@ def test_only_processors_are_told_to_prefetch(device: Device, gpu: LikeGpu) -> N
     told = []
     for each in (device, gpu):
         made = DeviceWorker(each, flatten(load("bumpy"), 16, 16), settings, launch=LaunchConfig(lanes=4))
-        told.append("PREFETCH" in made._defined)
+        told.append("PREFETCH" in made._own.macros)
         made.release()
     assert told == [True, False]
 

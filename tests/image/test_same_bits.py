@@ -228,7 +228,7 @@ def test_packets_that_take_turns(all_devices: list[Device], expected: Hashes, pa
 
     others: dict[str, Any] = {"indirect_rays": 2, "shadow_rays": 2, "roulette": "constant"}
     other = sha("bumpy", all_devices[:1], Cutting(8), **others)
-    with patch("clrender.device.worker._packets", lambda *_: packets), patch.object(Device, "program", program):
+    with patch("clrender.device.kernel_build._packets", lambda *_: packets), patch.object(Device, "program", program):
         for scene in ("bumpy", "surfaces"):
             assert sha(scene, all_devices[:1], Cutting(8)) == expected[scene]
         assert sha("bumpy", all_devices[:1], Cutting(8, samples_per_pass=3), **others) == other

@@ -100,6 +100,8 @@ class Run:
         With all shapes but the floor in a group, which stands there twice, once mirrored.
     replicate : int
         Samples of a replicate; 0: none.
+    universal : bool
+        By the program for any scene.
     """
 
     kernel: str
@@ -119,6 +121,7 @@ class Run:
     sun: bool = False
     instances: bool = False
     replicate: int = 0
+    universal: bool = False
 
 
 RENDERS: Final = {
@@ -148,6 +151,13 @@ RENDERS: Final = {
     "reuse-4-filter": Run("reuse", 4, samples=2, filter="mitchell"),
     "path-1-filter": Run("path", 1, filter="gaussian"),
     "path-4-lamps": Run("path", 4, samples=2, lamps=True),
+    "path-4-universal": Run("path", 4, samples=2, universal=True),
+    "path-1-universal": Run("path", 1, universal=True),
+    "path-4-sky-universal": Run("path", 4, sky=True, universal=True),
+    "path-4-media-universal": Run("path", 4, media=True, universal=True),
+    "path-4-holes-universal": Run("path", 4, opacity="holes", universal=True),
+    "reuse-4-universal": Run("reuse", 4, samples=2, universal=True),
+    "whitted-4-universal": Run("whitted", 4, universal=True),
     "path-1-lamps": Run("path", 1, lamps=True),
     "whitted-1-lamps": Run("whitted", 1, lamps=True),
     "photon-4-lamps": Run("photon", 4, lamps=True),
@@ -375,7 +385,7 @@ def render(device: Device, run: Run) -> str:
     trained = FieldSums(device, field_over(flat), 2.0) if run.kernel == "training" else None
     if trained is not None:
         prepare = lambda _: trained  # noqa: E731
-    cut = LaunchConfig(run.lanes, 2, None, run.traversal)
+    cut = LaunchConfig(run.lanes, 2, None, run.traversal, code="any" if run.universal else None)
     others = {"guided": GUIDED, "training": TRAINING, "chains": INTEGRATORS["path"].pipeline}
     others["chains-bdpt"] = INTEGRATORS["bdpt"].pipeline
     pipeline = others[run.kernel] if run.kernel in others else INTEGRATORS[run.kernel].pipeline

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from clrender.device import worker
+from clrender.device import kernel_build
 from clrender.drivers import select
 from clrender.drivers.arithmetic import OPERATIONS, check, inputs, reference
 from clrender.errors import DeviceError, RenderError
@@ -185,7 +185,7 @@ def test_lanes_are_those_of_the_processor(
     monkeypatch.setattr(device, "info", replace(device.info, platform=platform))
     monkeypatch.setattr(device, "is_cpu", is_cpu)
     monkeypatch.setattr(device, "vector_width", width)
-    assert worker._lanes(device) == lanes
+    assert kernel_build.lanes_of(device) == lanes
     path, single = PATH.pipeline, replace(PATH.pipeline, packets=1)
-    assert worker._packets(path, lanes) * lanes == 16 * path.packets
-    assert worker._packets(single, lanes) == 1
+    assert kernel_build._packets(path, lanes) * lanes == 16 * path.packets
+    assert kernel_build._packets(single, lanes) == 1

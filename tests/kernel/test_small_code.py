@@ -86,11 +86,11 @@ def test_only_where_it_was_measured(version: str, type: str, possible: bool) -> 
     assert SmallCode(replace(POCL, version=version, type=type), "").possible == possible
 
 
-@pytest.mark.parametrize(("code", "compiled_for"), [(None, 7), ("small", 0), ("fast", None)])
+@pytest.mark.parametrize(("code", "compiled_for"), [(None, 7), ("small", 0), ("fast", None), ("any", None)])
 def test_a_render_may_ask_for_either(code: str | None, compiled_for: int | None) -> None:
     settings = RenderSettings(code=code)
     assert LaunchConfig(samples=7, code=settings.code).compiled_for == compiled_for
-    with pytest.raises(clrender.UsageError, match="code is 'quick', but must be fast or small"):
+    with pytest.raises(clrender.UsageError, match="code is 'quick', but must be fast, small or any"):
         RenderSettings(code="quick")
 
 
@@ -128,7 +128,7 @@ def test_long_paths_go_on_in_fast_code(device: Device, monkeypatch: pytest.Monke
     first, few = worker.render(unit), opened.builds
     assert (worker.render(unit).sums == first.sums).all()
     assert opened.builds == few
-    monkeypatch.setattr("clrender.device.worker.FEW_RAYS", first.rays)
+    monkeypatch.setattr("clrender.device.tracing_program.FEW_RAYS", first.rays)
     assert (worker.render(unit).sums == first.sums).all()
     worker.release()
     assert opened.builds == few + (code is None and opened.compiles_small_code)

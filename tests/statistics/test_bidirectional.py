@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pytest
+from compiled_support import compile_with
 from parts_support import apart, judge, rendered
 from PIL import Image
 from render_support import disk, lambert, quad, scene, sphere, triangle
 
 import clrender
-from clrender.device.launch import LaunchConfig
-from clrender.device.worker import DeviceWorker
 from clrender.image.files import write_image
 from clrender.scene import Scene
 
@@ -58,14 +57,9 @@ def test_each_way_alone_finds_all(
     """All ways with 1, 2 or 3 vertices of the camera, or with 0, 1 or 2 of the light, count in full, and no others."""
     what, more = plates(), {"spp": 48, "max_depth": 4}
     truth = rendered(session, what, 1000, {**more, "integrator": "path", "spp": 128})
-    defines, found = DeviceWorker._defines, []
+    found = []
     for count in (1, 2, 3) if side == "CAMERA" else (0, 1, 2):
-        extra = {f"ONLY_{side}_VERTICES": f"{count}u"}
-
-        def alone(self: DeviceWorker, launch: LaunchConfig, extra: dict[str, str] = extra) -> dict[str, int | str]:
-            return {**defines(self, launch), **extra}
-
-        monkeypatch.setattr(DeviceWorker, "_defines", alone)
+        compile_with(monkeypatch, **{f"ONLY_{side}_VERTICES": f"{count}u"})
         with clrender.Session(device.info.index) as own:  # the session of all tests keeps its workers
             shown = rendered(own, what, 1, {**more, "integrator": "bdpt"})
         found.append((f"{count} of {side}", apart(truth, shown)))
@@ -99,12 +93,7 @@ def test_cameras_see_what_light_paths_bring(
     found, pictures = [], {name: plates(camera) for name, camera in CAMERAS.items()}
     more = {"max_depth": 2, **pixel_filter}
     truth = {name: rendered(session, what, 1000, {**more, "spp": 256}) for name, what in pictures.items()}
-    defines = DeviceWorker._defines
-
-    def alone(self: DeviceWorker, launch: LaunchConfig) -> dict[str, int | str]:
-        return {**defines(self, launch), "ONLY_CAMERA_VERTICES": "1u"}
-
-    monkeypatch.setattr(DeviceWorker, "_defines", alone)
+    compile_with(monkeypatch, ONLY_CAMERA_VERTICES="1u")
     with clrender.Session(device.info.index) as own:
         for name, what in pictures.items():
             shown = rendered(own, what, 1, {**more, "integrator": "bdpt", "spp": 256})

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from compiled_support import compile_with
 from render_support import Studio, lambert, quad, scene, sphere
 from stats_support import Evidence
 
 import clrender
-from clrender.device.launch import LaunchConfig
-from clrender.device.worker import DeviceWorker
 from clrender.image.files import write_image
 
 if TYPE_CHECKING:
@@ -182,12 +181,7 @@ def test_an_anchor_that_does_not_see_may_not_be_counted(
     evidence: Evidence, studio: Studio, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With all anchors assumed to see all targets, light behind edges is divided by densities that are none."""
-    defines = DeviceWorker._defines
-
-    def blind(worker: DeviceWorker, launch: LaunchConfig) -> dict[str, int | str]:
-        return {**defines(worker, launch), "REUSE_ASSUMES_VISIBLE": 1}
-
-    monkeypatch.setattr(DeviceWorker, "_defines", blind)
+    compile_with(monkeypatch, REUSE_ASSUMES_VISIBLE=1)
     tiles = partitioned_furnace(studio, integrator="reuse")
     assert tiles.mean() < 4.9
     with pytest.raises(AssertionError, match="radiance"):

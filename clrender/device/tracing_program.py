@@ -1,0 +1,127 @@
+"""The program that traces a render's samples: one that is there already, until the scene's own has been compiled."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from clrender import layout
+from clrender.device.compilation import Compilation
+from clrender.device.scene_arrays import scene_array_names
+from clrender.device.small_code import FEW_RAYS
+
+if TYPE_CHECKING:
+    from clrender.device.compilation import Aside
+    from clrender.device.device import Argument, Device, Program
+    from clrender.device.kernel_build import KernelBuild
+    from clrender.integrators.descriptor import Pipeline
+
+__all__ = ["TracingProgram", "compile_tracing"]
+
+_COMPILED: Final[defaultdict[tuple[str, str], set[str]]] = defaultdict(set)
+"""Macros that kernel files were compiled with in this process, by device and file."""
+
+
+class TracingProgram:
+    """The program of one render on one device, which may become a better one between two units.
+
+    Compilers take seconds for a scene's own program, and any other would give the same bits. So a render begins with
+    the best that is there. Where this is not the scene's own fast code, and that pays, it is compiled meanwhile.
+
+    Parameters
+    ----------
+    device : Device
+    pipeline : Pipeline
+    own : KernelBuild
+        How kernels are compiled for this scene and nothing else.
+    universal : KernelBuild, optional
+        How they are compiled for any scene; by default such a program is not used.
+    samples : int or None
+        About how many samples the device is to trace; see `Device.program`.
+
+    Attributes
+    ----------
+    program : Program
+    build : KernelBuild
+        How it was compiled.
+    """
+
+    def __init__(
+        self, device: Device, pipeline: Pipeline, own: KernelBuild, universal: KernelBuild | None, samples: int | None
+    ) -> None:
+        self._device, self._pipeline, self._own = device, pipeline, own
+        self._several = universal is not None and device.compiles_small_code
+        self._samples = samples
+        self._aside: Aside | None = None
+        if universal is None or not self._several:
+            self.build, self.program = own, device.program(pipeline.entry, own.tracing, samples)
+            return
+        entry = pipeline.entry
+        self._fast = device.wants_fast(entry, own.tracing, samples)
+        for build, small in ((own, False), (own, True), (universal, False), (universal, True)):
+            if device.has_program(entry, build.tracing, small=small):
+                break
+        else:
+            compiled = _COMPILED[device.info.title, entry]
+            # Another scene than the one before: more may follow
+            build, small = (universal, True) if compiled - {str(own.macros)} else (own, not self._fast)
+            compiled.add(str(own.macros))
+        self.build, self.program = build, self._built(build, small)
+        self._is_best = build is own and not small
+
+    def improve(self, rays: int) -> None:
+        """Change to the scene's own fast code if it is worth while and there; if it is not, have it compiled.
+
+        Parameters
+        ----------
+        rays : int
+            Rays of this render so far.
+        """
+        many = rays > FEW_RAYS
+        if not self._several:
+            if self._samples and many and self._device.compiles_small_code:
+                self._samples = None
+                self.program = self._device.program(self._pipeline.entry, self._own.tracing)
+            return
+        if self._is_best or not (self._fast or many) or (self._aside is not None and not self._aside.ended):
+            return
+        own, entry = self._own, self._pipeline.entry
+        if self._device.has_program(entry, own.tracing):
+            self.build, self.program, self._is_best = own, self._built(own, small=False), True
+        elif self._aside is not None:
+            self._is_best = True  # it cannot be compiled there, nor probably here
+        elif self._device.compile_aside is None or self._device.memory_limit is not None:
+            if many:
+                self.build, self.program, self._is_best = own, self._built(own, small=False), True
+        else:
+            kernels = [self._pipeline.kernel, *self._pipeline.then]
+            records = bool(self._pipeline.record_bytes)
+            self._aside = self._device.compile_aside(Compilation(entry, own.tracing, kernels, own.group, records))
+
+    def _built(self, build: KernelBuild, small: bool) -> Program:
+        return self._device.program(self._pipeline.entry, build.tracing, 0 if small else None)
+
+
+def compile_tracing(device: Device, compilation: Compilation) -> None:
+    """Compile the kernels of a tracing program by launches that trace nothing.
+
+    Drivers compile for a size of groups at the first launch.
+
+    Raises
+    ------
+    RenderError, DeviceError
+        When the compiler rejects the program, or the driver fails.
+    """
+    program = device.program(compilation.entry, compilation.macros)
+    settings: Any = np.zeros(1, layout.dtype("Settings"))
+    settings["width"] = settings["height"] = settings["tile"] = 4
+    none = device.upload(np.zeros(64, np.uint32))
+    buffers: dict[str, Argument] = {"settings": device.upload(settings)}
+    scene: list[Argument] = [buffers.get(name, none) for name in scene_array_names()]
+    stats = device.empty(16 * compilation.group)
+    arguments = [*scene, *[np.uint32(0)] * 4, none, stats, *([none] if compilation.records else [])]
+    for kernel in compilation.kernels:
+        device.launch(program, kernel, compilation.group, compilation.group, arguments)
+    device.finish()
