@@ -38,7 +38,7 @@ def warmup(
         if not quiet:
             click.echo(line, err=True)
 
-    scenes = [load(name, allow_paths=allow_paths) for name in names]
+    scenes = {name: load(name, allow_paths=allow_paths) for name in names}
     with interruptible() as interrupt:
         settings = {} if integrator is None else {"integrator": integrator}
         warm_up(select(device, notify=say), scenes, interrupt.wanted, say, **settings)

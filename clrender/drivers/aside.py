@@ -18,13 +18,17 @@ __all__ = ["compile_aside"]
 _SECONDS: Final = 600.0
 """Time limit of a compilation."""
 _ONE_AT_A_TIME: Final = threading.Lock()
+_FAILED: Final[set[str]] = set()
+"""Compilations that failed in this process; they are not tried again."""
 
 
 class _Child:
     """A compilation in a child process, which ends with this one."""
 
     def __init__(self, info: DeviceInfo, compilation: Compilation) -> None:
-        self._request = {"ordinal": info.ordinal, "library": info.library, "compilation": asdict(compilation)}
+        self._library = info.library
+        self._request = {"task": "compile", "ordinal": info.ordinal, "compilation": asdict(compilation)}
+        self._what = _name(info, compilation)
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
@@ -34,13 +38,16 @@ class _Child:
         return not self._thread.is_alive()
 
     def _run(self) -> None:
-        library = self._request.pop("library")
         try:
-            driver = next((each for each in drivers() if each.library == library), None)
-            if driver is not None:
-                ask_child({"task": "compile", "driver": asdict(driver), **self._request}, _SECONDS)
+            driver = next((each for each in drivers() if each.library == self._library), None)
+            if driver is None or ask_child({**self._request, "driver": asdict(driver)}, _SECONDS).value is None:
+                _FAILED.add(self._what)
         finally:
             _ONE_AT_A_TIME.release()
+
+
+def _name(info: DeviceInfo, compilation: Compilation) -> str:
+    return f"{info.title} {compilation.entry} {compilation.macros}"
 
 
 def compile_aside(info: DeviceInfo, compilation: Compilation) -> _Child | None:
@@ -54,6 +61,8 @@ def compile_aside(info: DeviceInfo, compilation: Compilation) -> _Child | None:
     Returns
     -------
     _Child or None
-        None: this process waits for another one already.
+        None: this process waits for another one already, or the same has failed before.
     """
-    return _Child(info, compilation) if _ONE_AT_A_TIME.acquire(blocking=False) else None
+    if _name(info, compilation) in _FAILED or not _ONE_AT_A_TIME.acquire(blocking=False):
+        return None
+    return _Child(info, compilation)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from clrender.rendering.session import Session
@@ -20,7 +20,7 @@ _LAYER: Final = ("depth",)
 
 def warm_up(
     devices: Sequence[Device],
-    scenes: Sequence[Scene],
+    scenes: Mapping[str, Scene],
     should_stop: Callable[[], bool],
     tell: Callable[[str], None],
     **settings: Any,
@@ -30,9 +30,9 @@ def warm_up(
     Parameters
     ----------
     devices : sequence of Device
-    scenes : sequence of Scene
-        Scenes whose own programs are compiled, as renders of many samples use them; if there are none, the programs
-        for any scene are.
+    scenes : mapping of str to Scene
+        Scenes, by their names in messages, whose own programs are compiled, as renders of many samples use them; if
+        there are none, the programs for any scene are.
     should_stop : callable
         If it returns True, nothing more is compiled.
     tell : callable
@@ -40,7 +40,8 @@ def warm_up(
     **settings
         See `Session.render`; ``integrator``, for example.
     """
-    kinds = [(scene, f"for {scene.source}", "fast") for scene in scenes] or [(load("cornell"), "for any scene", "any")]
+    kinds = [(scene, f"for {name}", "fast") for name, scene in scenes.items()]
+    kinds = kinds or [(load("cornell"), "for any scene", "any")]
     for device in devices:
         with Session(device) as session:
             for scene, what, code in kinds:

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -26,6 +27,7 @@ from clrender.device.small_code import FEW_RAYS, FEW_SAMPLES
 from clrender.device.tracing_program import TracingProgram
 from clrender.device.worker import DeviceWorker
 from clrender.drivers import aside, select
+from clrender.drivers.probe import Answer
 from clrender.film.unit import Unit
 from clrender.flatten.features import Features
 from clrender.flatten.flat_scene import flatten
@@ -280,14 +282,21 @@ def test_a_render_changes_to_its_own_program(pocl: Device, monkeypatch: pytest.M
     worker.release()
 
 
+def waited_for(compilation: Any) -> bool:
+    """Whether there is one; returns when it has ended."""
+    while compilation is not None and not compilation.ended:
+        time.sleep(0.01)
+    return compilation is not None
+
+
 def test_one_compilation_at_a_time(pocl: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     started: list[dict[str, Any]] = []
-    go_on = FakeAside()
+    go_on = threading.Event()
 
-    def answer(request: dict[str, Any], seconds: float) -> None:
+    def answer(request: dict[str, Any], seconds: float) -> Answer:
         started.append(request)
-        while not go_on.ended:
-            time.sleep(0.01)
+        assert go_on.wait(60.0)
+        return Answer({})
 
     monkeypatch.setattr(aside, "ask_child", answer)
     what = Compilation(ENTRY, {"LANES": 16}, [INTEGRATOR.pipeline.kernel], 1, False)
@@ -295,15 +304,21 @@ def test_one_compilation_at_a_time(pocl: Device, monkeypatch: pytest.MonkeyPatch
     first = pocl.compile_aside(what)
     assert first is not None
     assert pocl.compile_aside(what) is None
-    go_on.ended = True
-    while not first.ended:
-        time.sleep(0.01)
-    second = pocl.compile_aside(what)
-    assert second is not None
-    while not second.ended:
-        time.sleep(0.01)
+    go_on.set()
+    assert waited_for(first)
+    assert waited_for(pocl.compile_aside(what))
     assert [each["task"] for each in started] == ["compile", "compile"]
     assert started[0]["compilation"]["macros"] == {"LANES": 16}
+
+
+def test_what_another_process_cannot_compile_is_tried_once(pocl: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(aside, "_FAILED", set())
+    monkeypatch.setattr(aside, "ask_child", lambda request, seconds: Answer(None, "crashed"))
+    assert pocl.compile_aside is not None
+    what = Compilation(ENTRY, {"LANES": 16}, [INTEGRATOR.pipeline.kernel], 1, False)
+    assert waited_for(pocl.compile_aside(what))
+    assert pocl.compile_aside(what) is None
+    assert waited_for(pocl.compile_aside(replace(what, macros={"LANES": 8})))
 
 
 LOOP = """
