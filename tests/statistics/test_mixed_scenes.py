@@ -260,3 +260,18 @@ def test_moves_know_the_places(folder: Path) -> None:
     there_and_back = moved(moved(content, 4.0, [1.0, 2.0, 3.0]), 0.25, [-0.25, -0.5, -0.75])
     np.testing.assert_allclose(there_and_back["camera"]["position"], content["camera"]["position"])
     Mixed("all", with_all_features(content)).scene(folder)
+
+
+@pytest.mark.slow
+def test_one_program_renders_all_scenes(session: clrender.Session, folder: Path) -> None:
+    """With the bits of each scene's own program, without the features that it lacks."""
+    different_ones = []
+    for kind, number in product(("light", "white"), range(20)):
+        mixed = mixed_scene(kind, number)
+        scene, images = mixed.scene(folder), set()
+        for code in ("any", "small"):
+            image = session.render(scene, size=(48, 36), spp=8, code=code)
+            images.add(image.stats["image_sha256"])
+        if len(images) > 1:
+            different_ones.append(mixed.name)
+    assert different_ones == []
