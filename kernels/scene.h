@@ -66,7 +66,7 @@ typedef struct {
 #ifdef HOLES
 #define SCENE_HOLES(scene)                                                                                                  \
     scene.bvh.hole_rows = 0;                                                                                                \
-    scene.masked.hole_rows = hole_rows;                                                                                     \
+    scene.masked.hole_rows = scene_has(&scene, HAS_HOLES) ? hole_rows : 0;                                                  \
     scene.bvh.attribute_rows = scene.masked.attribute_rows = attribute_rows
 #else
 #define SCENE_HOLES(scene)

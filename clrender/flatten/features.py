@@ -102,6 +102,7 @@ class Features:
             layout.HAS_ENVIRONMENT_MAP: self.environment_map,
             layout.HAS_STRAIGHT_SHADOWS: self.straight_shadows,
             layout.HAS_LAMPS: self.lamps,
+            layout.HAS_HOLES: masked and self.holes,
             layout.HAS_CAMERA_CUTS_MEDIA: self.camera_cuts_media,
         }
         return sum(flag for flag, has in stated.items() if has)

@@ -142,7 +142,7 @@ static void passage_through(const Scene* scene, Masked* m, vfloat* left) {
 __attribute__((noinline)) static void passage_known(const Scene* scene, Masked* m, vfloat* left) {
     Traversal t;
     int any = 0;
-    if (!scene_has(scene, HAS_MASKED)) return;
+    if (!scene_has(scene, HAS_HOLES)) return;
     EACH_PACKET(k) any |= lane_any(m->open[k]);
     if (!any) return;
     EACH_PACKET(k) traverse_start(&scene->masked, &t, k, &m->ray[k], m->open[k], 1);

@@ -156,6 +156,7 @@ RENDERS: Final = {
     "path-4-sky-universal": Run("path", 4, sky=True, universal=True),
     "path-4-media-universal": Run("path", 4, media=True, universal=True),
     "path-4-holes-universal": Run("path", 4, opacity="holes", universal=True),
+    "path-4-veil-universal": Run("path", 4, opacity="veil", universal=True),
     "reuse-4-universal": Run("reuse", 4, samples=2, universal=True),
     "whitted-4-universal": Run("whitted", 4, universal=True),
     "path-1-lamps": Run("path", 1, lamps=True),

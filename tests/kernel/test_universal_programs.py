@@ -47,7 +47,7 @@ def test_what_is_stated() -> None:
     assert Features(opacity=True, sun=True).stated(masked=False) == layout.HAS_SUN
     assert Features(environment_map=True).stated(masked=True) == layout.HAS_ENVIRONMENT_MAP | layout.HAS_MASKED
     everything = layout.HAS_SUN | layout.HAS_MASKED | layout.HAS_ENVIRONMENT_MAP | layout.HAS_HIDDEN_ENVIRONMENT
-    everything |= layout.HAS_STRAIGHT_SHADOWS | layout.HAS_LAMPS | layout.HAS_CAMERA_CUTS_MEDIA
+    everything |= layout.HAS_STRAIGHT_SHADOWS | layout.HAS_LAMPS | layout.HAS_CAMERA_CUTS_MEDIA | layout.HAS_HOLES
     assert Features.all().stated(masked=True) == everything
 
 
