@@ -356,19 +356,21 @@ def test_a_loop_of_scenes_soon_compiles_nothing(device: Device, tmp_path: Path) 
 
 
 LEAVE = """
-import json, os, sys, time
+import json
 from pathlib import Path
 import clrender
-from clrender import layout
 from clrender.device import tracing_program
 tracing_program.FEW_RAYS = 0
 with clrender.Session() as session:
     render = lambda code: session.render(clrender.load("drink"), size=(64, 64), spp=64, code=code, tile=16)
     render("any")
+    device, begun = session._residency.devices[0], []
+    begin = device.compile_aside
+    device.compile_aside = lambda what: begun.append(what.entry) or begin(what)
     image = render(None)
-    print(json.dumps(image.stats["image_sha256"]))
     tasks = Path("/proc/self/task").glob("*/children")
-    print(json.dumps([int(pid) for task in tasks for pid in task.read_text().split()]))
+    children = [int(pid) for task in tasks for pid in task.read_text().split()]
+    print(json.dumps([image.stats["image_sha256"], begun, children]))
 """
 
 
@@ -380,14 +382,14 @@ def test_a_process_that_ends_takes_the_compilation_with_it(device: Device, tmp_p
         pytest.skip("the device has no small code")
     root = str(Path(clrender.__file__).parents[1])
     env = {**os.environ, "PYTHONPATH": root, "CLRENDER_DEVICE": str(device.info.index)}
-    hashes = []
+    hashes: list[str] = []
     for _ in range(2):
         done = subprocess.run(
             [sys.executable, "-c", LEAVE], capture_output=True, text=True, env=env, cwd=tmp_path, check=True
         )
-        found, children = (json.loads(line) for line in done.stdout.splitlines()[-2:])
+        found, begun, children = json.loads(done.stdout.splitlines()[-1])
         hashes.append(found)
-        assert children, "there is one to end"
+        assert begun or len(hashes) > 1  # on a slow machine the first may have ended by itself, and is used then
         deadline = time.monotonic() + 60.0
         while any(Path(f"/proc/{pid}").exists() for pid in children) and time.monotonic() < deadline:
             time.sleep(0.05)
