@@ -41,7 +41,7 @@ _EVERYWHERE: Final = (
 # Divisions of integers, by literals and by these, and of constants, at compile time. Others must use quotient.h.
 _WHOLE: Final = (
     r"\d+u?\b(?!\.)|\(tile \* tile\)|\(\(settings->|"
-    r"(?:blocks_across|tiles_across|block_words|tile|stretch|rays|[A-Z]+_(?:CHUNK|DEPOSITS))\b"
+    r"(?:blocks_across|tiles_across|block_words|tile|stretch|rays|whole_divisor|[A-Z]+_(?:CHUNK|DEPOSITS))\b"
 )
 _DIVISION: Final = re.compile(
     r"\d[\d.]*f / (?:\d[\d.]*f|[A-Z]\w*|\([A-Z\d_ -]+\))(?=[\s),;])"

@@ -15,12 +15,15 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender import layout
+from clrender.device.device_film import DeviceFilm
 from clrender.device.kernel_build import kernel_build
 from clrender.device.launch import LaunchConfig, Scratch
 from clrender.device.preparation import DevicePreparation, SplattingPreparation
 from clrender.device.replicates import ReplicateSums
 from clrender.device.scene_arrays import SceneArrays, scene_array_names
 from clrender.device.tracing_program import TracingProgram
+from clrender.errors import RenderError
+from clrender.film.held import FilmCopy, HeldUnit
 from clrender.film.unit import BLOCK_SLOTS, Unit, UnitSums
 from clrender.flatten.flat_box import around_box, scene_box
 from clrender.integrators.descriptor import Pipeline
@@ -29,6 +32,7 @@ from clrender.integrators.path import INTEGRATOR as PATH
 if TYPE_CHECKING:
     from clrender.device.bvh import Bvh
     from clrender.device.device import Argument, Buffer, Device, Program, Reading
+    from clrender.film import Film
     from clrender.flatten.flat_scene import FlatScene
 
 __all__ = ["DeviceWorker", "probe_hash"]
@@ -179,6 +183,9 @@ class DeviceWorker:
             self._splats: list[Buffer | np.generic] = []
             replicate_spp = int(settings["replicate_spp"][0]) if pipeline.squares else 0
             self._replicates = ReplicateSums(device, self._scratch, replicate_spp) if replicate_spp else None
+            self._film: DeviceFilm | None = None
+            self._owned.callback(self._release_film)
+            self._film_version: object | None = None
             self._rate = 0.0
             self._done_at = 0.0
             self._rays = 0
@@ -231,6 +238,57 @@ class DeviceWorker:
         RenderError
             When the driver fails.
         """
+        traced, sums, counts = self._traced(unit, on_slice, should_stop)
+        done, slots = traced.done, unit.slot_count
+        read = self._read(sums, counts, slots)
+        squares = None if self._replicates is None else self._replicates.read(*read, done)
+        return UnitSums(*read, done, traced.rays, traced.shadow_rays, traced.deepest, squares)
+
+    def hold(self, film: Film) -> bool:
+        """Prepare for `render_held`, with the samples of a film; False if the device lacks the memory."""
+        if self._film is not None and self._film_version is film.version:
+            return True
+        self._release_film()
+        try:
+            self._film = DeviceFilm(self.device, self._accumulate, self._settings_buffer, film)
+        except RenderError:
+            return False
+        return True
+
+    def render_held(
+        self,
+        unit: Unit,
+        on_slice: Callable[[int, int], None] | None = None,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> HeldUnit:
+        """Trace the samples of a unit like `render`, and add their sums to those that are held on the device."""
+        assert self._film is not None, "it is prepared"
+        self._film_version = None
+        traced, sums, counts = self._traced(unit, on_slice, should_stop)
+        squares = None
+        if self._replicates is not None:
+            squares = self._replicates.cut(self._accumulate, sums, counts, traced.done)
+        self._film.add(unit, sums, counts, squares)
+        return traced
+
+    def copy_held(self, *, sums: bool, image: bool, last: bool) -> FilmCopy:
+        """Copy what is held on the device; see `DeviceFilm.copy`."""
+        assert self._film is not None, "it is prepared"
+        copy = self._film.copy(sums=sums, image=image, last=last)
+        self._film_version = copy.version
+        if last:
+            self._release_film()
+        return copy
+
+    def _release_film(self) -> None:
+        if self._film is not None:
+            self._film.release()
+            self._film = None
+
+    def _traced(
+        self, unit: Unit, on_slice: Callable[[int, int], None] | None, should_stop: Callable[[], bool] | None
+    ) -> tuple[HeldUnit, Buffer, Buffer]:
+        """Trace the samples of a unit; returns its result, and the buffers of its sums and counts."""
         self._tracing.improve(self._rays)
         slots = unit.slot_count
         sums, counts = self._scratch.buffer("sums", 48 * slots), self._scratch.buffer("counts", 4 * slots)
@@ -269,9 +327,7 @@ class DeviceWorker:
             land()
         rays, shadow_rays, deepest = counted.tolist()
         self._rays += rays
-        read = self._read(sums, counts, slots)
-        squares = None if self._replicates is None else self._replicates.read(*read, done)
-        return UnitSums(*read, done, rays, shadow_rays, deepest, squares)
+        return HeldUnit(done, rays, shadow_rays, deepest), sums, counts
 
     def _parts_of(self, unit: Unit) -> Iterator[Unit]:
         """Divide a unit into slices, each sized by the device's speed as known when it is launched."""

@@ -117,6 +117,8 @@ class Checkpoint:
         self._save: _Save | None = None
         self._running = False
         self._saved_changes = 0  # `changes` of the film in the file
+        self._asked = False  # whether a device was asked for what it holds
+        self._before: object | None = None  # `version` of the film then
         self._held = 0  # samples in the file
         self._failing = False
         self._writes = self._failures = 0
@@ -206,8 +208,14 @@ class Checkpoint:
             if self._saving.is_alive():
                 return
             self._account()
-        unsaved = self._running and self._film.changes != self._saved_changes
-        if unsaved and self._cadence.due(self._clock()):
+        if not self._running or not self._cadence.due(self._clock()):
+            return
+        if self._film.held and (not self._asked or self._film.version is self._before):
+            if not self._asked:
+                self._asked, self._before = True, self._film.version
+            self._film.ask()  # a device has what is newer, and will deliver it
+        elif self._film.changes != self._saved_changes:
+            self._asked = False
             self._saving = threading.Thread(target=self._write_copy, args=(self._film,), daemon=True)
             self._saving.start()
 
@@ -237,6 +245,9 @@ class Checkpoint:
     def _write_copy(self, film: RunningFilm) -> None:
         began = self._clock()
         try:
+            if film.held:
+                self._write(film.as_received(), began, time.thread_time())
+                return
             if self._copy is None:
                 self._copy = _fresh_copy(film)
             cpu = time.thread_time()

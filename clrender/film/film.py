@@ -9,7 +9,7 @@ from __future__ import annotations
 import copy
 import threading
 import weakref
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -21,6 +21,7 @@ from clrender.errors import RenderError, UsageError
 from clrender.film.accumulate import Counts, Rows, Sums, add, rows_of
 from clrender.film.file import FilmReader, write_film
 from clrender.film.fixed_point import add_words, subtract_words, to_float64
+from clrender.film.held import FilmCopy, HeldUnit
 from clrender.film.ledger import Ledger
 from clrender.film.unit import Unit, UnitSums
 from clrender.process.huge_pages import LARGE_BYTES, prefer_large_pages, withdraw_preference
@@ -59,6 +60,12 @@ class Film:
         Statistics from the film file; empty for a film that was not loaded from a file.
     replicate_spp : int or None
         Samples per replicate. None: the samples of a pixel are one sequence, and errors are unknown.
+    version : object
+        Another object after each change; after `receive` that of the copy.
+    held : bool
+        Whether a device holds further samples, of which it delivers a copy now and then.
+    asked : bool
+        Whether somebody has read the film, or asked for a copy, since the last one.
 
     Notes
     -----
@@ -91,6 +98,10 @@ class Film:
             if band is not None and band.nbytes >= LARGE_BYTES:
                 prefer_large_pages(band.ctypes.data, band.nbytes)
                 weakref.finalize(band, withdraw_preference, band.ctypes.data, band.nbytes).atexit = False
+        self.version = object()
+        self.held = self.asked = False
+        self._shared = False  # whether another film has the same arrays
+        self._image: npt.NDArray[np.float32] | None = None  # the mean, if a device has computed it
         self._intact = True  # False during a change, and after one that an exception ended half-way
         self._whole = threading.RLock()  # guards the consistency of the sums with the ledger
         self._pixels = threading.Lock()  # guards the consistency of a pixel's sums with its count
@@ -132,6 +143,7 @@ class Film:
         """
         if self.developed:
             raise RenderError("the film is developed and its sums are released; call mean() to keep them.")
+        self.asked = True
         if not self._intact:
             with self._whole:  # another thread may be changing it
                 if not self._intact:
@@ -184,11 +196,7 @@ class Film:
                 f"a unit of {slots} slots came with sums of shape {result.sums.shape}, counts of shape "
                 f"{result.counts.shape} and {len(result.done)} blocks."
             )
-        if int(result.done.max(initial=0)) > unit.sample_count:
-            raise RenderError(f"a unit of {unit.sample_count} samples came with {int(result.done.max())}.")
-        whole = self.replicate_spp or 1
-        if unit.first_sample % whole or (result.done % np.uint32(whole)).any():
-            raise RenderError(f"a unit came with parts of replicates of {whole} samples.")
+        self._check_done(unit, result.done)
         words, squares = _words(result.sums), None  # (slots, 3, 2)
         if self.replicate_spp and result.done.any():
             if result.squares is None or result.squares.shape != (slots, 3, 8):
@@ -207,6 +215,59 @@ class Film:
                     film._add(rows)
         return int((unit.pixels(self.width, self.height) * result.done).sum())
 
+    def _check_done(self, unit: Unit, done: npt.NDArray[np.uint32]) -> None:
+        """Check that the numbers of samples of a unit's blocks are possible."""
+        if int(done.max(initial=0)) > unit.sample_count:
+            raise RenderError(f"a unit of {unit.sample_count} samples came with {int(done.max())}.")
+        whole = self.replicate_spp or 1
+        if unit.first_sample % whole or (done % np.uint32(whole)).any():
+            raise RenderError(f"a unit came with parts of replicates of {whole} samples.")
+
+    def receive(self, delivered: FilmCopy, units: Sequence[tuple[Unit, HeldUnit]]) -> None:
+        """Replace the sums by those that a device holds: this film's, and those of some units.
+
+        Parameters
+        ----------
+        delivered : FilmCopy
+            Its arrays belong to this film from then on. Without sums, the film is then developed.
+        units : sequence of (Unit, HeldUnit)
+            The units that the device added to this film's sums.
+
+        Raises
+        ------
+        UsageError
+            When the film already holds some of these samples. It is then unchanged.
+        RenderError
+            When a unit is impossible, or the copy is not of this film; the film is then unchanged.
+        """
+        for unit, result in units:
+            self._check_done(unit, result.done)
+        with self._whole:
+            self.bands()
+            if delivered.base is not self.version:
+                raise RenderError("the film was changed while a device held it.")
+            ledger = self.ledger.copy()
+            for unit, result in units:
+                ledger.add(unit.blocks(self.width, self.height), unit.first_sample, result.done)
+            self._shared = False  # as all arrays are replaced
+            with self._changing(), self._pixels:
+                self.ledger, self.counts = ledger, delivered.counts
+                self._bands = [*delivered.bands] if delivered.bands else [None] * len(self._bands)
+                self._squares = [*delivered.squares]
+            self.version, self._image, self.asked = delivered.version, delivered.image, False
+
+    def _share(self: _Film, other: _Film) -> None:
+        """Make another film one of the same sums, with the same arrays until this one changes."""
+        with self._whole:
+            self._shared = True
+            other.request, other.provenance, other.ledger = self.request, self.provenance, self.ledger.copy()
+            other.counts, other._bands, other._squares = self.counts, list(self._bands), list(self._squares)
+
+    def ask(self) -> bool:
+        """Ask for a copy of what a device holds; returns whether one is still to come."""
+        self.asked = True
+        return self.held
+
     def mean(self) -> npt.NDArray[np.float32]:
         """Mean of the samples of each pixel; the film is not changed.
 
@@ -222,6 +283,8 @@ class Film:
             After `develop`.
         """
         with self._whole:
+            if self._image is not None:
+                return self._image.copy()
             return self._mean(self.bands(), release=False)
 
     def mean_of(self, rows: slice, columns: slice) -> npt.NDArray[np.float32]:
@@ -247,6 +310,10 @@ class Film:
         The counts are kept.
         """
         with self._whole:
+            image, self._image = self._image, None
+            if image is not None:
+                self._bands, self._squares = [None] * len(self._bands), []
+                return image
             return self._mean(self.bands(), release=True)
 
     def snapshot(self, most: int = 512) -> npt.NDArray[np.float32]:
@@ -271,12 +338,16 @@ class Film:
         """
         step = max(1, -(-max(self.width, self.height) // most))
         sums, counts = [], []
-        for index, band in enumerate(self.bands()):
+        self.bands()
+        with self._pixels:  # of one time, as `receive` replaces both
+            bands, of_all = list(self._bands), self.counts
+        for index, band in enumerate(bands):
+            assert band is not None, "nobody develops a film while it is looked at"
             top = index * self.band_rows
             rows = slice(-top % step, None, step)
             with self._pixels:
                 sums.append(band[rows, ::step].copy())
-                counts.append(self.counts[top : top + len(band)][rows, ::step].copy())
+                counts.append(of_all[top : top + len(band)][rows, ::step].copy())
         return _mean_of(np.concatenate(sums), np.concatenate(counts))
 
     def merge(self, other: Film, ours: str = "one film", theirs: str = "another") -> None:
@@ -309,8 +380,8 @@ class Film:
         if other is self:
             raise UsageError(f"{ours} and {theirs} are the same film; each sample counts once.")
         with other._whole, self._whole:
-            bands, added = self.bands(), other.bands()
-            with self._changing():
+            added = other.bands()
+            with self._changing() as bands:
                 try:
                     self.ledger.unite(other.ledger)
                 except UsageError as error:
@@ -338,8 +409,8 @@ class Film:
             After `develop`.
         """
         with other._whole, self._whole:
-            bands, taken = self.bands(), other.bands()
-            with self._changing():
+            taken = other.bands()
+            with self._changing() as bands:
                 self.ledger.take_out(other.ledger)
                 for index, (band, less) in enumerate(zip(bands, taken, strict=True)):
                     top = index * self.band_rows
@@ -351,11 +422,17 @@ class Film:
                             subtract_words(self._squares[index], other._squares[index])
 
     @contextmanager
-    def _changing(self) -> Iterator[None]:
-        """Context of a change of the sums, with the film locked; after an exception the film can no longer be used."""
+    def _changing(self) -> Iterator[list[Sums]]:
+        """Context of a change of the `bands`, with the film locked; after an exception it can no longer be used."""
+        bands = self.bands()
+        self.version, self._image = object(), None
         self._intact = False
+        if self._shared:
+            self._bands, self._squares = copy.deepcopy((self._bands, self._squares))
+            self.counts, self._shared = self.counts.copy(), False
+            bands = [band for band in self._bands if band is not None]
         try:
-            yield
+            yield bands
         except UsageError:  # nothing was changed
             self._intact = True
             raise

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
+from clrender.film.accumulate import Sums
 from clrender.film.film import Film
+from clrender.film.held import FilmCopy, HeldUnit
 from clrender.film.unit import Unit, UnitSums
 
 __all__ = ["RunningFilm"]
@@ -56,19 +58,43 @@ class RunningFilm(Film):
         """See `Film.commit`."""
         with self._whole:
             samples = super().commit(unit, result, part)
-            self.rays += result.rays
-            self.shadow_rays += result.shadow_rays
-            self.max_depth = max(self.max_depth, result.deepest)
+            self._count(result)
         return samples
+
+    def receive(self, delivered: FilmCopy, units: Sequence[tuple[Unit, HeldUnit]]) -> None:
+        """See `Film.receive`."""
+        with self._whole:
+            super().receive(delivered, units)
+            for _, result in units:
+                self._count(result)
+
+    def _count(self, result: UnitSums | HeldUnit) -> None:
+        self.rays += result.rays
+        self.shadow_rays += result.shadow_rays
+        self.max_depth = max(self.max_depth, result.deepest)
 
     def copy_if_whole(self, other: RunningFilm) -> bool:
         """Copy the film and its counts of rays; returns False if an exception left a part of a unit in it."""
         with self._whole:
             if self._intact:
                 self.copy_to(other)
-                other.rays, other.shadow_rays, other.max_depth = self.rays, self.shadow_rays, self.max_depth
-                other.changes = self.changes
+                self._tell(other)
             return self._intact
+
+    def as_received(self) -> RunningFilm:
+        """A film with what a device has delivered so far, to be read only: it shares the arrays of this one.
+
+        A device that holds the film delivers new arrays each time, so these do not change.
+        """
+        other = RunningFilm(self.width, self.height, self.request)
+        with self._whole:
+            self._share(other)
+            self._tell(other)
+        return other
+
+    def _tell(self, other: RunningFilm) -> None:
+        other.rays, other.shadow_rays, other.max_depth = self.rays, self.shadow_rays, self.max_depth
+        other.changes = self.changes
 
     @property
     def intact(self) -> bool:
@@ -77,7 +103,7 @@ class RunningFilm(Film):
             return self._intact
 
     @contextmanager
-    def _changing(self) -> Iterator[None]:
-        with super()._changing():
-            yield
+    def _changing(self) -> Iterator[list[Sums]]:
+        with super()._changing() as bands:
+            yield bands
         self.changes += 1

@@ -13,7 +13,17 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["BLOCK", "BLOCK_SLOTS", "Unit", "UnitSums", "blocks_across", "slot_count", "tile_side", "tile_slots"]
+__all__ = [
+    "BLOCK",
+    "BLOCK_SLOTS",
+    "Unit",
+    "UnitSums",
+    "blocks_across",
+    "slot_count",
+    "tile_rows",
+    "tile_side",
+    "tile_slots",
+]
 
 BLOCK: Final = 4
 """Side of the blocks of pixels in a tile."""
@@ -118,6 +128,13 @@ def tile_side(tile: int, width: int, height: int) -> int:
 def slot_count(width: int, height: int, tile: int) -> int:
     """Number of slots of an image: those of all its tiles."""
     return -(-width // tile) * -(-height // tile) * tile * tile
+
+
+def tile_rows(unit: Unit, width: int, height: int) -> range:
+    """The rows of the image in which the tiles of a unit lie."""
+    area, across = unit.tile * unit.tile, -(-width // unit.tile)
+    first, last = unit.first_slot // area // across, (unit.first_slot + unit.slot_count - 1) // area // across
+    return range(first * unit.tile, min((last + 1) * unit.tile, height))
 
 
 def blocks_across(width: int) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Mapping
@@ -20,6 +21,7 @@ __all__ = [
     "film_bytes",
     "largest_tile",
     "process_bytes",
+    "room",
     "shown",
     "unit_slots",
 ]
@@ -119,6 +121,11 @@ def check_host(limit: int | None, needs: Mapping[str, int]) -> int:
             f"{shown(limit)}; allow more, ask for a smaller image, or take a smaller scene"
         )
     return total
+
+
+def room(limit: int | None) -> float:
+    """Bytes that a render may take where it could do with less: what is allowed, or half of the machine's."""
+    return limit or (_machine_bytes() or math.inf) / 2
 
 
 def process_bytes() -> int:

@@ -33,7 +33,7 @@ from clrender.film.unit import tile_side
 from clrender.flatten.flat_scene import FlatScene
 from clrender.image.denoise import Denoiser
 from clrender.image.files import image_sha256
-from clrender.process.memory import largest_tile
+from clrender.process.memory import largest_tile, room
 from clrender.rendering.effort import effort_told
 from clrender.rendering.job import RenderJob
 from clrender.rendering.memory import limited, needs, told
@@ -121,6 +121,7 @@ class JobRender:
         self._film: Film | None = None
         self._found: Convergence | None = None
         self._apart_bytes = MOST_BYTES
+        self._holds, self._sums = False, True
         self._compiled = 0.0
         self._prepared_stats: Mapping[str, Any] = {}
         self._guiding_field: GuidingField | None = None
@@ -137,9 +138,10 @@ class JobRender:
         if line := effort_told(self._job):
             self._residency.tell(line)
         flat, memory = self._flat()
-        with self._memory_held():
+        with self._memory_held(may_hold=True):
             self._film = film = self._new_film(flat)
             self._check_devices()
+            self._sums = keep_film or film.replicate_spp is not None or self._checkpoint is not None
             first = self._timed_layers(flat)
             taken = self._samples(flat, film)
             if first and taken.wrong and not taken.tally.all_failed:
@@ -166,13 +168,20 @@ class JobRender:
         return image
 
     @contextmanager
-    def _memory_held(self) -> Iterator[None]:
-        """Enforce the memory limit; a job that would exceed it is refused before anything is allocated."""
+    def _memory_held(self, *, may_hold: bool = False) -> Iterator[None]:
+        """Enforce the memory limit; a job that would exceed it is refused before anything is allocated.
+
+        Where that `may_hold` and there is the memory, a single device holds the film.
+        """
         devices, checkpoint = self._devices, self._checkpoint
         most = most_slots(devices, self._settings.max_memory, self._settings.replicate_spp is not None)
         self._plan = dataclasses.replace(self._plan, most_slots=most)
         resumed = checkpoint is not None and checkpoint.loaded
-        wanted = needs(self._job, len(devices), checkpoint=checkpoint is not None, resumed=resumed)
+        need = partial(needs, self._job, len(devices), checkpoint=checkpoint is not None, resumed=resumed)
+        wanted = need(held=True)
+        total = sum(wanted.values()) + wanted["a copy of what the device holds"]  # it takes as much itself
+        self._holds = may_hold and len(devices) == 1 and total <= room(self._settings.max_memory)
+        wanted = wanted if self._holds else need(held=False)
         with limited(devices, self._settings.max_memory, wanted) as self._apart_bytes:
             if line := told(self._job):
                 self._residency.tell(line)
@@ -374,6 +383,8 @@ class JobRender:
             tell=self._residency.tell,
             limits=team.limits,
             apart_bytes=self._apart_bytes,
+            holds=self._holds,
+            sums=self._sums,
         )
         if not until_converged:
             return take(self._plan, team.candidates, film, self._advance)

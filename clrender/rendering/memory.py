@@ -21,7 +21,7 @@ _UNITS_WAITING = 10
 _WORTH_TELLING = 1 << 30
 
 
-def needs(job: RenderJob, devices: int, *, checkpoint: bool, resumed: bool) -> dict[str, int]:
+def needs(job: RenderJob, devices: int, *, checkpoint: bool, resumed: bool, held: bool) -> dict[str, int]:
     """Host memory that a render needs at one time, bytes, by purpose.
 
     Parameters
@@ -34,6 +34,8 @@ def needs(job: RenderJob, devices: int, *, checkpoint: bool, resumed: bool) -> d
         Whether the film is saved during the render.
     resumed : bool
         Whether its film has already been read.
+    held : bool
+        Whether a device holds a film of its own, of which it delivers copies.
     """
     settings = job.settings
     replicates = settings.replicate_spp is not None
@@ -50,6 +52,7 @@ def needs(job: RenderJob, devices: int, *, checkpoint: bool, resumed: bool) -> d
         "layers": (4 * layers + film_bytes(False) * resumed) * pixels if layers else 0,
         "standard errors": ERROR_BYTES * pixels * replicates,
         "units of work": (_UNITS_WAITING + devices) * pixel_bytes * slots,
+        "a copy of what the device holds": pixel_bytes * pixels * held,
     }
 
 
@@ -96,5 +99,5 @@ def told(job: RenderJob) -> str | None:
         return None
     return (
         f"the exact sums of {job.settings.width} x {job.settings.height} pixels take {amount(wanted)} of "
-        f"memory, the image {amount(IMAGE_BYTES * pixels)} more"
+        f"memory, also of a device that adds them up, and the image {amount(IMAGE_BYTES * pixels)} more"
     )

@@ -7,19 +7,21 @@ all its units do. None of this changes the film, because its sums are exact.
 from __future__ import annotations
 
 import queue
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol
 
 from clrender.errors import ClrenderError, DeviceFailure, RenderError
 from clrender.film import Film
+from clrender.film.held import FilmCopy, HeldUnit
 from clrender.film.unit import Unit, UnitSums
 from clrender.scheduling.arbitration import Arbitration
 from clrender.scheduling.contributions import MOST_BYTES, Contributions
 from clrender.scheduling.policy import Plan, Remaining
 from clrender.scheduling.spot_check import SHARE, Sampler, finished
 from clrender.scheduling.tally import Tally, WorkerTally
-from clrender.scheduling.threads import Event, WorkerThreads
+from clrender.scheduling.threads import Event, Holding, WorkerThreads
 from clrender.scheduling.watchdog import TimeLimits, Watchdog
 from clrender.scheduling.work import Kind, Task, Work
 from clrender.scheduling.worker import Candidate
@@ -30,6 +32,11 @@ TIME_LIMITS: Final = TimeLimits()
 
 _POLL: Final = 0.05
 """Seconds between two calls of `should_stop` while there are no events."""
+
+_COPY_SHARES: Final = (0.05, 0.01)
+"""Largest share of the time that copies of what a worker holds may take: if somebody waits for one, and if not."""
+_COPY_BYTES: Final = 1 << 29
+"""Bytes a second at which a first copy is expected to be made."""
 
 
 class Receiver(Protocol):
@@ -58,6 +65,8 @@ def run(
     check_share: float = SHARE,
     limits: TimeLimits | None = None,
     apart_bytes: int = MOST_BYTES,
+    holds: bool = False,
+    sums: bool = True,
 ) -> Tally:
     """Have workers render the units of a plan, and commit them to the film.
 
@@ -82,6 +91,11 @@ def run(
     limits : TimeLimits, optional
     apart_bytes : int
         Memory for per-worker films, with which a worker's contributions can be subtracted.
+    holds : bool
+        Whether a single worker may hold the sums of its units (`HoldingWorker`) if the receiver is a film, which then
+        has them at the end, and copies of them now and then.
+    sums : bool
+        Whether the film's sums are wanted at the end. Otherwise it may then be developed.
 
     Returns
     -------
@@ -97,7 +111,18 @@ def run(
     listeners = Listeners(on_progress, should_stop, tell)
     if should_stop is not None and should_stop():
         return Tally(stopped=True, workers=[WorkerTally(candidate.name) for candidate in candidates])
-    return _Run(plan, candidates, film, listeners, check_share, limits or TIME_LIMITS, apart_bytes).tally_of_all()
+    holding = Holding(film, sums) if holds and isinstance(film, Film) and len(candidates) == 1 else None
+    limits = limits or TIME_LIMITS
+    return _Run(plan, candidates, film, listeners, check_share, limits, apart_bytes, holding).tally_of_all()
+
+
+@dataclass(frozen=True)
+class _Held:
+    """A unit whose sums its worker holds, and the number of its samples, over all pixels."""
+
+    unit: Unit
+    result: HeldUnit
+    samples: int
 
 
 class _Run:
@@ -112,6 +137,7 @@ class _Run:
         share: float,
         limits: TimeLimits,
         apart_bytes: int,
+        holding: Holding | None,
     ) -> None:
         self._plan = plan
         self._candidates = candidates
@@ -120,7 +146,7 @@ class _Run:
         count = len(candidates)
         self._tally = Tally(workers=[WorkerTally(candidate.name) for candidate in candidates])
         self._work = Work(Remaining(plan, count), count)
-        self._threads = WorkerThreads(candidates, self._work, limits)
+        self._threads = WorkerThreads(candidates, self._work, limits, holding)
         processors = [self._threads.processor(number) for number in range(count)]
         self._watchdog = Watchdog([each.pulse for each in candidates], limits, processors=processors)
         self._alive = set(range(count))
@@ -131,6 +157,9 @@ class _Run:
         self._apart = Contributions(film, count, apart_bytes) if checked and isinstance(film, Film) else None
         self._sampler = Sampler(plan, share) if self._apart is not None else None
         self._arbitration = Arbitration(candidates, self._work, self._exclude)
+        self._holding = holding
+        self._held: list[_Held] = []
+        self._copies = _Copies(film.width * film.height * film.pixel_bytes if isinstance(film, Film) else 0)
 
     def tally_of_all(self) -> Tally:
         """Run until all workers have ended, and return the tally."""
@@ -145,10 +174,14 @@ class _Run:
                 if event is not None:
                     self._deal_with(event)
                 self._look_for_hung()
+                self._order_copy()
         finally:
+            self._work.abandon()
             self._threads.stop()
             while self._threads.end(self._alive):
                 self._look_for_hung()
+            if self._holding is not None:
+                self._holding.film.held = False
         tally = self._tally
         for worker, error in self._pending.items():
             tally.workers[worker].state = "failed"
@@ -190,6 +223,9 @@ class _Run:
             self._tally.workers[worker].name = self._candidates[worker].name  # a worker that joined has a name only now
             self._work.enlist(worker)
             self._watchdog.start_over(worker)
+        elif event.task is None and isinstance(event.result, FilmCopy):
+            if not self._work.dismissed(worker):
+                self._receive(worker, event.result)
         elif event.task is None:
             self._alive.discard(worker)
             self._work.pause(worker)
@@ -210,9 +246,45 @@ class _Run:
         if samples or rays:
             self._advance(worker, -samples, -rays)
 
-    def _done(self, task: Task, result: UnitSums | bool | None) -> None:
+    def _order_copy(self) -> None:
+        """Have a copy made of what the worker holds, if one is due."""
+        if self._holding is not None and self._held and self._copies.due(self._holding.film.asked):
+            self._copies.ordered = self._work.order_copy(0)
+
+    def _receive(self, worker: int, copy: FilmCopy) -> None:
+        """Take a copy of all that a worker holds into the film."""
+        assert self._holding is not None, "only a worker that may hold sums delivers them"
+        self._holding.film.receive(copy, [(each.unit, each.result) for each in self._held])
+        for each in self._held:
+            self._tally.workers[worker].add(each.result, each.samples)
+        self._held.clear()
+        self._work.holds(worker, False)
+        self._copies.made(copy.seconds)
+
+    def _lose_held(self, worker: int) -> None:
+        """Requeue the units whose sums a worker held when it failed."""
+        tally = self._tally.workers[worker]
+        for each in self._held:
+            self._advance(worker, -each.samples, -each.result.rays)
+        self._told[worker] = (0, 0)
+        tally.requeued += len(self._held)
+        self._work.redo([each.unit for each in self._held])
+        self._held.clear()
+        self._work.holds(worker, False)
+        self._copies.ordered = False
+
+    def _done(self, task: Task, result: UnitSums | HeldUnit | FilmCopy | bool | None) -> None:
         worker = task.worker
-        if task.kind is Kind.UNIT and task.unit is not None and isinstance(result, UnitSums):
+        if isinstance(result, FilmCopy):
+            self._receive(worker, result)
+        elif task.unit is not None and isinstance(result, HeldUnit):
+            pixels = task.unit.pixels(self._plan.width, self._plan.height)
+            self._held.append(_Held(task.unit, result, int((pixels * result.done).sum())))
+            self._work.holds(worker, True)
+            self._told[worker] = (0, 0)
+            if (error := self._pending.pop(worker, None)) is not None:
+                self._tally.recovered.append(error)
+        elif task.kind is Kind.UNIT and task.unit is not None and isinstance(result, UnitSums):
             if self._apart is None:
                 samples = self._film.commit(task.unit, result)
             else:
@@ -234,7 +306,7 @@ class _Run:
             if not task.piece.agrees(result):
                 self._tally.differences += 1
                 self._arbitration.open(task.piece, worker, result)
-        else:
+        elif not isinstance(result, HeldUnit):
             self._arbitration.hear(task, result)
 
     def _failed(self, event: Event) -> None:
@@ -249,6 +321,7 @@ class _Run:
         if event.task is not None and self._work.give_back(event.task):
             tally.requeued += event.task.kind is Kind.UNIT
         self._forget_progress(worker)
+        self._lose_held(worker)
         self._pending.pop(worker, None)
         if event.retry is None:
             self._end_of(worker, error, "failed")
@@ -282,7 +355,7 @@ class _Run:
             if (give_up := self._candidates[worker].give_up) is not None:
                 give_up()
         stopping = self._threads.stopping
-        waited_for = self._tally.samples > 0 if stopping else others_wait
+        waited_for = self._tally.samples > 0 or bool(self._held) if stopping else others_wait
         for worker in self._watchdog.silent(busy, waited_for=waited_for, hurry=stopping):
             self._alive.discard(worker)
             lose = self._candidates[worker].lose
@@ -292,6 +365,7 @@ class _Run:
             tally.failures += 1
             tally.requeued += sum(task.kind is Kind.UNIT for task in self._work.dismiss(worker))
             self._forget_progress(worker)
+            self._lose_held(worker)
             hangs = f"{tally.name} hangs: a call of its driver did not come back"
             if self._tally.stopped:
                 hangs = f"{tally.name} did not stop in time; it is not used any more"
@@ -313,3 +387,32 @@ class _Run:
             self._work.redo(units)
         self._seen = (self._seen[0] - samples + self._tally.samples, self._seen[1] - rays + self._tally.rays)
         self._end_of(worker, RenderError(f"{tally.name} computes wrong results: {why}"), "wrong")
+
+
+class _Copies:
+    """When to copy what a worker holds: so often that little is lost if it fails, and seldom enough to cost little.
+
+    Parameters
+    ----------
+    nbytes : int
+        Size of a copy.
+
+    Attributes
+    ----------
+    ordered : bool
+        Whether one is ordered that has not been delivered yet.
+    """
+
+    def __init__(self, nbytes: int) -> None:
+        self._last, self._seconds = time.perf_counter(), nbytes / _COPY_BYTES
+        self.ordered = False
+
+    def due(self, asked: bool) -> bool:
+        """Whether to order a copy now; `asked` tells whether somebody waits for one."""
+        share = _COPY_SHARES[not asked]
+        return not self.ordered and time.perf_counter() >= self._last + self._seconds / share
+
+    def made(self, seconds: float) -> None:
+        """Note that one was delivered, which took this long."""
+        self._last, self._seconds = time.perf_counter(), seconds
+        self.ordered = False

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from clrender.errors import ClrenderError
+from clrender.film.held import HeldUnit
 from clrender.film.unit import Unit, UnitSums
 
 __all__ = ["Tally", "WorkerTally", "failures_told"]
@@ -42,7 +43,7 @@ class WorkerTally:
     failures: int = 0
     state: str = "ok"
 
-    def add(self, result: UnitSums, samples: int) -> None:
+    def add(self, result: UnitSums | HeldUnit, samples: int) -> None:
         """Count a unit that was committed."""
         self.units += 1
         self.samples += samples

@@ -10,21 +10,39 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from clrender.errors import DeviceError, DeviceFailure
+from clrender.errors import ClrenderError, DeviceError, DeviceFailure
+from clrender.film import Film
+from clrender.film.held import FilmCopy, HeldUnit
 from clrender.film.unit import UnitSums
 from clrender.process.driver_threads import driver_thread
 from clrender.process.elapsed import processor_seconds
 from clrender.scheduling.watchdog import TimeLimits
 from clrender.scheduling.work import Kind, Task, Work
-from clrender.scheduling.worker import Candidate, Worker
+from clrender.scheduling.worker import Candidate, HoldingWorker, Worker
 
-__all__ = ["Event", "WorkerThreads"]
+__all__ = ["Event", "Holding", "WorkerThreads"]
 
 _UNREAD: Final = 8
 """Most events in the queue: results are large, and a fast device must not fill the memory with them."""
 
 _PRESENCE_SECONDS: Final = 0.25
 """Interval at which a worker's presence is polled, seconds."""
+
+
+@dataclass(frozen=True)
+class Holding:
+    """What a worker that holds the sums of its units begins with and delivers.
+
+    Attributes
+    ----------
+    film : Film
+        The film whose samples it begins with. While it works, only its copies change the film.
+    sums : bool
+        Whether the last copy has sums, and not only means.
+    """
+
+    film: Film
+    sums: bool = True
 
 
 @dataclass(frozen=True)
@@ -38,8 +56,8 @@ class Event:
         Additional samples and rays.
     task : Task or None
         The task that is done, or that was in progress at a failure. If all other fields are unset too, the thread ends.
-    result : UnitSums, bool or None
-        Result of the task.
+    result : UnitSums, HeldUnit, FilmCopy, bool or None
+        Result of the task. Without a task: a copy of what a worker holds that failed.
     error : exception or None
     retry : float or None
         Seconds after which a worker that failed tries again.
@@ -52,7 +70,7 @@ class Event:
     worker: int
     progress: tuple[int, int] | None = None
     task: Task | None = None
-    result: UnitSums | bool | None = None
+    result: UnitSums | HeldUnit | FilmCopy | bool | None = None
     error: BaseException | None = None
     retry: float | None = None
     back: bool = False
@@ -67,6 +85,8 @@ class WorkerThreads:
     candidates : sequence of Candidate
     work : Work
     limits : TimeLimits
+    holding : Holding, optional
+        Given if the worker, the only one, may hold the sums of its units.
 
     Attributes
     ----------
@@ -74,11 +94,14 @@ class WorkerThreads:
         The events of all threads.
     """
 
-    def __init__(self, candidates: Sequence[Candidate], work: Work, limits: TimeLimits) -> None:
+    def __init__(
+        self, candidates: Sequence[Candidate], work: Work, limits: TimeLimits, holding: Holding | None = None
+    ) -> None:
         self.events: queue.Queue[Event] = queue.Queue(_UNREAD)
         self._candidates = candidates
         self._work = work
         self._limits = limits
+        self._holding = holding
         self._stop = threading.Event()
         self._threads = [driver_thread(self._live, number) for number in range(len(candidates))]
 
@@ -120,6 +143,7 @@ class WorkerThreads:
         """Main function of a thread."""
         failures = 0
         task: Task | None = None
+        holder: HoldingWorker | None = None
         while True:
             steady = 0
             try:
@@ -130,13 +154,17 @@ class WorkerThreads:
                     if restart is not None:
                         restart()
                 worker = self._candidates[number].set_up()
-                while not self._stop.is_set() and (task := self._work.take(number)) is not None:
-                    self._do(worker, task)
+                holder = self._holder(number, worker)
+                while (task := self._work.take(number)) is not None:
+                    self._do(worker, holder, task)
                     task, steady = None, steady + 1
                     failures = 0 if steady >= self._limits.steady else failures
                 break
             except BaseException as error:
                 failures += 1
+                if holder is not None and isinstance(error, ClrenderError) and not self._work.dismissed(number):
+                    self._rescue(number, holder)
+                holder = None
                 pause = self._limits.pause * 2.0 ** (failures - 1)
                 again = failures <= self._retries(error) and not self._stop.is_set()
                 self._post(Event(number, task=task, error=error, retry=pause if again else None))
@@ -165,16 +193,39 @@ class WorkerThreads:
         # A compiler that rejects a kernel will do so again, unless it lacked memory or disk space
         return min(1, self._limits.retries) if isinstance(error, DeviceError) else 0
 
-    def _do(self, worker: Worker, task: Task) -> None:
+    def _holder(self, number: int, worker: Worker) -> HoldingWorker | None:
+        """The worker, if it is to hold the sums of its units, and can."""
+        holding = self._holding
+        if holding is None or not isinstance(worker, HoldingWorker):
+            return None
+        self._work.await_settled(number)  # what was rescued of an earlier worker is then in the film
+        held = holding.film.held = worker.hold(holding.film)
+        holding.film.asked = False  # it has just been read for that
+        return worker if held else None
+
+    def _rescue(self, number: int, holder: HoldingWorker) -> None:
+        """Deliver what a worker holds that failed, if its device still lets it be read."""
+        with contextlib.suppress(ClrenderError):
+            self._post(Event(number, result=holder.copy_held(sums=True, image=False, last=True)))
+
+    def _do(self, worker: Worker, holder: HoldingWorker | None, task: Task) -> None:
         number = task.worker
         if task.kind is Kind.PROBE:
             prove = self._candidates[number].prove
             self._post(Event(number, task=task, result=prove() if prove is not None else True))
             return
+        if task.kind is Kind.COPY:
+            assert holder is not None and self._holding is not None, (
+                "only a worker that holds something is asked for it"
+            )
+            copy = holder.copy_held(sums=self._holding.sums or not task.last, image=task.last, last=task.last)
+            self._post(Event(number, task=task, result=copy))
+            return
         assert task.unit is not None
         begin = time.perf_counter()
         of_image = task.kind is Kind.UNIT
-        result = worker.render(
+        render = worker.render if holder is None else holder.render_held
+        result = render(
             task.unit,
             (lambda samples, rays: self._post(Event(number, progress=(samples, rays)))) if of_image else None,
             lambda: self._stop.is_set() or self._work.dismissed(number),

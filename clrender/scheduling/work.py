@@ -37,6 +37,7 @@ class Kind(Enum):
     UNIT = "unit"
     CHECK = "check"
     REPEAT = "repeat"
+    COPY = "copy"
     PROBE = "probe"
 
 
@@ -50,11 +51,14 @@ class Task:
         Unique number within the run.
     worker : int
     kind : Kind
-        A unit; a piece of another's unit, to check it or to settle a dispute; or a probe.
+        A unit; a piece of another's unit, to check it or to settle a dispute; a copy of what the worker holds; or a
+        probe.
     unit : Unit or None
-        None for a probe.
+        None for a copy and a probe.
     piece : Piece or None
         The piece that `unit` belongs to.
+    last : bool
+        Whether no unit is left, or the run is stopping: a copy is then the last one.
     """
 
     number: int
@@ -62,6 +66,7 @@ class Task:
     kind: Kind
     unit: Unit | None = None
     piece: Piece | None = None
+    last: bool = False
 
 
 class Work:
@@ -88,8 +93,9 @@ class Work:
         self._resting: set[int] = set()
         self._retired: set[int] = set()
         self._dismissed: set[int] = set()
+        self._holding: set[int] = set()
         self._disputed = False
-        self._ended = False
+        self._ended = self._abandoned = False
         self._changed = threading.Condition()
 
     # Called by worker threads
@@ -109,7 +115,23 @@ class Work:
                     self._changed.notify_all()
                     break
                 self._changed.wait()
+            # At the end of a run that was stopped, too, what a worker holds is wanted
+            while not (self._abandoned or worker in self._dismissed):
+                if self._occupied(worker):
+                    self._changed.wait()
+                elif worker in self._holding:
+                    last = self._copy(worker)
+                    self._out[last.number] = last
+                    return last
+                else:
+                    break
             return None
+
+    def await_settled(self, worker: int) -> None:
+        """Wait until none of a worker's tasks is outstanding."""
+        with self._changed:
+            while self._occupied(worker) and not (self._abandoned or worker in self._dismissed):
+                self._changed.wait()
 
     def rest(self, worker: int, seconds: float) -> bool:
         """Wait before a retry; returns whether there is still work for the worker."""
@@ -197,6 +219,15 @@ class Work:
         """Give a task to a particular worker, ahead of all others."""
         self._change(lambda: self._orders[worker].append((kind, piece)))
 
+    def order_copy(self, worker: int) -> bool:
+        """Have a worker deliver a copy of what it holds, unless it does so already; returns whether it is ordered."""
+        with self._changed:
+            if any(task.kind is Kind.COPY for task in self._out.values()):
+                return False
+            self._orders[worker].append((Kind.COPY, None))
+            self._changed.notify_all()
+            return True
+
     def pause(self, worker: int) -> None:
         """Note that a worker is absent but may come back: it is not waited for."""
         with self._changed:
@@ -237,6 +268,15 @@ class Work:
             self._checks = deque(piece for piece in self._checks if piece.worker != worker)
             self._changed.notify_all()
 
+    def holds(self, worker: int, holding: bool) -> None:
+        """Note whether a worker holds sums that it has not delivered yet: the work is not over before."""
+        self._change(lambda: (self._holding.add if holding else self._holding.discard)(worker))
+
+    def abandon(self) -> None:
+        """Give out no more tasks, and want nothing that workers hold."""
+        self._change(lambda: setattr(self, "_abandoned", True))
+        self.end()
+
     @property
     def ended(self) -> bool:
         """Whether no more tasks are given out."""
@@ -267,6 +307,8 @@ class Work:
     def _next(self, worker: int) -> Task | None:
         if self._orders[worker]:
             kind, piece = self._orders[worker].popleft()
+            if kind is Kind.COPY:
+                return self._copy(worker)
             return self._task(worker, kind, piece)
         check = next((piece for piece in self._checks if self._may_check(worker, piece)), None)
         # At most one check between two units, as a slow worker has units of its own to render
@@ -282,6 +324,8 @@ class Work:
             if not self._remaining.is_empty:
                 self._drop_checks(worker)
             return self._task(worker, Kind.CHECK, check)
+        if worker in self._holding and not self._occupied(worker):
+            return self._copy(worker)
         return None
 
     def _drop_checks(self, worker: int) -> None:
@@ -328,6 +372,16 @@ class Work:
     def _task(self, worker: int, kind: Kind, piece: Piece | None) -> Task:
         return Task(next(self._numbers), worker, kind, None if piece is None else piece.unit, piece)
 
+    def _occupied(self, worker: int) -> bool:
+        """Whether a task of a worker is outstanding; its result may be on its way."""
+        return any(task.worker == worker for task in self._out.values())
+
+    def _copy(self, worker: int) -> Task:
+        unit = None if self._ended else self._remaining.take(worker)
+        if unit is not None:
+            self._remaining.put_back(unit)
+        return Task(next(self._numbers), worker, Kind.COPY, last=unit is None)
+
     def _put_back(self, task: Task) -> None:
         if task.kind is Kind.UNIT and task.unit is not None:
             self._remaining.put_back(task.unit)
@@ -336,6 +390,6 @@ class Work:
 
     def _over(self) -> bool:
         """Whether no more tasks can arise: none is outstanding, no dispute is open, no waiting piece may be checked."""
-        if self._out or self._disputed or any(self._orders.values()):
+        if self._out or self._holding or self._disputed or any(self._orders.values()):
             return False
         return not any(self._may_check(each, piece) for piece in self._checks for each in self._in_service)

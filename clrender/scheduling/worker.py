@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
+from clrender.film import Film
+from clrender.film.held import FilmCopy, HeldUnit
 from clrender.film.unit import Unit, UnitSums
 
-__all__ = ["Candidate", "Worker"]
+__all__ = ["Candidate", "HoldingWorker", "Worker"]
 
 
 class Worker(Protocol):
@@ -31,6 +33,25 @@ class Worker(Protocol):
         ------
         ClrenderError
             When the device failed. The unit is then not done.
+        """
+
+
+@runtime_checkable
+class HoldingWorker(Worker, Protocol):
+    """A worker that can keep the sums of its units, and deliver them all at once."""
+
+    def hold(self, film: Film) -> bool:
+        """Prepare for `render_held`, with the samples of a film; returns whether that is possible."""
+
+    def render_held(
+        self, unit: Unit, on_slice: Callable[[int, int], None] | None, should_stop: Callable[[], bool] | None
+    ) -> HeldUnit:
+        """Trace the samples of a unit like `render`, and add their sums to those that are held."""
+
+    def copy_held(self, *, sums: bool, image: bool, last: bool) -> FilmCopy:
+        """Copy what is held; `sums` and `image` tell what is wanted besides the counts.
+
+        After the last copy nothing is held any more.
         """
 
 

@@ -7,6 +7,7 @@
 // 2^-128, so that the variance between replicates is known exactly.
 #include "core/sampler.h"
 #include "film/fixed.h"
+#include "film/mean.h"
 #include "film/slot.h"
 
 // Add the square of a number to a sum of four words, the lowest first.
@@ -162,4 +163,68 @@ __kernel void film_clear_replicates(__global ulong* squares, __global ulong* sta
     for (int k = 0; k < 12; ++k) squares[(size_t)slot * 12 + k] = 0;
     for (int k = 0; k < 6; ++k) start_sums[(size_t)slot * 6 + k] = 0;
     start_counts[slot] = 0;
+}
+
+// Samples of a pixel up to which its sum cannot leave its range: 2^126 quanta.
+#define FILM_SAFE_COUNT (1u << 19)
+
+// Add the sums of a unit to those of the image's rows [top, top + rows). film_sums: ulong [row][column][3][2], film_counts: uint [row][column].
+// What leaves the range is told in `beyond`: 1 of a count, 2 of a sum.
+__kernel void film_add_unit(__global const Settings* settings, uint first_slot, uint slot_count, uint top, uint rows,
+                            __global const ulong* sums, __global const uint* counts, __global ulong* film_sums,
+                            __global uint* film_counts, __global uint* beyond) {
+    const uint slot = (uint)get_global_id(0);
+    uint x, y;
+    if (slot >= slot_count || !slot_pixel(settings, slot_block(settings, first_slot + slot), first_slot + slot, &x, &y)) return;
+    if (y - top >= rows) return;        // also above them
+    const size_t pixel = (size_t)(y - top) * settings->width + x;
+    const uint count = film_counts[pixel] + counts[slot];
+    if (count < counts[slot]) beyond[0] = 1;
+    for (int c = 0; c < 3; ++c) {
+        const Fixed sum = fixed_sum(fixed_load(film_sums, pixel * 3 + c), fixed_load(sums, (size_t)slot * 3 + c));
+        if (count >= FILM_SAFE_COUNT && (long)sum.high + ((long)1 << 62) < 0) beyond[1] = 1;
+        fixed_store(film_sums, pixel * 3 + c, sum);
+    }
+    film_counts[pixel] = count;
+}
+
+// The same of the squares of replicates. film_squares: ulong [row][column][3][4].
+__kernel void film_add_squares(__global const Settings* settings, uint first_slot, uint slot_count, uint top, uint rows,
+                               __global const ulong* squares, __global ulong* film_squares) {
+    const uint slot = (uint)get_global_id(0);
+    uint x, y;
+    if (slot >= slot_count || !slot_pixel(settings, slot_block(settings, first_slot + slot), first_slot + slot, &x, &y)) return;
+    if (y - top >= rows) return;
+    const size_t pixel = (size_t)(y - top) * settings->width + x;
+    for (int c = 0; c < 3; ++c) {
+        ulong carry = 0;
+        for (int k = 0; k < 4; ++k) {
+            const ulong with_carry = squares[((size_t)slot * 3 + c) * 4 + k] + carry;
+            carry = with_carry < carry;
+            film_squares[(pixel * 3 + c) * 4 + k] += with_carry;
+            carry += film_squares[(pixel * 3 + c) * 4 + k] < with_carry;
+        }
+    }
+}
+
+// Of blocks that were stopped within a replicate, only whole replicates count. cut: uint [block], whether to do so.
+__kernel void film_cut_replicates(uint slot_count, __global const uint* cut, __global const ulong* start_sums,
+                                  __global const uint* start_counts, __global ulong* sums, __global uint* counts) {
+    const uint slot = (uint)get_global_id(0);
+    if (slot >= slot_count || !cut[slot / 16]) return;
+    for (int k = 0; k < 6; ++k) sums[(size_t)slot * 6 + k] = start_sums[(size_t)slot * 6 + k];
+    counts[slot] = start_counts[slot];
+}
+
+// Words that are 0.
+__kernel void film_clear_words(__global ulong* words, uint count) {
+    const uint word = (uint)get_global_id(0);
+    if (word < count) words[word] = 0;
+}
+
+// Means of pixels. image: float [pixel][3].
+__kernel void film_develop(__global const ulong* film_sums, __global const uint* film_counts, uint pixel_count, __global float* image) {
+    const uint pixel = (uint)get_global_id(0);
+    if (pixel >= pixel_count) return;
+    for (int c = 0; c < 3; ++c) image[(size_t)pixel * 3 + c] = mean_of(fixed_load(film_sums, (size_t)pixel * 3 + c), film_counts[pixel]);
 }

@@ -59,15 +59,15 @@ def test_large_images_are_told(size: tuple[int, int], amounts: tuple[str, ...]) 
 def test_what_a_render_needs_is_all_that_it_holds() -> None:
     job = RenderJob.of(clrender.load("room"), size=(1000, 500), spp=4, aov=("depth", "normal"), max_memory=GIB)
     pixels = 1000 * 500
-    plain = needs(job, 2, checkpoint=False, resumed=False)
+    plain = needs(job, 2, checkpoint=False, resumed=False, held=False)
     assert plain["the film"] == 52 * pixels and plain["the image"] == 12 * pixels
     assert plain["layers"] == 4 * (1 + 3) * pixels
     assert plain["units of work"] == 12 * 52 * min(GIB // 64 // 52, slot_count(1000, 500, 64))
     assert 0 < plain["this program and the scene"] <= process_bytes() + (64 << 20)
-    judged = needs(RenderJob.of(job.scene, size=(1000, 500), error=0.1), 1, checkpoint=False, resumed=False)
+    judged = needs(RenderJob.of(job.scene, size=(1000, 500), error=0.1), 1, checkpoint=False, resumed=False, held=False)
     assert plain["standard errors"] == 0 and judged["standard errors"] == 144 * pixels
     assert judged["the film"] == 148 * pixels
-    saved = needs(job, 2, checkpoint=True, resumed=True)
+    saved = needs(job, 2, checkpoint=True, resumed=True, held=False)
     assert saved["the film"] == 0, "it is in memory already"
     assert (
         saved["a copy of it for the checkpoint"] == saved["what devices that turn out to be wrong did"] == 52 * pixels
