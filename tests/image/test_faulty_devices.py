@@ -124,6 +124,26 @@ def test_five_hundred_faults(device: Device, expected: str, threads: None, part:
     assert seed < 1000 * (part + 1) + 400
 
 
+def suffer_alone(device: Device, expected: str, seed: int) -> int:
+    """A render by one device that fails now and then; gives how often it did."""
+    rng = random.Random(seed)
+    after = {"build": 2, "allocate": 60, "write": 12, "launch": 200, "read": 60}
+    call = rng.choice(list(after))
+    fault = Fault(call, rng.randrange(after[call]), times=rng.choice((1, 2, 3)))
+    alone = FaultyDevice(device, fault, name="alone")
+    outcome = share(alone)
+    assert outcome.image.stats["image_sha256"] == expected and not outcome.image.interrupted, (seed, fault)
+    film = outcome.image.film
+    assert film.ledger.holds(0, HOW["spp"]) and film.samples == film.ledger.samples, (seed, fault)
+    assert bool(fault.met) == bool(outcome.image.stats["devices"][0]["failures"]) or call == "allocate", (seed, fault)
+    return fault.met
+
+
+@pytest.mark.parametrize("seed", [pytest.param(seed, marks=pytest.mark.long if seed > 2 else ()) for seed in range(40)])
+def test_a_device_that_fails_alone_loses_nothing(device: Device, expected: str, seed: int) -> None:
+    suffer_alone(device, expected, 7000 + seed)
+
+
 @pytest.mark.parametrize("call", [pytest.param(call, marks=_SLOW if call in _REST else ()) for call in CALLS])
 def test_the_only_device_comes_back(device: Device, expected: str, call: str) -> None:
     after = {"build": 2, "finish": 0}.get(call, 12)

@@ -23,14 +23,17 @@ from clrender import layout
 from clrender.aov import FIRST_HITS, LAYER_KINDS, LayerArguments, LayerKind
 from clrender.bidirectional.light_paths import LightPaths
 from clrender.device.device import Buffer, Device, Program
+from clrender.device.device_film import DeviceFilm
 from clrender.device.info import DeviceInfo
-from clrender.device.launch import LaunchConfig
+from clrender.device.launch import LaunchConfig, Scratch
 from clrender.device.preparation import DevicePreparation
 from clrender.device.radix_sort import CHUNK
+from clrender.device.replicates import ReplicateSums
 from clrender.device.worker import DeviceWorker
 from clrender.drivers.arithmetic import check as arithmetic_check
 from clrender.drivers.discover import drivers, load_platforms
-from clrender.film.unit import Unit, slot_count
+from clrender.film import Film
+from clrender.film.unit import Unit, UnitSums, slot_count
 from clrender.flatten.flat_box import scene_box
 from clrender.flatten.flat_scene import flatten
 from clrender.furnace.directions import incident
@@ -507,9 +510,43 @@ def statistics(device: Device) -> str:
     return "right"
 
 
+def film(device: Device) -> str:
+    """A film on the device: two units, the second of which is stopped within a replicate, and what became of them."""
+    settings = RenderSettings(filter="box").struct(TILE)
+    settings["width"], settings["height"], settings["tile"], settings["replicate_spp"] = WIDTH, HEIGHT, TILE, 3
+    slots, rng, scratch = slot_count(WIDTH, HEIGHT, TILE), np.random.default_rng(73), Scratch(device)
+    program, given = device.program("film/accumulate.cl", {"LANES": 1}), device.upload(settings)
+    replicates, on_host = ReplicateSums(device, scratch, 3), Film(WIDTH, HEIGHT, {"replicate_spp": 3})
+    on_device = DeviceFilm(device, program, given, on_host)
+    sums, counts = scratch.buffer("sums", 48 * slots), scratch.buffer("counts", 4 * slots)
+    for first, taken in ((0, 6), (6, 5)):
+        unit = Unit(0, slots, first, 6, TILE)
+        samples = device.upload(rng.random((taken, 3, slots), np.float32))
+        device.launch_each(program, "film_clear", slots, [sums, counts, np.uint32(slots)])
+        device.launch_each(program, "film_clear_replicates", slots, replicates.begin(slots, first))
+        numbers = [np.uint32(number) for number in (0, slots, first, taken, 0)]
+        arguments: list[Any] = [given, samples, *numbers, sums, counts, *replicates.buffers]
+        device.launch_each(program, "film_accumulate_replicates", slots, arguments)
+        words, counted = np.empty((slots, 3, 4), np.uint32), np.empty(slots, np.uint32)
+        device.read(sums, words)
+        device.read(counts, counted)
+        done = np.full(slots // 16, taken, np.uint32)
+        squares = replicates.read(words, counted, done)
+        on_host.commit(unit, UnitSums(words, counted, done, 0, 0, 0, squares))
+        done[:] = taken
+        on_device.add(unit, sums, counts, replicates.cut(program, sums, counts, done))
+        device.release(samples)
+    copy = on_device.copy(sums=True, image=True)
+    assert copy.bands is not None and copy.image is not None
+    for ours, theirs in zip([*copy.bands, *copy.squares], [*on_host.bands(), *on_host.square_bands()], strict=True):
+        assert np.array_equal(ours, theirs)
+    assert np.array_equal(copy.counts, on_host.counts) and np.array_equal(copy.image, on_host.mean())
+    return hashlib.sha256(copy.image.tobytes()).hexdigest()
+
+
 def perform(device: Device, name: str) -> str:
     """Do one of `RENDERS`, or another function of this file by name; gives what must be equal everywhere."""
-    functions = (scan, statistics, arithmetic, layers, radiosity, furnace)
+    functions = (scan, statistics, arithmetic, layers, radiosity, furnace, film)
     others = {function.__name__: function for function in functions}
     return others[name](device) if name in others else render(device, RENDERS[name])
 

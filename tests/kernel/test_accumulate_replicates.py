@@ -29,8 +29,21 @@ def signed(value: int) -> int:
     return value - (value >> 127 << 128)
 
 
-def summed(device: Device, samples: Floats, size: int, cuts: Sequence[int], first: int = 0) -> list[Words]:
-    """Sums, counts, squares and samples done of a unit whose launches end at `cuts`, with replicates of some size."""
+def summed(
+    device: Device,
+    samples: Floats,
+    size: int,
+    cuts: Sequence[int],
+    first: int = 0,
+    *,
+    on_device: bool = False,
+    whole: int = 0,
+) -> list[Words]:
+    """Sums, counts, squares and samples done of a unit whose launches end at `cuts`, with replicates of some size.
+
+    Parts of replicates are removed from the sums as they are read, or before on the device; not from those of the first
+    `whole` blocks, which are said to have ended with a replicate.
+    """
     settings = np.zeros(1, layout.dtype("Settings"))
     settings["width"], settings["height"], settings["tile"] = WIDTH, HEIGHT, TILE
     settings["replicate_spp"] = size
@@ -48,10 +61,13 @@ def summed(device: Device, samples: Floats, size: int, cuts: Sequence[int], firs
         device.launch(program, "film_accumulate_replicates", padded, 16, arguments)
         device.finish()
         device.release(buffer)
+    done = np.full(SLOTS // 16, cuts[-1], np.uint32)
+    done[:whole] -= done[:whole] % np.uint32(size)
+    if on_device:
+        replicates.cut(program, sums, counts, done)
     words, counted = np.empty((SLOTS, 3, 4), np.uint32), np.empty(SLOTS, np.uint32)
     device.read(sums, words)
     device.read(counts, counted)
-    done = np.full(SLOTS // 16, cuts[-1], np.uint32)
     squares = replicates.read(words, counted, done)
     device.release(given)
     scratch.release()
@@ -88,15 +104,25 @@ def test_launches_change_nothing(device: Device) -> None:
             assert np.array_equal(a, b)
 
 
+@pytest.mark.parametrize("on_device", [False, True])
 @pytest.mark.parametrize("taken", [0, 5, 8, 17, 23])
-def test_what_was_begun_of_a_replicate_is_taken_back(device: Device, taken: int) -> None:
+def test_what_was_begun_of_a_replicate_is_taken_back(device: Device, taken: int, on_device: bool) -> None:
     samples = all_of_float(np.random.default_rng(41), 24)
     kept = taken // 8 * 8
     for cuts in ([0, taken], list(range(taken + 1))):
-        stopped = summed(device, samples, 8, cuts)
+        stopped = summed(device, samples, 8, cuts, on_device=on_device)
         for a, b in zip(stopped, summed(device, samples, 8, [0, kept]), strict=True):
             assert np.array_equal(a, b)
         assert (stopped[3] == kept).all()
+
+
+def test_blocks_that_ended_with_a_replicate_keep_it(device: Device) -> None:
+    samples = all_of_float(np.random.default_rng(43), 24)
+    read, cut = (summed(device, samples, 8, [0, 21], on_device=on_device, whole=3) for on_device in (False, True))
+    for a, b in zip(read, cut, strict=True):
+        assert np.array_equal(a, b)
+    taken_back = summed(device, samples, 8, [0, 21])
+    assert not np.array_equal(read[0][:48], taken_back[0][:48]) and np.array_equal(read[0][48:], taken_back[0][48:])
 
 
 def test_squares_of_the_largest_replicates_fit(device: Device) -> None:

@@ -71,7 +71,9 @@ def every_kernel() -> set[str]:
 def test_every_kernel_on_a_small_scene(device: Device, tmp_path: Path) -> None:
     renders = ["path-4", "path-4-instances", "path-4-replicates", "whitted-4", "reuse-4", "photon-4", "bdpt-4"]
     renders += ["guided-4", "training-4"]
-    launched = check(device, ["scan", "statistics", "arithmetic", *renders, "layers", "radiosity", "furnace"], tmp_path)
+    launched = check(
+        device, ["scan", "statistics", "arithmetic", *renders, "layers", "radiosity", "furnace", "film"], tmp_path
+    )
     assert launched == every_kernel()
 
 
