@@ -106,7 +106,8 @@ def _lines(name: str, text: str) -> Iterator[tuple[int, str]]:
     signature, given = "", list[str]()
     for number, line in enumerate(code.splitlines(), 1):
         if line.lstrip().startswith("#include"):
-            if not re.fullmatch(r'#include "[\w/]+\.(?:h|inc)"\s*', line):
+            ends = "cl" if name == "common.cl" else "h|inc"
+            if not re.fullmatch(rf'#include "[\w/]+\.(?:{ends})"\s*', line):
                 yield number, 'includes read #include "room/file.h", relative to the kernels folder'
             continue
         for pattern, why in _EVERYWHERE:

@@ -18,7 +18,7 @@ from clrender.device.radix_sort import CHUNK, launch_each, scan, sort
 from clrender.errors import RenderError
 
 if TYPE_CHECKING:
-    from clrender.device.device import Argument, Buffer, Device, Program
+    from clrender.device.device import Argument, Buffer, Device
 
 __all__ = [
     "ANALYTIC_BLOCK_WORDS",
@@ -175,7 +175,7 @@ def triangle_units(device: Device, source: SourceArrays) -> Numbers:
     count = source.triangle_count
     if count == 0:
         return np.zeros(0, np.uint32)
-    program = device.program("geometry/build_order.cl", {"LANES": 1})
+    program = device.common_program()
     units, places = device.empty(4 * count), device.empty(4 * count)
     head: _Arguments = [source.vertices, source.triangles, source.primitive_shape, source.shapes, _u(count)]
     launch_each(device, program, "build_starts", count, [*head, places])
@@ -246,7 +246,7 @@ def joined(device: Device, trees: Sequence[Bvh]) -> tuple[Bvh, list[int]]:
         for tree in trees:
             tree.release(device)
         raise _too_many(f"{len(trees)} groups of shapes", max(totals[1:]))
-    program = device.program("geometry/build_collapse.cl", {"LANES": 1})
+    program = device.common_program()
     words = (NODE_WORDS, TRIANGLE_BLOCK_WORDS, ANALYTIC_BLOCK_WORDS)
     buffers = [
         device.empty(4 * (width * total + (_BEYOND if packs else 0)))
@@ -301,10 +301,7 @@ class _Builder:
     ) -> None:
         self.device = device
         self.source = source
-        defines = {"LANES": 1}
-        self._order = device.program("geometry/build_order.cl", defines)
-        self._merge = device.program("geometry/build_merge.cl", defines)
-        self._collapse = device.program("geometry/build_collapse.cl", defines)
+        self._program = device.common_program()
         self._instance_count = 0 if instances is None else len(instances.numbers)
         none = InstanceBoxes(np.zeros(0, np.uint32), np.zeros((0, 6), np.float32))
         self._units, self._round = self._uploaded(units), self._uploaded(round_ones)
@@ -333,7 +330,6 @@ class _Builder:
         source, count = self.source, self.unit_count
         boxes = self.device.empty(24 * count)
         self._each(
-            self._order,
             "build_boxes",
             count,
             [
@@ -353,12 +349,12 @@ class _Builder:
         while length > 1 or centers:
             chunks = -(-length // CHUNK)
             reduced = self.device.empty(24 * chunks)
-            self._each(self._order, "build_bounds", chunks, [bounds, _u(length), _u(centers), reduced])
+            self._each("build_bounds", chunks, [bounds, _u(length), _u(centers), reduced])
             if bounds is not boxes:
                 self.device.release(bounds)
             bounds, length, centers = reduced, chunks, 0
         keys, values = self.device.empty(8 * count), self.device.empty(4 * count)
-        self._each(self._order, "build_morton", count, [boxes, bounds, _u(count), keys, values])
+        self._each("build_morton", count, [boxes, bounds, _u(count), keys, values])
         self.device.release(bounds)
         keys, values = sort(self.device, keys, values, count, _SORT_BITS)
         self.device.release(keys)
@@ -371,7 +367,7 @@ class _Builder:
         costs, clusters = device.empty(4 * COST_ROOTS * 2 * count), device.empty(4 * count)
         arguments: _Arguments = [boxes, order, self._units, _u(self._triangle_units), _u(self._round_count), _u(count)]
         arguments += [node_boxes, members, costs, clusters]
-        self._each(self._merge, "build_leaves", count, arguments)
+        self._each("build_leaves", count, arguments)
         device.release(boxes)
         children, merged, nearest = device.empty(8 * 2 * count), device.empty(4 * count), device.empty(4 * count)
         length, next_node = count, count
@@ -379,13 +375,13 @@ class _Builder:
             chunks = -(-length // CHUNK)
             kept, pairs = device.empty(4 * chunks), device.empty(4 * chunks)
             askers = -(-length // MERGE_CHUNK)
-            self._each(self._merge, "build_nearest", askers, [node_boxes, clusters, _u(length), nearest])
-            self._each(self._merge, "build_merge_count", chunks, [nearest, _u(length), kept, pairs])
+            self._each("build_nearest", askers, [node_boxes, clusters, _u(length), nearest])
+            self._each("build_merge_count", chunks, [nearest, _u(length), kept, pairs])
             joined = scan(self.device, pairs, chunks)
             scan(self.device, kept, chunks)
             arguments = [nearest, clusters, _u(length), kept, pairs]
             arguments += [_u(next_node), node_boxes, members, children, costs, merged]
-            self._each(self._merge, "build_merge", chunks, arguments)
+            self._each("build_merge", chunks, arguments)
             self._release(kept, pairs)
             clusters, merged = merged, clusters
             length -= joined
@@ -413,7 +409,7 @@ class _Builder:
             arguments: _Arguments = [*tree.arguments, tasks, _u(task_count), *counts, order, self._instances]
             arguments += [_u(primitive_units), _u(self.unit_count)]
             arguments += [*(_u(number) for number in made), node_buffer, *columns, next_tasks]
-            self._each(self._collapse, "build_collapse", task_count, arguments)
+            self._each("build_collapse", task_count, arguments)
             made = [made[0] + task_count, made[1] + totals[1], made[2] + totals[2]]
             self._release(*counts, tasks)
             tasks, task_count = next_tasks, totals[0]
@@ -435,7 +431,7 @@ class _Builder:
         count = 8 * blocks[0]
         arguments: _Arguments = [columns[0], _u(count), self._units, source.vertices, source.triangles, triangles]
         if count:
-            self._each(self._collapse, "build_triangle_columns", count, arguments)
+            self._each("build_triangle_columns", count, arguments)
         count = 8 * blocks[1]
         arguments = [
             columns[1],
@@ -447,7 +443,7 @@ class _Builder:
         ]
         arguments += [source.vertices, source.triangles, source.analytic_shapes, others]
         if count:
-            self._each(self._collapse, "build_analytic_columns", count, arguments)
+            self._each("build_analytic_columns", count, arguments)
         return triangles, others
 
     def _sizes(self, tree: _BinaryTree) -> tuple[int, int, int]:
@@ -459,7 +455,7 @@ class _Builder:
             counts, totals = self._count(tree, tasks, task_count)
             next_tasks = device.empty(4 * max(totals[0], 1))
             arguments: _Arguments = [*tree.arguments, tasks, _u(task_count), counts[0], next_tasks]
-            self._each(self._collapse, "build_next_tasks", task_count, arguments)
+            self._each("build_next_tasks", task_count, arguments)
             made = [made[0] + task_count, made[1] + totals[1], made[2] + totals[2]]
             self._release(*counts, tasks)
             tasks, task_count = next_tasks, totals[0]
@@ -469,11 +465,11 @@ class _Builder:
     def _count(self, tree: _BinaryTree, tasks: Buffer, task_count: int) -> tuple[list[Buffer], list[int]]:
         counts = [self.device.empty(4 * task_count) for _ in range(3)]
         arguments: _Arguments = [*tree.arguments, tasks, _u(task_count), *counts]
-        self._each(self._collapse, "build_collapse_count", task_count, arguments)
+        self._each("build_collapse_count", task_count, arguments)
         return counts, [scan(self.device, buffer, task_count) for buffer in counts]
 
-    def _each(self, program: Program, kernel: str, count: int, arguments: _Arguments) -> None:
-        launch_each(self.device, program, kernel, count, arguments)
+    def _each(self, kernel: str, count: int, arguments: _Arguments) -> None:
+        launch_each(self.device, self._program, kernel, count, arguments)
 
     def _release(self, *buffers: Buffer) -> None:
         for buffer in buffers:

@@ -54,7 +54,7 @@ def build(context: cl.Context, handle: cl.Device, info: DeviceInfo, options: str
         log = str(program.get_build_info(handle, cl.program_build_info.LOG) or "")
         reason = first_errors(log, source) or str(error)
         raise DeviceError(f"{info.title} cannot build {source.entry}: {reason}; see `clrender doctor`") from error
-    # PoCL compiles every kernel again when asked for a binary, so only the probe does that, not a render.
+    # PoCL would compile every kernel again for a binary. It keeps them itself, and finds them in some 25 ms a program.
     if "pocl" not in info.version.lower():
         store(info, options, source, program)
     return program

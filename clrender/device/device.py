@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from clrender.device.compiler import build, program_key, store
+from clrender.device.compiler import build, program_key
 from clrender.device.forked import refuse_forked
 from clrender.device.info import DeviceInfo
 from clrender.device.program_cache import Sentinel, leave, note_run
@@ -242,6 +242,16 @@ class Device:
         if len(self._programs) > PROGRAM_LIMIT:
             del self._programs[next(iter(self._programs))]
         return program
+
+    def common_program(self) -> Program:
+        """The program of the kernels that every render needs besides its integrator (``kernels/common.cl``).
+
+        Raises
+        ------
+        RenderError, DeviceError
+            See `program`.
+        """
+        return self.program("common.cl", {"LANES": 1})
 
     def has_program(self, entry: str, defines: Mapping[str, int | str], *, small: bool = False) -> bool:
         """Whether `program` need not compile a program: it was compiled by this process or an earlier one.
@@ -472,7 +482,7 @@ class Device:
         """
         if not self._group:
             # Queried for a small kernel that every render needs: OpenCL 1.2 has no such property of a device
-            program = self.program("film/accumulate.cl", {"LANES": 1})
+            program = self.common_program()
             kind = self._cl.kernel_work_group_info.PREFERRED_WORK_GROUP_SIZE_MULTIPLE
             kernel = self._call("build", "kernel film_clear", lambda: self._cl.Kernel(program.handle, "film_clear"))
             self._group = whole_warps(int(kernel.get_work_group_info(kind, self._handle)), self.max_work_group)
@@ -481,15 +491,6 @@ class Device:
     def launch_each(self, program: Program, kernel: str, count: int, args: Sequence[Argument]) -> None:
         """Launch a kernel over at least `count` work-items, in groups of `group`."""
         self.launch(program, kernel, -(-count // self.group) * self.group, self.group, args)
-
-    def keep_binaries(self) -> None:
-        """Cache the binaries of all programs built so far, if this was not done at build time.
-
-        For PoCL this takes as long as compiling, so only the probe calls it.
-        """
-        for (_, macros), program in self._programs.items():
-            if program.handle is not None and SMALL_CODE not in dict(macros):  # which fast code in the cache replaces
-                store(self.info, program.options, program.source, program.handle)
 
     def read(self, buffer: Buffer, array: npt.NDArray[Any]) -> None:
         """Wait for the queue and copy the start of `buffer` into all of `array` (C-contiguous).

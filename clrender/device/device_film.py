@@ -19,7 +19,7 @@ from clrender.film.unit import tile_rows
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from clrender.device.device import Argument, Buffer, Device, Program
+    from clrender.device.device import Argument, Buffer, Device
     from clrender.film import Film
     from clrender.film.unit import Unit
 
@@ -32,8 +32,6 @@ class DeviceFilm:
     Parameters
     ----------
     device : Device
-    program : Program
-        ``film/accumulate.cl``.
     settings : Buffer
         The render's `Settings`.
     film : Film
@@ -45,8 +43,8 @@ class DeviceFilm:
         When the device lacks the memory, or its driver fails. Nothing is then left on the device.
     """
 
-    def __init__(self, device: Device, program: Program, settings: Buffer, film: Film) -> None:
-        self._device, self._program, self._settings = device, program, settings
+    def __init__(self, device: Device, settings: Buffer, film: Film) -> None:
+        self._device, self._program, self._settings = device, device.common_program(), settings
         self.width, self.height = film.width, film.height
         self._rows = film.band_rows
         self._tops = range(0, film.height, film.band_rows)

@@ -15,7 +15,6 @@ __all__ = ["CHUNK", "launch_each", "scan", "sort"]
 
 CHUNK: Final = 1024
 """Elements per work-item: ``BUILD_CHUNK`` of ``kernels/geometry/build.h``; a test compares them."""
-_ENTRY: Final = "geometry/build_order.cl"
 
 
 def launch_each(device: Device, program: Program, kernel: str, count: int, arguments: Sequence[Argument]) -> None:
@@ -39,7 +38,7 @@ def scan(device: Device, numbers: Buffer, count: int) -> int:
     int
         Sum of all elements.
     """
-    program, chunks = device.program(_ENTRY, {"LANES": 1}), -(-count // CHUNK)
+    program, chunks = device.common_program(), -(-count // CHUNK)
     sums = device.empty(4 * chunks)
     launch_each(device, program, "build_scan", chunks, [numbers, np.uint32(count), sums])
     if chunks == 1:
@@ -71,7 +70,7 @@ def sort(device: Device, keys: Buffer, values: Buffer, count: int, bits: int) ->
     -------
     keys, values : Buffer
     """
-    program, chunks = device.program(_ENTRY, {"LANES": 1}), -(-count // CHUNK)
+    program, chunks = device.common_program(), -(-count // CHUNK)
     other_keys, other_values = device.empty(8 * count), device.empty(4 * count)
     counts = device.empty(4 * 256 * chunks)
     for shift in range(0, bits, 8):

@@ -11,7 +11,7 @@ from clrender.errors import RenderError
 from clrender.film.unit import BLOCK_SLOTS
 
 if TYPE_CHECKING:
-    from clrender.device.device import Buffer, Device, Program
+    from clrender.device.device import Buffer, Device
     from clrender.device.launch import Scratch
 
 __all__ = ["ReplicateSums"]
@@ -78,13 +78,11 @@ class ReplicateSums:
             done -= begun
         return squares
 
-    def cut(self, program: Program, sums: Buffer, counts: Buffer, done: _Words) -> Buffer:
+    def cut(self, sums: Buffer, counts: Buffer, done: _Words) -> Buffer:
         """Remove the samples of incomplete replicates from a unit's sums on the device.
 
         Parameters
         ----------
-        program : Program
-            ``film/accumulate.cl``.
         sums, counts : Buffer
             The unit's, as `film_accumulate_replicates` made them.
         done
@@ -101,7 +99,7 @@ class ReplicateSums:
             cut = self._scratch.buffer("cut", 4 * len(done))
             self._device.write(cut, (begun > 0).astype(np.uint32))
             arguments: list[Buffer | np.generic] = [slots, cut, self._start_sums, self._start_counts, sums, counts]
-            self._device.launch_each(program, "film_cut_replicates", int(slots), arguments)
+            self._device.launch_each(self._device.common_program(), "film_cut_replicates", int(slots), arguments)
             done -= begun
         return self._squares
 

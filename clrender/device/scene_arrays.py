@@ -196,8 +196,7 @@ class SceneArrays:
 
     def _rows(self, name: str, count: int, arguments: list[Buffer | np.generic]) -> None:
         if count:
-            program = self._device.program("geometry/rows.cl", {"LANES": 1})
-            self._device.launch_each(program, f"rows_{name}", count, arguments)
+            self._device.launch_each(self._device.common_program(), f"rows_{name}", count, arguments)
 
     def chain_table(self) -> Buffer | None:
         """The table of specular chains (`clrender.flatten.chains`), uploaded at the first call; None if there are none.

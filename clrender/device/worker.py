@@ -178,8 +178,9 @@ class DeviceWorker:
             self._pipeline = pipeline
             stands_in = universal if launch.code is None else None
             self._tracing = TracingProgram(device, pipeline, self._own, stands_in, self._samples)
-            splats: dict[str, int | str] = {"SPLATS": 1} if pipeline.splats else {}
-            self._accumulate = device.program("film/accumulate.cl", {"LANES": 1, **splats})
+            self._common = self._accumulate = device.common_program()
+            if pipeline.splats:
+                self._accumulate = device.program("film/accumulate.cl", {"LANES": 1, "SPLATS": 1})
             self._splats: list[Buffer | np.generic] = []
             replicate_spp = int(settings["replicate_spp"][0]) if pipeline.squares else 0
             self._replicates = ReplicateSums(device, self._scratch, replicate_spp) if replicate_spp else None
@@ -250,7 +251,7 @@ class DeviceWorker:
             return True
         self._release_film()
         try:
-            self._film = DeviceFilm(self.device, self._accumulate, self._settings_buffer, film)
+            self._film = DeviceFilm(self.device, self._settings_buffer, film)
         except RenderError:
             return False
         return True
@@ -267,7 +268,7 @@ class DeviceWorker:
         traced, sums, counts = self._traced(unit, on_slice, should_stop)
         squares = None
         if self._replicates is not None:
-            squares = self._replicates.cut(self._accumulate, sums, counts, traced.done)
+            squares = self._replicates.cut(sums, counts, traced.done)
         self._film.add(unit, sums, counts, squares)
         return traced
 
@@ -292,10 +293,10 @@ class DeviceWorker:
         self._tracing.improve(self._rays)
         slots = unit.slot_count
         sums, counts = self._scratch.buffer("sums", 48 * slots), self._scratch.buffer("counts", 4 * slots)
-        self._launch(self._accumulate, "film_clear", slots, [sums, counts, np.uint32(slots)])
+        self._launch(self._common, "film_clear", slots, [sums, counts, np.uint32(slots)])
         if self._replicates is not None:
             begun = self._replicates.begin(slots, unit.first_sample)
-            self._launch(self._accumulate, "film_clear_replicates", slots, begun)
+            self._launch(self._common, "film_clear_replicates", slots, begun)
         if isinstance(self._preparation, SplattingPreparation):
             splats = self._scratch.buffer("splats", 48 * slots)
             self._launch(self._accumulate, "film_clear_splats", slots, [splats, np.uint32(slots)])
@@ -390,7 +391,7 @@ class DeviceWorker:
             return self.device.begin_read(stats, np.empty((items, 4), np.uint32))
         totals = self._scratch.buffer("totals", 32 * _TOTALS)
         arguments: list[Buffer | np.generic] = [stats, np.uint32(items), totals, np.uint32(_TOTALS)]
-        self._launch(self._accumulate, "film_total_stats", _TOTALS, arguments)
+        self._launch(self._common, "film_total_stats", _TOTALS, arguments)
         return self.device.begin_read(totals, np.empty((_TOTALS, 4), np.uint64))
 
     def _landed(self, part: _Slice) -> tuple[int, int, int]:

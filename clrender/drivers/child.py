@@ -137,9 +137,7 @@ def _probe(driver: Driver, ordinal: int) -> dict[str, Any]:
         stage = "arithmetic"
         differences = check(device)
         stage = "render"
-        answer = {"hash": probe_hash(device), "differences": differences, "compile_seconds": device.compile_seconds}
-        device.keep_binaries()
-        return answer
+        return {"hash": probe_hash(device), "differences": differences, "compile_seconds": device.compile_seconds}
     except ClrenderError as error:
         # A rejection by the compiler is a DeviceError, a failure of a launch a RenderError.
         return {"stage": stage, "refused": isinstance(error, DeviceError), "error": str(error)}

@@ -81,7 +81,7 @@ def threads() -> Iterator[None]:
 def random_fault(rng: random.Random) -> Fault:
     call = rng.choice(CALLS)
     # From set-up to well into the samples: about so many calls of a kind there are
-    after = rng.randrange({"build": 6, "allocate": 40, "write": 25, "launch": 150, "read": 40, "finish": 2}[call])
+    after = rng.randrange({"build": 2, "allocate": 40, "write": 25, "launch": 150, "read": 40, "finish": 2}[call])
     return Fault(call, after, rng.choice(("error", "error", "error", "gone", "gone", "hang")), rng.choice((1, 1, 2, 5)))
 
 
@@ -146,7 +146,7 @@ def test_a_device_that_fails_alone_loses_nothing(device: Device, expected: str, 
 
 @pytest.mark.parametrize("call", [pytest.param(call, marks=_SLOW if call in _REST else ()) for call in CALLS])
 def test_the_only_device_comes_back(device: Device, expected: str, call: str) -> None:
-    after = {"build": 2, "finish": 0}.get(call, 12)
+    after = {"build": 1, "finish": 0}.get(call, 12)
     alone = FaultyDevice(device, fault := Fault(call, after, times=2), name="alone")
     if call == "finish":
         outcome = share(alone, integrator="photon", photons=500, spp=4)

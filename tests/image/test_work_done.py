@@ -33,7 +33,7 @@ def launched(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
 
 def test_programs_are_built_once_a_process(device: Device) -> None:
-    """Three for the tree, one for rows, one to trace, one for the film; a large tree is traced by another one."""
+    """One to trace, one for all else; a large tree is traced by another one."""
     render("room", [device], code="fast")
     builds = device.builds
     for scene in ("room", "cornell", "room-glass"):

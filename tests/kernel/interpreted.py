@@ -517,7 +517,7 @@ def film(device: Device) -> str:
     slots, rng, scratch = slot_count(WIDTH, HEIGHT, TILE), np.random.default_rng(73), Scratch(device)
     program, given = device.program("film/accumulate.cl", {"LANES": 1}), device.upload(settings)
     replicates, on_host = ReplicateSums(device, scratch, 3), Film(WIDTH, HEIGHT, {"replicate_spp": 3})
-    on_device = DeviceFilm(device, program, given, on_host)
+    on_device = DeviceFilm(device, given, on_host)
     sums, counts = scratch.buffer("sums", 48 * slots), scratch.buffer("counts", 4 * slots)
     for first, taken in ((0, 6), (6, 5)):
         unit = Unit(0, slots, first, 6, TILE)
@@ -534,7 +534,7 @@ def film(device: Device) -> str:
         squares = replicates.read(words, counted, done)
         on_host.commit(unit, UnitSums(words, counted, done, 0, 0, 0, squares))
         done[:] = taken
-        on_device.add(unit, sums, counts, replicates.cut(program, sums, counts, done))
+        on_device.add(unit, sums, counts, replicates.cut(sums, counts, done))
         device.release(samples)
     copy = on_device.copy(sums=True, image=True)
     assert copy.bands is not None and copy.image is not None

@@ -64,7 +64,7 @@ def summed(
     done = np.full(SLOTS // 16, cuts[-1], np.uint32)
     done[:whole] -= done[:whole] % np.uint32(size)
     if on_device:
-        replicates.cut(program, sums, counts, done)
+        replicates.cut(sums, counts, done)
     words, counted = np.empty((SLOTS, 3, 4), np.uint32), np.empty(SLOTS, np.uint32)
     device.read(sums, words)
     device.read(counts, counted)

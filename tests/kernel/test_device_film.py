@@ -41,7 +41,7 @@ def settings(device: Device) -> Iterator[Buffer]:
 
 
 def device_film(device: Device, settings: Buffer, film: Film) -> DeviceFilm:
-    return DeviceFilm(device, device.program("film/accumulate.cl", {"LANES": 1}), settings, film)
+    return DeviceFilm(device, settings, film)
 
 
 def made_up(rng: np.random.Generator, unit: Unit, squares: bool) -> UnitSums:
