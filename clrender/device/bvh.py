@@ -280,12 +280,34 @@ class _BinaryTree:
     members: Buffer
     children: Buffer
     costs: Buffer
+    leaves: int
     root: int
 
     @property
     def arguments(self) -> _Arguments:
         """Arguments for the kernels that collapse it."""
-        return [self.boxes, self.members, self.children, self.costs, _u(self.root)]
+        return [self.boxes, self.members, self.children, self.costs, _u(self.leaves), _u(self.root)]
+
+
+@dataclass(frozen=True)
+class _Level:
+    """The nodes of a level of the wide BVH.
+
+    Attributes
+    ----------
+    tasks : Buffer
+        The binary nodes that they replace.
+    task_count : int
+    counts : list of Buffer
+        For each, the sums over those before it of its children that are nodes, and of its blocks of both kinds.
+    totals : list of int
+        These sums over all.
+    """
+
+    tasks: Buffer
+    task_count: int
+    counts: list[Buffer]
+    totals: list[int]
 
 
 class _Builder:
@@ -364,12 +386,12 @@ class _Builder:
         """Build the binary BVH over the ordered units; consumes `boxes`."""
         device, count = self.device, self.unit_count
         node_boxes, members = device.empty(24 * (2 * count)), device.empty(4 * 2 * count)
-        costs, clusters = device.empty(4 * COST_ROOTS * 2 * count), device.empty(4 * count)
+        costs, clusters = device.empty(4 * COST_ROOTS * count), device.empty(4 * count)
         arguments: _Arguments = [boxes, order, self._units, _u(self._triangle_units), _u(self._round_count), _u(count)]
-        arguments += [node_boxes, members, costs, clusters]
+        arguments += [node_boxes, members, clusters]
         self._each("build_leaves", count, arguments)
         device.release(boxes)
-        children, merged, nearest = device.empty(8 * 2 * count), device.empty(4 * count), device.empty(4 * count)
+        children, merged, nearest = device.empty(8 * count), device.empty(4 * count), device.empty(4 * count)
         length, next_node = count, count
         while length > 1:
             chunks = -(-length // CHUNK)
@@ -380,45 +402,43 @@ class _Builder:
             joined = scan(self.device, pairs, chunks)
             scan(self.device, kept, chunks)
             arguments = [nearest, clusters, _u(length), kept, pairs]
-            arguments += [_u(next_node), node_boxes, members, children, costs, merged]
+            arguments += [_u(count), _u(next_node), node_boxes, members, children, costs, merged]
             self._each("build_merge", chunks, arguments)
             self._release(kept, pairs)
             clusters, merged = merged, clusters
             length -= joined
             next_node += joined
         self._release(clusters, merged, nearest)
-        return _BinaryTree(node_boxes, members, children, costs, next_node - 1)
+        return _BinaryTree(node_boxes, members, children, costs, count, next_node - 1)
 
     def collapse(self, order: Buffer, tree: _BinaryTree) -> Bvh:
         """Collapse the binary BVH, which is consumed, to the wide BVH."""
         device = self.device
-        nodes, *blocks = self._sizes(tree)
+        levels = self._levels(tree)
+        nodes = sum(level.task_count for level in levels)
+        blocks = [sum(level.totals[kind] for level in levels) for kind in (1, 2)]
         if max(blocks) > _MOST_BLOCKS:
             self._release(order, tree.boxes, tree.members, tree.children, tree.costs)
+            for level in levels:
+                self._release(level.tasks, *level.counts)
             self._release_units()
             raise _too_many(f"{self.unit_count} triangles and spheres", max(blocks))
         node_buffer = device.empty(4 * NODE_WORDS * nodes)
         columns = [device.empty(4 * max(8 * count, 1)) for count in blocks]
         made = [0, 0, 0]
-        levels = 0
-        tasks, task_count = device.upload(np.array([tree.root], np.uint32)), 1
-        while task_count:
-            counts, totals = self._count(tree, tasks, task_count)
-            next_tasks = device.empty(4 * max(totals[0], 1))
-            primitive_units = self._triangle_units + self._round_count
-            arguments: _Arguments = [*tree.arguments, tasks, _u(task_count), *counts, order, self._instances]
-            arguments += [_u(primitive_units), _u(self.unit_count)]
-            arguments += [*(_u(number) for number in made), node_buffer, *columns, next_tasks]
-            self._each("build_collapse", task_count, arguments)
-            made = [made[0] + task_count, made[1] + totals[1], made[2] + totals[2]]
-            self._release(*counts, tasks)
-            tasks, task_count = next_tasks, totals[0]
-            levels += 1
-        self._release(tasks, order, tree.boxes, tree.members, tree.children, tree.costs)
+        primitive_units = self._triangle_units + self._round_count
+        for level in levels:
+            arguments: _Arguments = [*tree.arguments, level.tasks, _u(level.task_count), *level.counts]
+            arguments += [order, self._instances, _u(primitive_units)]
+            arguments += [*(_u(number) for number in made), node_buffer, *columns]
+            self._each("build_collapse", level.task_count, arguments)
+            made = [made[0] + level.task_count, made[1] + level.totals[1], made[2] + level.totals[2]]
+            self._release(*level.counts, level.tasks)
+        self._release(order, tree.boxes, tree.members, tree.children, tree.costs)
         packs = self._fill(columns, blocks)
         self._release_units()
         self._release(*columns)
-        return Bvh(node_buffer, *packs, nodes, blocks[0], blocks[1], levels)
+        return Bvh(node_buffer, *packs, nodes, blocks[0], blocks[1], len(levels))
 
     def _fill(self, columns: list[Buffer], blocks: list[int]) -> tuple[Buffer, Buffer]:
         """Build the packs, column by column, after the memory of the binary BVH is released."""
@@ -446,27 +466,21 @@ class _Builder:
             self._each("build_analytic_columns", count, arguments)
         return triangles, others
 
-    def _sizes(self, tree: _BinaryTree) -> tuple[int, int, int]:
-        """Count nodes and blocks in advance, by a pass over the levels that writes only the next level's tasks."""
-        device = self.device
-        made = [0, 0, 0]
+    def _levels(self, tree: _BinaryTree) -> list[_Level]:
+        """The levels of the wide BVH from the root on, which tell how many nodes and blocks there will be."""
+        device, levels = self.device, list[_Level]()
         tasks, task_count = device.upload(np.array([tree.root], np.uint32)), 1
         while task_count:
-            counts, totals = self._count(tree, tasks, task_count)
-            next_tasks = device.empty(4 * max(totals[0], 1))
-            arguments: _Arguments = [*tree.arguments, tasks, _u(task_count), counts[0], next_tasks]
-            self._each("build_next_tasks", task_count, arguments)
-            made = [made[0] + task_count, made[1] + totals[1], made[2] + totals[2]]
-            self._release(*counts, tasks)
-            tasks, task_count = next_tasks, totals[0]
-        device.release(tasks)
-        return made[0], made[1], made[2]
-
-    def _count(self, tree: _BinaryTree, tasks: Buffer, task_count: int) -> tuple[list[Buffer], list[int]]:
-        counts = [self.device.empty(4 * task_count) for _ in range(3)]
-        arguments: _Arguments = [*tree.arguments, tasks, _u(task_count), *counts]
-        self._each("build_collapse_count", task_count, arguments)
-        return counts, [scan(self.device, buffer, task_count) for buffer in counts]
+            counts = [device.empty(4 * task_count) for _ in range(3)]
+            head: _Arguments = [*tree.arguments, tasks, _u(task_count)]
+            self._each("build_collapse_count", task_count, [*head, *counts])
+            levels.append(_Level(tasks, task_count, counts, [scan(device, each, task_count) for each in counts]))
+            task_count = levels[-1].totals[0]
+            if task_count:
+                next_tasks = device.empty(4 * task_count)
+                self._each("build_next_tasks", levels[-1].task_count, [*head, counts[0], next_tasks])
+                tasks = next_tasks
+        return levels
 
     def _each(self, kernel: str, count: int, arguments: _Arguments) -> None:
         launch_each(self.device, self._program, kernel, count, arguments)

@@ -159,7 +159,12 @@ class SceneArrays:
         self._scene = scene
         self._chains: Buffer | None = None
         triangles, primitives = scene.triangle_count, scene.triangle_count + scene.analytic_count
-        arrays = {name: device.upload(_with_first_rows(a)) for name, a in scene.arrays.items() if name != "texels"}
+        arrays = {
+            # What only the kernels of this method read is not copied where the device can do without
+            name: (device.upload if name in _AS_THEY_ARE else device.share)(_with_first_rows(array))
+            for name, array in scene.arrays.items()
+            if name != "texels"
+        }
         vertices, corners, analytic_shapes = arrays["vertices"], arrays["triangles"], arrays["analytic_shapes"]
         shape_of, shapes = arrays["primitive_shape"], arrays["shapes"]
         source = bvh.SourceArrays(vertices, corners, analytic_shapes, shape_of, shapes, triangles, scene.analytic_count)

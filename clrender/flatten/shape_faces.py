@@ -102,7 +102,7 @@ def shape_faces(surfaces: FlatSurfaces, kinds: NDArray[np.int64], others: Faces 
         More that they may touch.
     """
     count = len(surfaces.triangles)
-    rows = _near(surfaces, np.flatnonzero(kinds[surfaces.primitive_shape[:count]] > 0), kinds, others)
+    rows = _near(surfaces, kinds, others)
     disks = np.flatnonzero((kinds[surfaces.primitive_shape[count:]] > 0) & is_disk(surfaces)) + count
     squares = [_square(surfaces.analytic_shapes[row - count]) for row in disks.tolist()]
     corners = surfaces.vertices[surfaces.triangles[rows]].astype(np.float64).reshape(-1, 3, 3)
@@ -115,25 +115,43 @@ def is_disk(surfaces: FlatSurfaces) -> NDArray[np.bool_]:
     return np.asarray(surfaces.analytic_shapes["normal"][:, 3] == 0.0)
 
 
-def _near(
-    surfaces: FlatSurfaces, rows: NDArray[np.int64], kinds: NDArray[np.int64], others: Faces | None
-) -> NDArray[np.int64]:
+def _near(surfaces: FlatSurfaces, kinds: NDArray[np.int64], others: Faces | None) -> NDArray[np.int64]:
     """Of many triangles only those that may touch a lamp, a boundary or others, and those of simple shapes."""
-    if len(rows) <= _MANY:
-        return rows
-    shape = surfaces.primitive_shape[rows]
-    boxes = _around(surfaces, rows[kinds[shape] > OPAQUE])
+    of_triangles, short = surfaces.primitive_shape[: len(surfaces.triangles)], kinds.astype(np.int8)
+    if np.count_nonzero(short[of_triangles]) <= _MANY:
+        return np.flatnonzero(short[of_triangles])
+    boxes = _around(surfaces, np.flatnonzero(short[of_triangles] > OPAQUE))
     if others is not None and len(others.row):
         more = others.boxes(4.0)
         around = np.concatenate([more[:, :3].min(axis=0), more[:, 3:].max(axis=0)])
         boxes = np.concatenate([boxes, around[None].astype(np.float32)])
+    short[(kinds == OPAQUE) & _apart_from(surfaces, boxes)] = 0
+    rows = np.flatnonzero(short[of_triangles])
+    shape = of_triangles[rows]
     kept = (kinds[shape] > OPAQUE) | (surfaces.count[shape] <= SIMPLE)
     for at in range(0, len(rows), _MANY):
-        these = _boxes_of(surfaces, rows[at : at + _MANY])
+        low, high = _sides_of(surfaces, rows[at : at + _MANY])
         for box in boxes:
-            inside = (these[:, :3] <= box[3:]) & (box[:3] <= these[:, 3:])
-            kept[at : at + _MANY] |= inside[:, 0] & inside[:, 1] & inside[:, 2]
+            inside = np.ones(len(low[0]), bool)
+            for axis in range(3):
+                inside &= (low[axis] <= box[3 + axis]) & (box[axis] <= high[axis])
+            kept[at : at + _MANY] |= inside
     return rows[kept]
+
+
+def _apart_from(surfaces: FlatSurfaces, boxes: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Which shapes of many triangles are apart from all boxes as a whole, and so is each triangle."""
+    apart = np.zeros(len(surfaces.shapes), bool)
+    for index in np.flatnonzero(surfaces.count > _MANY).tolist():
+        first = int(surfaces.first[index])
+        triangles = surfaces.triangles[first : first + int(surfaces.count[index])]
+        vertices = surfaces.vertices[int(triangles.min()) : int(triangles.max()) + 1]
+        # By component: reductions along the first of two axes are slow, too
+        extent = [(column.min(), column.max()) for column in vertices.T]
+        corners = np.array([[each[0] for each in extent], *2 * [[each[1] for each in extent]]], np.float32)
+        around = bounds(corners[None], 16.0 * ROUNDING)[0]
+        apart[index] = not ((boxes[:, :3] <= around[3:]) & (around[:3] <= boxes[:, 3:])).all(axis=1).any()
+    return apart
 
 
 def _around(surfaces: FlatSurfaces, rows: NDArray[np.int64]) -> NDArray[np.float32]:
@@ -154,7 +172,23 @@ def _around(surfaces: FlatSurfaces, rows: NDArray[np.int64]) -> NDArray[np.float
 
 def _boxes_of(surfaces: FlatSurfaces, rows: NDArray[np.int64]) -> NDArray[np.float32]:
     """(n, 6) bounding boxes of triangles, enlarged for rounding."""
-    return bounds(surfaces.vertices[surfaces.triangles[rows]].reshape(-1, 3, 3), 16.0 * ROUNDING)
+    low, high = _sides_of(surfaces, rows)
+    return np.stack([*low, *high], axis=1)
+
+
+def _sides_of(
+    surfaces: FlatSurfaces, rows: NDArray[np.int64]
+) -> tuple[list[NDArray[np.float32]], list[NDArray[np.float32]]]:
+    """Lower and upper sides of these boxes, by axis: as `clrender.flatten.faces.bounds`, and faster for many."""
+    corners = surfaces.triangles[rows].T
+    low, high = [], []
+    for column in surfaces.vertices.T:
+        a, b, c = (column[each] for each in corners)
+        low.append(np.minimum(np.minimum(a, b), c))
+        high.append(np.maximum(np.maximum(a, b), c))
+    x, y, z = (np.maximum(np.abs(a), np.abs(b)) for a, b in zip(low, high, strict=True))
+    more = np.maximum(np.maximum(x, y), z) * np.float32(16.0 * ROUNDING)
+    return [each - more for each in low], [each + more for each in high]
 
 
 def _square(row: np.void) -> _Floats:

@@ -201,18 +201,21 @@ def triangle_areas(vertices: NDArray[np.float32], triangles: NDArray[np.uint32])
     """
     areas = np.empty(len(triangles))
     for start in range(0, len(triangles), _CHUNK):
-        x, y, z = _normals_of(vertices, triangles[start : start + _CHUNK], np.float64).T
+        x, y, z = _normals_of(vertices, triangles[start : start + _CHUNK], np.float64)
         areas[start : start + _CHUNK] = np.sqrt(x * x + y * y + z * z) / 2.0
     return areas
 
 
 def _normals_of(
     vertices: NDArray[np.float32], triangles: NDArray[np.uint32], kind: type[np.floating]
-) -> NDArray[np.floating]:
-    """Unnormalised normals (v1 - v0) x (v2 - v0), in the given precision."""
-    a, b, c = (vertices[triangles[:, i]].astype(kind) for i in range(3))
-    (ux, uy, uz), (vx, vy, vz) = (b - a).T, (c - a).T
-    return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], axis=1)
+) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
+    """Components of unnormalised normals (v1 - v0) x (v2 - v0), (T,) each, in the given precision."""
+    edges = []
+    for column in vertices.T:  # by component: arrays of rows of three are slow
+        a, b, c = (column[corner].astype(kind, copy=False) for corner in triangles.T)
+        edges.append((b - a, c - a))
+    (ux, vx), (uy, vy), (uz, vz) = edges
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
 def _place_mesh(
@@ -255,8 +258,8 @@ def _sound(
     """
     sound = np.empty(len(triangles), dtype=bool)
     for start in range(0, len(triangles), _CHUNK):
-        normal = _normals_of(vertices, triangles[start : start + _CHUNK], np.float32)
-        sound[start : start + _CHUNK] = np.abs(normal).max(axis=1) >= SMALLEST
+        x, y, z = (np.abs(part) for part in _normals_of(vertices, triangles[start : start + _CHUNK], np.float32))
+        sound[start : start + _CHUNK] = np.maximum(np.maximum(x, y), z) >= SMALLEST
     kept = int(np.count_nonzero(sound))
     if kept == len(triangles):
         return None
@@ -287,7 +290,7 @@ def _place_normals(
     if not blank.any():
         return
     around = triangles[blank[triangles].any(axis=1)]
-    faces = _normals_of(vertices, around, np.float64)
+    faces = np.stack(_normals_of(vertices, around, np.float64), axis=1)
     total = np.zeros((len(vertices), 3))
     for corner in range(3):
         np.add.at(total, around[:, corner], faces)
@@ -306,7 +309,8 @@ def _turned_away(
     turned = np.empty(len(triangles), bool)
     for start in range(0, len(triangles), _CHUNK):
         some = triangles[start : start + _CHUNK]
-        x, y, z = (_normals_of(vertices, some, np.float32) * normals[some].sum(axis=1)).T
+        sums = (a[some[:, 0]] + a[some[:, 1]] + a[some[:, 2]] for a in normals.T)
+        x, y, z = (n * s for n, s in zip(_normals_of(vertices, some, np.float32), sums, strict=True))
         turned[start : start + _CHUNK] = x + y + z < 0.0
     return turned
 

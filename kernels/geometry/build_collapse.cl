@@ -2,21 +2,26 @@
 #include "geometry/build_cost.h"
 
 // The roots of so many trees below a node, two to eight, or fewer. Returns how many.
-static uint collapse_children(__global const uint2* children, __global const float* costs, uint node, uint most, uint child[8]) {
+static uint collapse_children(__global const float* node_boxes, __global const uint2* children, __global const float* costs, uint leaf_count,
+                              uint node, uint most, uint child[8]) {
     uint open[8], roots[8];
+    float cost[2][COST_ROOTS];
     uint top = 0, count = 0;
     open[0] = node, roots[0] = most;
     for (;;) {
-        const uint2 pair = children[open[top]];
+        const uint2 pair = children[open[top] - leaf_count];
         const uint shared = roots[top];
         uint firsts;
-        cost_of_pair(costs, pair, shared, &firsts);
+        cost_load(node_boxes, costs, leaf_count, pair.x, cost[0]);
+        cost_load(node_boxes, costs, leaf_count, pair.y, cost[1]);
+        cost_of_pair(cost[0], cost[1], shared, &firsts);
         open[top] = pair.y, roots[top] = shared - firsts;
         ++top;
         open[top] = pair.x, roots[top] = firsts;
         // Trees that stay whole, and more trees allowed than are of use
         for (;;) {
-            while (roots[top] > 1 && cost_of(costs, open[top], roots[top]) == cost_of(costs, open[top], roots[top] - 1)) --roots[top];
+            cost_load(node_boxes, costs, leaf_count, open[top], cost[0]);
+            while (roots[top] > 1 && cost[0][roots[top] - 1] == cost[0][roots[top] - 2]) --roots[top];
             if (roots[top] > 1) break;
             child[count++] = open[top];
             if (top-- == 0) return count;
@@ -87,12 +92,12 @@ static uint collapse_opens(const Child child[8], uint count) {
 // The children of a wide node in the place of a binary one: as they cost least, with packs joined that do better together; and where that
 // leaves room, what is in a small node in its place.
 static uint collapse_node(__global const float* node_boxes, __global const uint* members, __global const uint2* children,
-                          __global const float* costs, uint node, float scene_area, Child child[8]) {
+                          __global const float* costs, uint leaf_count, uint node, float scene_area, Child child[8]) {
     uint found[8];
     uint count = 1, place = 0, some = 1;
     found[0] = node;
     // Only the root of a scene may fit into one pack
-    if (!cost_fits_leaf(members[node])) some = collapse_children(children, costs, node, 8, found);
+    if (!cost_fits_leaf(members[node])) some = collapse_children(node_boxes, children, costs, leaf_count, node, 8, found);
     for (;;) {
         for (uint i = 0; i < some; ++i) {
             Child* one = &child[i == 0 ? place : count++];
@@ -103,7 +108,7 @@ static uint collapse_node(__global const float* node_boxes, __global const uint*
         count = collapse_join_packs(child, count, scene_area);
         place = collapse_opens(child, count);
         if (count == 8 || place == count) return count;
-        some = collapse_children(children, costs, child[place].nodes[0], 9 - count, found);
+        some = collapse_children(node_boxes, children, costs, leaf_count, child[place].nodes[0], 9 - count, found);
     }
 }
 
@@ -128,9 +133,9 @@ static uint collapse_places(const Child child[8], uint count, uint kind, uint pl
 // The binary tree and its root, and binary nodes that become wide ones.
 #define COLLAPSE_PARAMETERS                                                                                                 \
     __global const float *node_boxes, __global const uint *members, __global const uint2 *children, __global const float *costs, \
-        uint root, __global const uint *tasks, uint task_count
+        uint leaf_count, uint root, __global const uint *tasks, uint task_count
 #define COLLAPSE_CHILDREN(child)                                                                                            \
-    collapse_node(node_boxes, members, children, costs, tasks[task], cost_area(box_load(node_boxes, root)), child)
+    collapse_node(node_boxes, members, children, costs, leaf_count, tasks[task], cost_area(box_load(node_boxes, root)), child)
 
 // Of each task: how many of its children are nodes, and how many blocks the packs of triangles and of the others among them take.
 __kernel void build_collapse_count(COLLAPSE_PARAMETERS, __global uint* inner, __global uint* triangle_blocks,
@@ -146,7 +151,7 @@ __kernel void build_collapse_count(COLLAPSE_PARAMETERS, __global uint* inner, __
     analytic_blocks[task] = collapse_places(child, count, MEMBERS_ANALYTIC, places);
 }
 
-// The tasks of the next level, where nothing else is wanted of this one. `inner`: sums of the above.
+// The tasks of the next level. `inner`: sums of the above.
 __kernel void build_next_tasks(COLLAPSE_PARAMETERS, __global const uint* inner, __global uint* next_tasks) {
     const uint task = (uint)get_global_id(0);
     if (task >= task_count) return;
@@ -170,8 +175,8 @@ static uint collapse_units(__global const uint2* children, __global const uint* 
             if (at < leaf_count) {
                 columns[count++] = order[at];
             } else {
-                stack[top++] = children[at].y;
-                stack[top++] = children[at].x;
+                stack[top++] = children[at - leaf_count].y;
+                stack[top++] = children[at - leaf_count].x;
             }
         }
     }
@@ -186,16 +191,15 @@ static void collapse_put(__global float* node, uint place, Box b, uint reference
     node[BVH_CHILD + place] = as_float(reference);
 }
 
-// Writes the nodes of a level, what the columns of its packs hold, and the tasks of the next level. `first_*`: how many of each exist from
-// earlier levels.
+// Writes the nodes of a level, and what the columns of its packs hold. `first_*`: how many of each exist from earlier levels.
 //
 // The children's places are one array and units are written where they belong: an array of units beside two of places shared memory with
 // one of these in what NVIDIA's compiler made of it (driver 580).
 __kernel void build_collapse(COLLAPSE_PARAMETERS, __global const uint* inner, __global const uint* triangle_offsets,
                              __global const uint* analytic_offsets, __global const uint* order, __global const uint* instances,
-                             uint primitive_units, uint leaf_count, uint first_node,
+                             uint primitive_units, uint first_node,
                              uint first_triangle_block, uint first_analytic_block, __global float* nodes,
-                             __global uint* triangle_columns, __global uint* analytic_columns, __global uint* next_tasks) {
+                             __global uint* triangle_columns, __global uint* analytic_columns) {
     const uint task = (uint)get_global_id(0);
     if (task >= task_count) return;
     __global float* node = nodes + (size_t)(first_node + task) * BVH_NODE_WORDS;
@@ -213,8 +217,7 @@ __kernel void build_collapse(COLLAPSE_PARAMETERS, __global const uint* inner, __
         Box b = box_empty();
         if (i < count) b = child[i].box;
         if (i < count && !cost_fits_leaf(child[i].members)) {
-            reference = first_node + task_count + next;
-            next_tasks[next++] = child[i].nodes[0];
+            reference = first_node + task_count + next++;
         } else if (i < count && child[i].members & MEMBERS_INSTANCE) {
             reference = BVH_INSTANCE | instances[order[child[i].nodes[0]] - primitive_units];
         } else if (i < count) {

@@ -2,7 +2,7 @@
 // the area of the box, times one step for a node or a pack alike (surface area heuristic; Ylitie, Karras & Laine 2017 for the
 // cheapest way to collapse, which is found from the bottom up).
 //
-// `costs` holds COST_ROOTS numbers a node: the least cost of what is below it, as a forest of at most 1, 2, … 7 trees.
+// `costs` holds COST_ROOTS numbers a node, but for leaves: the least cost of what is below it, as a forest of at most 1, 2, … 7 trees.
 #ifndef GEOMETRY_BUILD_COST_H
 #define GEOMETRY_BUILD_COST_H
 
@@ -22,36 +22,40 @@ static int cost_fits_leaf(uint members) {
     return (members & MEMBERS_COUNT) <= most && (kinds == MEMBERS_TRIANGLE || kinds == MEMBERS_ANALYTIC || kinds == MEMBERS_INSTANCE);
 }
 
-static float cost_of(__global const float* costs, uint node, uint roots) {
-    return costs[(size_t)node * COST_ROOTS + roots - 1];
+// The costs of a node. A single unit is a leaf, whatever is asked: what it costs is not kept, but known from its box.
+static void cost_load(__global const float* node_boxes, __global const float* costs, uint leaf_count, uint node, float cost[COST_ROOTS]) {
+    if (node < leaf_count) {
+        const float area = cost_area(box_load(node_boxes, node));
+        for (uint i = 0; i < COST_ROOTS; ++i) cost[i] = area;
+    } else {
+        for (uint i = 0; i < COST_ROOTS; ++i) cost[i] = costs[(size_t)(node - leaf_count) * COST_ROOTS + i];
+    }
 }
 
 // The least cost of a pair of subtrees as so many trees together, and how many of them are the first one's.
-static float cost_of_pair(__global const float* costs, uint2 pair, uint roots, uint* firsts) {
+static float cost_of_pair(const float a[COST_ROOTS], const float b[COST_ROOTS], uint roots, uint* firsts) {
     float least = NEVER;
     *firsts = 1;
     for (uint first = 1; first < roots; ++first) {
-        const float cost = cost_of(costs, pair.x, first) + cost_of(costs, pair.y, roots - first);
+        const float cost = a[first - 1] + b[roots - first - 1];
         if (cost < least) least = cost, *firsts = first;
     }
     return least;
 }
 
-// A single unit: a leaf, whatever is asked.
-static void cost_save_unit(__global float* costs, uint node, Box box) {
-    const float cost = cost_area(box);
-    for (uint i = 0; i < COST_ROOTS; ++i) costs[(size_t)node * COST_ROOTS + i] = cost;
-}
-
-static void cost_save_pair(__global float* costs, uint node, Box box, uint members, uint2 pair) {
+static void cost_save_pair(__global const float* node_boxes, __global float* costs, uint leaf_count, uint node, Box box, uint members, uint2 pair) {
+    __global float* to = costs + (size_t)(node - leaf_count) * COST_ROOTS;
     const float area = cost_area(box);
+    float a[COST_ROOTS], b[COST_ROOTS];
     uint firsts;
-    float cost = cost_fits_leaf(members) ? area : area + cost_of_pair(costs, pair, 8, &firsts);
-    costs[(size_t)node * COST_ROOTS] = cost;
+    cost_load(node_boxes, costs, leaf_count, pair.x, a);
+    cost_load(node_boxes, costs, leaf_count, pair.y, b);
+    float cost = cost_fits_leaf(members) ? area : area + cost_of_pair(a, b, 8, &firsts);
+    to[0] = cost;
     for (uint roots = 2; roots <= COST_ROOTS; ++roots) {
-        const float shared = cost_of_pair(costs, pair, roots, &firsts);
+        const float shared = cost_of_pair(a, b, roots, &firsts);
         cost = shared < cost ? shared : cost;
-        costs[(size_t)node * COST_ROOTS + roots - 1] = cost;
+        to[roots - 1] = cost;
     }
 }
 

@@ -10,13 +10,12 @@
 
 // Leaves of the binary tree, in Morton order.
 __kernel void build_leaves(__global const float* boxes, __global const uint* order, __global const uint* units, uint triangle_units,
-                           uint round_count, uint count, __global float* node_boxes, __global uint* members, __global float* costs, __global uint* clusters) {
+                           uint round_count, uint count, __global float* node_boxes, __global uint* members, __global uint* clusters) {
     const uint i = (uint)get_global_id(0);
     if (i >= count) return;
     const uint unit = order[i];
     const Box box = box_load(boxes, unit);
     box_save(node_boxes, i, box);
-    cost_save_unit(costs, i, box);
     const int triangle = unit < triangle_units && !(units[unit] & BVH_RECTANGLE);
     const int instance = unit >= triangle_units + round_count;
     members[i] = 1u | (triangle ? MEMBERS_TRIANGLE : instance ? MEMBERS_INSTANCE : MEMBERS_ANALYTIC);
@@ -89,7 +88,7 @@ __kernel void build_merge_count(__global const uint* nearest, uint count, __glob
 }
 
 __kernel void build_merge(__global const uint* nearest, __global const uint* clusters, uint count, __global const uint* kept,
-                          __global const uint* pairs, uint next_node, __global float* node_boxes, __global uint* members,
+                          __global const uint* pairs, uint leaf_count, uint next_node, __global float* node_boxes, __global uint* members,
                           __global uint2* children, __global float* costs, __global uint* merged) {
     const uint chunk = (uint)get_global_id(0);
     const uint first = chunk * BUILD_CHUNK, last = min(count, first + BUILD_CHUNK);
@@ -105,8 +104,8 @@ __kernel void build_merge(__global const uint* nearest, __global const uint* clu
                                ((members[pair.x] & MEMBERS_COUNT) + (members[pair.y] & MEMBERS_COUNT));
             box_save(node_boxes, node, box);
             members[node] = below;
-            children[node] = pair;
-            cost_save_pair(costs, node, box, below, pair);
+            children[node - leaf_count] = pair;
+            cost_save_pair(node_boxes, costs, leaf_count, node, box, below, pair);
             cluster = node++;
         }
         merged[to++] = cluster;
