@@ -2,6 +2,7 @@
 // and a driver takes as long to find five programs in its cache as to read one.
 #include "film/accumulate.cl"
 #include "geometry/build_collapse.cl"
+#include "geometry/build_columns.cl"
 #include "geometry/build_merge.cl"
 #include "geometry/build_order.cl"
 #include "geometry/rows.cl"

@@ -113,6 +113,7 @@ _TIERS: Final[Mapping[str, Mapping[str, int | str]]] = {
 _SCENELESS: Final = [
     "film/accumulate",
     "geometry/build_collapse",
+    "geometry/build_columns",
     "geometry/build_merge",
     "geometry/build_order",
     "geometry/rows",

@@ -7,6 +7,7 @@ same hits, except for rounding of their distances: no hit is nearer than the ent
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, TypeAlias
@@ -28,14 +29,19 @@ __all__ = [
     "STACK",
     "TRIANGLE_BLOCK_WORDS",
     "UNIT_NUMBER",
+    "UNIT_PAIR",
     "Bvh",
     "InstanceBoxes",
     "Numbers",
     "SourceArrays",
+    "broken_pairs",
     "build",
     "build_over",
+    "cost",
     "joined",
+    "refit",
     "triangle_units",
+    "unpaired",
 ]
 
 # kernels/geometry/bvh.h and build.h; a test compares them.
@@ -54,6 +60,8 @@ _BEYOND: Final = 8
 # Bits of a unit's entry that hold its type, beside its number.
 _FLAGS: Final = np.uint32(5 << 29)
 
+UNIT_PAIR: Final = np.uint32(1 << 31)
+"""Bit of a unit's entry that tells that it is two triangles, ``BVH_PAIR``."""
 UNIT_NUMBER: Final = ~_FLAGS
 """Mask of a unit's entry for the number of its first triangle."""
 
@@ -103,6 +111,8 @@ class Bvh:
     node_count, triangle_block_count, analytic_block_count : int
     levels : int
         Levels of nodes. They bound the traversal stack: seven entries per level.
+    ranges : tuple of range
+        The nodes of each level; children come after their parents, except roots of other trees.
     """
 
     nodes: Buffer
@@ -112,6 +122,7 @@ class Bvh:
     triangle_block_count: int
     analytic_block_count: int
     levels: int
+    ranges: tuple[range, ...]
 
     @property
     def buffers(self) -> tuple[Buffer, Buffer, Buffer]:
@@ -137,6 +148,49 @@ class Bvh:
     def stack_entries(self) -> int:
         """Capacity that a traversal stack needs, in entries."""
         return 7 * self.levels + 1
+
+
+def unpaired(units: Numbers, shapes: npt.NDArray[np.bool_]) -> Numbers:
+    """Units in which the pairs of some shapes are two triangles.
+
+    Parameters
+    ----------
+    units : (U,) uint32
+        See `triangle_units`.
+    shapes : (U,) bool
+        Whether a unit is of one of these shapes.
+    """
+    split = shapes & ((units & UNIT_PAIR) != 0)
+    alone = np.where(split, units & UNIT_NUMBER, units)
+    whole: Numbers = np.insert(alone, np.flatnonzero(split) + 1, alone[split] + np.uint32(1))
+    return whole
+
+
+def broken_pairs(device: Device, source: SourceArrays, pairs: Numbers) -> npt.NDArray[np.bool_]:
+    """Which of some pairs of triangles are no parallelograms any more, or no rectangles, or have become ones.
+
+    Parameters
+    ----------
+    device : Device
+    source : SourceArrays
+    pairs : (P,) uint32
+        Some units of `triangle_units`, of other vertices.
+
+    Returns
+    -------
+    (P,) bool
+    """
+    if not len(pairs):
+        return np.zeros(0, bool)
+    given, found = device.upload(pairs), device.empty(4 * len(pairs))
+    head: _Arguments = [source.vertices, source.triangles, source.primitive_shape, source.shapes]
+    arguments = [*head, _u(source.triangle_count), given, _u(len(pairs)), found]
+    launch_each(device, device.common_program(), "refit_units", len(pairs), arguments)
+    now = np.empty_like(pairs)
+    device.read(found, now)
+    device.release(given)
+    device.release(found)
+    return np.asarray(now != pairs)
 
 
 def build(device: Device, source: SourceArrays, among: npt.NDArray[np.bool_] | None = None) -> Bvh:
@@ -252,8 +306,9 @@ def joined(device: Device, trees: Sequence[Bvh]) -> tuple[Bvh, list[int]]:
         device.empty(4 * (width * total + (_BEYOND if packs else 0)))
         for packs, (width, total) in enumerate(zip(words, totals, strict=True))
     ]
-    made, roots = [0, 0, 0], []
+    made, roots, ranges = [0, 0, 0], [], list[range]()
     for tree in trees:
+        ranges += [range(made[0] + each.start, made[0] + each.stop) for each in tree.ranges]
         firsts: _Arguments = [_u(number) for number in made]
         launch_each(
             device, program, "build_append", tree.node_count, [tree.nodes, _u(tree.node_count), *firsts, buffers[0]]
@@ -267,7 +322,63 @@ def joined(device: Device, trees: Sequence[Bvh]) -> tuple[Bvh, list[int]]:
         device.finish()
         tree.release(device)
     levels = trees[0].levels + max((tree.levels for tree in trees[1:]), default=0)
-    return Bvh(buffers[0], buffers[1], buffers[2], totals[0], totals[1], totals[2], levels), roots
+    return Bvh(buffers[0], buffers[1], buffers[2], totals[0], totals[1], totals[2], levels, tuple(ranges)), roots
+
+
+def refit(device: Device, source: SourceArrays, tree: Bvh, instance_boxes: npt.NDArray[np.float32]) -> None:
+    """Make a BVH fit primitives and instances that have moved; its nodes keep their children, and its packs theirs.
+
+    Parameters
+    ----------
+    device : Device
+    source : SourceArrays
+        `triangle_units` of these arrays are those that it was built over.
+    tree : Bvh
+        Its buffers are changed.
+    instance_boxes : (N, 6) float32
+        Boxes of all instances by their numbers; see `InstanceBoxes`.
+    """
+    boxes = device.upload(instance_boxes if len(instance_boxes) else np.zeros(6, np.float32))
+    program = device.common_program()
+    geometry: _Arguments = [_u(source.triangle_count), source.vertices, source.triangles, source.analytic_shapes]
+    triangles, others = 8 * tree.triangle_block_count, 8 * tree.analytic_block_count
+    triangle_boxes = device.empty(24 * max(triangles, 1))
+    if triangles:
+        arguments: _Arguments = [_u(triangles), source.vertices, source.triangles, tree.triangle_packs, triangle_boxes]
+        launch_each(device, program, "refit_triangle_columns", triangles, arguments)
+    if others:
+        launch_each(device, program, "refit_analytic_columns", others, [_u(others), *geometry, tree.analytic_packs])
+    for level in reversed(tree.ranges):
+        head: _Arguments = [_u(level.start), _u(len(level)), *geometry, boxes]
+        arguments = [*head, triangle_boxes, tree.analytic_packs, tree.nodes]
+        launch_each(device, program, "refit_nodes", len(level), arguments)
+    device.finish()
+    device.release(boxes)
+    device.release(triangle_boxes)
+
+
+def cost(device: Device, tree: Bvh) -> float:
+    """Surface area cost of a BVH: the expected nodes and packs that a random ray through it visits.
+
+    Returns
+    -------
+    float
+        The sum of the areas of all children's boxes over that of the root; infinite if that has none.
+    """
+    buffer, costs = device.empty(4 * tree.node_count), np.empty(tree.node_count, np.float32)
+    node = np.empty(NODE_WORDS, np.float32)
+    arguments: _Arguments = [_u(tree.node_count), tree.nodes, buffer]
+    launch_each(device, device.common_program(), "refit_costs", tree.node_count, arguments)
+    device.read(buffer, costs)
+    device.release(buffer)
+    device.read(tree.nodes, node)
+    low, high = node[:24].reshape(3, 8), node[24:48].reshape(3, 8)
+    there = node[48:].view(np.uint32) != 0xFFFFFFFF
+    if not there.any():
+        return 0.0
+    x, y, z = (high[:, there].max(axis=1) - low[:, there].min(axis=1)).astype(np.float64)
+    area = x * y + y * z + z * x
+    return float(costs.sum(dtype=np.float64)) / area if area > 0.0 else math.inf
 
 
 def _too_many(what: str, blocks: int) -> RenderError:
@@ -345,7 +456,7 @@ class _Builder:
         node[48:].view(np.uint32)[:] = 0xFFFFFFFF
         upload = self.device.upload
         packs = upload(np.zeros(_BEYOND, np.float32)), upload(np.zeros(_BEYOND, np.float32))
-        return Bvh(upload(node), *packs, 1, 0, 0, 1)
+        return Bvh(upload(node), *packs, 1, 0, 0, 1, (range(1),))
 
     def order(self) -> tuple[Buffer, Buffer]:
         """Indices of the units in Morton order, and the boxes of the units in their original order."""
@@ -425,20 +536,21 @@ class _Builder:
             raise _too_many(f"{self.unit_count} triangles and spheres", max(blocks))
         node_buffer = device.empty(4 * NODE_WORDS * nodes)
         columns = [device.empty(4 * max(8 * count, 1)) for count in blocks]
-        made = [0, 0, 0]
+        made, ranges = [0, 0, 0], list[range]()
         primitive_units = self._triangle_units + self._round_count
         for level in levels:
             arguments: _Arguments = [*tree.arguments, level.tasks, _u(level.task_count), *level.counts]
             arguments += [order, self._instances, _u(primitive_units)]
             arguments += [*(_u(number) for number in made), node_buffer, *columns]
             self._each("build_collapse", level.task_count, arguments)
+            ranges.append(range(made[0], made[0] + level.task_count))
             made = [made[0] + level.task_count, made[1] + level.totals[1], made[2] + level.totals[2]]
             self._release(*level.counts, level.tasks)
         self._release(order, tree.boxes, tree.members, tree.children, tree.costs)
         packs = self._fill(columns, blocks)
         self._release_units()
         self._release(*columns)
-        return Bvh(node_buffer, *packs, nodes, blocks[0], blocks[1], len(levels))
+        return Bvh(node_buffer, *packs, nodes, blocks[0], blocks[1], len(levels), tuple(ranges))
 
     def _fill(self, columns: list[Buffer], blocks: list[int]) -> tuple[Buffer, Buffer]:
         """Build the packs, column by column, after the memory of the binary BVH is released."""

@@ -42,7 +42,7 @@ _CORRECTED: Final = "-D CORRECT_DIVIDE=1"
 _CPU_GROUP: Final = 16
 _GPU_GROUP: Final = 64
 """Least default number of work-items in a group on a GPU, rounded up to whole warps."""
-_WORTH_SHARING: Final = 1 << 20
+_WORTH_SHARING: Final = 1 << 16
 """Size, bytes, from which avoiding a copy is worthwhile."""
 BUSY: Final = (
     "the device is rendering; a callback of that render cannot use it: open it again, or wait for the render to end"

@@ -17,6 +17,8 @@ from clrender.flatten.chains import chain_table
 from clrender.process.memory import shown
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from clrender.device.device import Buffer, Device
     from clrender.flatten.flat_scene import FlatScene
 
@@ -33,6 +35,8 @@ _AS_THEY_ARE = (
 )
 """Host arrays that the kernels read unchanged."""
 _TREE = ("nodes", "triangle_packs", "analytic_packs")
+_MOST_COST = 1.5
+"""How much more a refitted BVH may cost than one that was built: rays take about as much longer."""
 _FIRST_ROWS = 1024
 """Least bytes of an array. Lanes that have nothing to look up read its first rows, whether the scene has any or not."""
 
@@ -134,6 +138,8 @@ class SceneArrays:
     scene : FlatScene
     tree : bvh.Bvh, optional
         BVH to use instead of one over the whole scene; the caller still owns it.
+    apart : (S,) bool, optional
+        Shapes whose triangles are each by itself in the BVH, also where two are a parallelogram.
 
     Attributes
     ----------
@@ -145,6 +151,9 @@ class SceneArrays:
         BVH over all masked primitives.
     page_bits : int or None
         See `texel_pages`.
+    apart : (S,) bool
+        Shapes that are to be `apart` in a BVH that is to be refitted: also those whose parallelograms `refit` found to
+        be none any more.
 
     Raises
     ------
@@ -152,23 +161,30 @@ class SceneArrays:
         When the device lacks the memory.
     """
 
-    def __init__(self, device: Device, scene: FlatScene, tree: bvh.Bvh | None = None) -> None:
+    def __init__(
+        self,
+        device: Device,
+        scene: FlatScene,
+        tree: bvh.Bvh | None = None,
+        apart: NDArray[np.bool_] | None = None,
+    ) -> None:
         check_room(device, scene)
         self._device = device
         self._lent = tree
         self._scene = scene
         self._chains: Buffer | None = None
         triangles, primitives = scene.triangle_count, scene.triangle_count + scene.analytic_count
-        arrays = {
-            # What only the kernels of this method read is not copied where the device can do without
-            name: (device.upload if name in _AS_THEY_ARE else device.share)(_with_first_rows(array))
-            for name, array in scene.arrays.items()
-            if name != "texels"
-        }
-        vertices, corners, analytic_shapes = arrays["vertices"], arrays["triangles"], arrays["analytic_shapes"]
-        shape_of, shapes = arrays["primitive_shape"], arrays["shapes"]
-        source = bvh.SourceArrays(vertices, corners, analytic_shapes, shape_of, shapes, triangles, scene.analytic_count)
-        self.tree, self.masked_tree = (tree, None) if tree else _trees(device, source, scene, arrays["instance_rows"])
+        arrays = self._given(scene, [name for name in scene.arrays if name != "texels"])
+        source = _source(arrays, scene)
+        units = bvh.triangle_units(device, source)
+        if apart is not None and apart.any():
+            units = bvh.unpaired(units, apart[scene.arrays["primitive_shape"][units & bvh.UNIT_NUMBER]])
+        self.apart = np.zeros(len(scene.arrays["shapes"]), bool) if apart is None else apart
+        self._pairs = units[(units & bvh.UNIT_PAIR) != 0]
+        self._built_cost: float | None = None
+        self.tree, self.masked_tree = (
+            (tree, None) if tree else _trees(device, source, units, scene, arrays["instance_rows"])
+        )
         pages, self.page_bits = texel_pages(device, scene.arrays["texels"])
         smooth = len(scene.arrays["normals"]) > 1
         self.buffers: dict[str, Buffer] = {
@@ -184,20 +200,94 @@ class SceneArrays:
             "camera": device.upload(scene.camera),
         }
         self.buffers["chain_table"] = self.buffers["light_alias"]  # a substitute, which no kernel without chains reads
-        geometry: list[Buffer | np.generic] = [vertices, corners, analytic_shapes]
-        count, offset = np.uint32(primitives), np.uint32(triangles)
-        rows = self.buffers["primitive_rows"]
-        self._rows("primitives", primitives, [*geometry, shape_of, shapes, arrays["materials"], offset, count, rows])
-        if smooth:
-            self._rows(
-                "normals", triangles, [arrays["normals"], vertices, corners, offset, self.buffers["normal_rows"]]
-            )
-        lights = len(scene.arrays["lights"])
-        light_rows = [self.buffers["light_rows"], self.buffers["light_alias"]]
-        self._rows("lights", lights, [arrays["lights"], *geometry, offset, np.uint32(lights), *light_rows])
-        device.finish()
+        self._compute_rows(scene, arrays)
         for buffer in arrays.values():
             device.release(buffer)
+
+    def _given(self, scene: FlatScene, names: Iterable[str]) -> dict[str, Buffer]:
+        """Arrays of the host on the device; those that only kernels of rows and trees read need not be copied."""
+        give = {name: self._device.upload if name in _AS_THEY_ARE else self._device.share for name in names}
+        return {name: put(_with_first_rows(scene.arrays[name])) for name, put in give.items()}
+
+    def _compute_rows(self, scene: FlatScene, arrays: dict[str, Buffer]) -> None:
+        """Compute the rows that kernels read."""
+        triangles, count = np.uint32(scene.triangle_count), scene.triangle_count + scene.analytic_count
+        geometry: list[Buffer | np.generic] = [arrays[name] for name in ("vertices", "triangles", "analytic_shapes")]
+        more: list[Buffer | np.generic] = [arrays[name] for name in ("primitive_shape", "shapes", "materials")]
+        rows = self.buffers["primitive_rows"]
+        self._rows("primitives", count, [*geometry, *more, triangles, np.uint32(count), rows])
+        if len(scene.arrays["normals"]) > 1:
+            normals: list[Buffer | np.generic] = [arrays["normals"], *geometry[:2], triangles]
+            self._rows("normals", scene.triangle_count, [*normals, self.buffers["normal_rows"]])
+        lights = len(scene.arrays["lights"])
+        light_rows = [self.buffers["light_rows"], self.buffers["light_alias"]]
+        self._rows("lights", lights, [arrays["lights"], *geometry, triangles, np.uint32(lights), *light_rows])
+        self._device.finish()
+
+    def refit(self, scene: FlatScene) -> bool:
+        """Make these arrays those of a scene that differs in places, shading, light or camera, but not in its shapes.
+
+        The BVHs are refitted. Hits are then the same as with BVHs built for this scene, but for the rounding of
+        distances.
+
+        Parameters
+        ----------
+        scene : FlatScene
+
+        Returns
+        -------
+        bool
+            Whether that was done. It is not where arrays would have other sizes, or a triangle other corners, where two
+            triangles are no parallelogram any more, or where the BVHs would become much worse. The arrays must not be
+            used any more then.
+
+        Raises
+        ------
+        RenderError
+            When the device fails. The arrays must not be used any more.
+        """
+        if self._lent is not None or not _same_shapes(self._scene, scene):
+            return False
+        device = self._device
+        arrays = self._given(scene, [name for name in scene.arrays if name not in ("texels", *_AS_THEY_ARE)])
+        try:
+            source = _source(arrays, scene)
+            broken = self._pairs[bvh.broken_pairs(device, source, self._pairs)]
+            if len(broken):
+                self.apart[scene.arrays["primitive_shape"][broken & bvh.UNIT_NUMBER]] = True
+                return False
+            if self._built_cost is None:
+                self._built_cost = sum(bvh.cost(device, tree) for tree in self._trees)
+            for tree in self._trees:
+                bvh.refit(device, source, tree, scene.instances.boxes)
+            if not sum(bvh.cost(device, tree) for tree in self._trees) <= _MOST_COST * self._built_cost:
+                return False
+            for name in _AS_THEY_ARE:
+                if scene.arrays[name].tobytes() != self._scene.arrays[name].tobytes():
+                    device.write(self.buffers[name], _with_first_rows(self._with_roots(scene, name)))
+            self._compute_rows(scene, arrays)
+        finally:
+            for buffer in arrays.values():
+                device.release(buffer)
+        self.look(scene.camera)
+        if self._chains is not None:
+            device.release(self._chains)
+            self._chains = None
+        self._scene = scene
+        return True
+
+    def _with_roots(self, scene: FlatScene, name: str) -> NDArray[Any]:
+        """An array of a scene; the rows of instances with the roots of the BVHs of their groups, which stay."""
+        array = scene.arrays[name]
+        if name != "instance_rows" or not scene.instances.count:
+            return array
+        kept = np.empty_like(array)
+        self._device.read(self.buffers[name], kept)
+        rows = array.copy()
+        for column in ("ROOT", "MASKED_ROOT"):
+            place = layout.columns("INSTANCE")[column]
+            rows.view(np.uint32)[::2, place] = kept.view(np.uint32)[::2, place]
+        return rows
 
     def _rows(self, name: str, count: int, arguments: list[Buffer | np.generic]) -> None:
         if count:
@@ -261,15 +351,36 @@ def _with_first_rows(array: NDArray[Any]) -> NDArray[Any]:
     return np.concatenate([np.ascontiguousarray(array).reshape(-1).view(np.uint8), np.zeros(lacking, np.uint8)])
 
 
+def _source(arrays: dict[str, Buffer], scene: FlatScene) -> bvh.SourceArrays:
+    vertices, triangles, analytic, shape, shapes = (
+        arrays[name] for name in ("vertices", "triangles", "analytic_shapes", "primitive_shape", "shapes")
+    )
+    return bvh.SourceArrays(vertices, triangles, analytic, shape, shapes, scene.triangle_count, scene.analytic_count)
+
+
+def _same_shapes(old: FlatScene, new: FlatScene) -> bool:
+    """Whether two scenes have the same triangles between other vertices, and all else in arrays of the same sizes."""
+    if (old.triangle_count, old.analytic_count, old.features) != (new.triangle_count, new.analytic_count, new.features):
+        return False
+    if any(new.arrays[name].shape != array.shape for name, array in old.arrays.items()):
+        return False
+    if old.instances.count != new.instances.count or not np.array_equal(old.instances.group_of, new.instances.group_of):
+        return False
+    pairs = [(old.arrays[name], new.arrays[name]) for name in ("triangles", "primitive_shape", "texels")]
+    if not all(a is b or np.array_equal(a, b) for a, b in pairs):
+        return False
+    masked, now = _masked(old), _masked(new)
+    return masked is None or now is None or bool(np.array_equal(masked, now))  # with the same features, both or neither
+
+
 def _trees(
-    device: Device, source: bvh.SourceArrays, scene: FlatScene, instance_rows: Buffer
+    device: Device, source: bvh.SourceArrays, units: bvh.Numbers, scene: FlatScene, instance_rows: Buffer
 ) -> tuple[bvh.Bvh, bvh.Bvh | None]:
     """Build the BVH over opaque primitives, and the one over masked primitives if there are any.
 
     The BVHs of groups are appended to them; the rows of instances refer to these.
     """
     masked, instances = _masked(scene), scene.instances
-    units = bvh.triangle_units(device, source)
     firsts = units & bvh.UNIT_NUMBER
     rows = instances.rows.copy()
     trees: list[bvh.Bvh] = []

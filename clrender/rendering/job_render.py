@@ -241,6 +241,7 @@ class JobRender:
         resumed, checkpoint = self._resumed, self._checkpoint
         stats = render_stats(job, flat, film, linear, tally, members, measured, resumed, checkpoint) | dict(taken.told)
         stats |= self._prepared_stats
+        stats |= {"refit": True} if self._residency.refits else {}
         if errors is not None:
             stats |= error_stats(job, film, errors, self._found, tally.complete)
         denoised = self._denoised(denoiser, linear, layers, stats) if denoiser else None
@@ -331,7 +332,8 @@ class JobRender:
 
     def _request(self, flat: FlatScene) -> dict[str, Any]:
         """The request of the film."""
-        return {**self._job.request(), "arrays_sha256": flat.sha256}
+        refits = {"refit": True} if self._residency.refits else {}
+        return {**self._job.request(), "arrays_sha256": flat.sha256, **refits}
 
     def _new_film(self, flat: FlatScene) -> Film:
         """The film that receives the samples: the checkpoint's, the one that was begun, or an empty one."""

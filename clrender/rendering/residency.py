@@ -47,6 +47,8 @@ class Residency:
         Called with one line of text for the user.
     reports_compiling : bool
         Whether the devices report what they compile to `stages`.
+    refits : bool
+        Whether the BVH of a scene whose vertices and instances have moved is refitted instead of built.
 
     Attributes
     ----------
@@ -60,11 +62,12 @@ class Residency:
         stages: Stages,
         tell: Callable[[str], None],
         reports_compiling: bool,
+        refits: bool = False,
     ) -> None:
         self.stages, self.tell = stages, tell
         self.borrowed = [each for each in given if isinstance(each, Device)]
         self._named = [each for each in given if not isinstance(each, Device)]
-        self._reports = reports_compiling
+        self._reports, self.refits = reports_compiling, refits
         self._closed = False
         self.guided: tuple[str, Prepared] | None = None
         self._devices: list[Device] | None = None
@@ -101,6 +104,11 @@ class Residency:
         with self.stages.during("opening"):
             opened = select(self._named, notify=self.tell) if self._named or not self.borrowed else []
         devices = [*self.borrowed, *opened]
+        if self.refits and len(devices) > 1:
+            raise UsageError(
+                f"refit is for one device, and there are {len(devices)}: their BVHs would differ, and so would "
+                "the last digits of their results; name one, or leave it out"
+            )
         self._before = {device: device.buffers for device in devices}
         if self._reports:
             for device in devices:
@@ -158,14 +166,16 @@ class Residency:
         with ExitStack() as failed:
             failed.callback(self._forget, device, before)
             held, arrays = self._uploaded.get(device, (None, None))
-            if held is None or arrays is None or held.arrays is not flat.arrays:
+            if held is not None and arrays is not None and held.arrays is flat.arrays:
+                arrays.look(flat.camera)
+            elif not (self.refits and arrays is not None and arrays.refit(flat)):
+                apart = None
                 if arrays is not None:
+                    apart = arrays.apart if self.refits and len(arrays.apart) == len(flat.arrays["shapes"]) else None
                     del self._uploaded[device]
                     arrays.release()
                 with self.stages.during("building"):
-                    arrays = SceneArrays(device, flat)
-            else:
-                arrays.look(flat.camera)
+                    arrays = SceneArrays(device, flat, apart=apart)
             self._uploaded[device] = flat, arrays
             built = time.perf_counter() - begin
             scratch = self._scratch.setdefault(device, Scratch(device))

@@ -59,6 +59,11 @@ class Session:
     on_stage : callable, optional
         Called, in any thread, with what a render does before it takes samples: a key of
         `clrender.process.stages.STAGES`, such as ``compiling``, or the empty string.
+    refit : bool
+        For animations: where only vertices, instances, materials and lights of a scene differ from the last one, its
+        BVH is refitted in a few milliseconds instead of built, unless it would become half as slow again. The last
+        digits of an image may then depend on the scenes before: its hash is not that of another session, and its film
+        cannot be merged with those of others, or verified. For one device.
 
     Attributes
     ----------
@@ -83,10 +88,11 @@ class Session:
         *,
         notify: Callable[[str], None] | None = None,
         on_stage: Callable[[str], None] | None = None,
+        refit: bool = False,
     ) -> None:
         self.stages = Stages(on_stage)
         self._notify = notify or (lambda line: None)
-        self._residency = Residency(requested_devices(device), self.stages, self.tell, on_stage is not None)
+        self._residency = Residency(requested_devices(device), self.stages, self.tell, on_stage is not None, refit)
         self._call: Call | None = None
         self._turn = Turn(
             "the session is rendering; its callbacks can neither render with it nor close it: open another, or wait "

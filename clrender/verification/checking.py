@@ -151,6 +151,11 @@ def verify(
     if not (isinstance(fraction, Real) and 0.0 < fraction <= 1.0):
         raise UsageError(f"fraction is {fraction}; it must be above 0 and at most 1")
     claim = claim_of(path)
+    if claim.request.get("refit") or claim.provenance.get("refit"):
+        raise UsageError(
+            f"{path}: was rendered by a session that refits BVHs, so its last digits depend on the scenes before it; "
+            "verify an image of a session without refit"
+        )
     tiles = _tiles_with_samples(claim)
     count = min(len(tiles), math.ceil(fraction * len(tiles)))
     if claim.faults or not count:

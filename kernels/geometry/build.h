@@ -87,4 +87,48 @@ static void round_extents(float extent[3], float radius, float nx, float ny, flo
     extent[2] = radius * (disk ? square_root(x2 + y2) : 1.0f) * BOX_SLACK;
 }
 
+// Boxes are larger than what is in them by more than a rounding: a ray that lies in the face of a box is not told from one beside it, and the
+// tests of spheres and disks let in what passes by that much. But an axis along which the primitive is flat stays flat, so that a ray
+// leaving a wall does not enter the wall's box again.
+static Box box_enlarged(Box box, const float extent[3], float slack) {
+    Box b;
+    for (int k = 0; k < 3; ++k) {
+        b.low[k] = extent[k] == 0.0f ? box.low[k] : box.low[k] - greater(slack, absolute(box.low[k]) * (2.0f * EPSILON));
+        b.high[k] = extent[k] == 0.0f ? box.high[k] : box.high[k] + greater(slack, absolute(box.high[k]) * (2.0f * EPSILON));
+    }
+    return b;
+}
+
+// The box of a triangle, or with BVH_PAIR of it and the next one.
+static Box box_of_triangles(uint unit, __global const float* vertices, __global const uint* triangles) {
+    const uint first = unit & ~BVH_PAIR, corners = unit & BVH_PAIR ? 6 : 3;
+    Box b = box_empty();
+    float slack = 0.0f, extent[3];
+    for (uint corner = 0; corner < corners; ++corner) {
+        const size_t v = (size_t)triangles[(size_t)first * 3 + corner] * 3;
+        for (int k = 0; k < 3; ++k) {
+            b.low[k] = lesser(b.low[k], vertices[v + k]);
+            b.high[k] = greater(b.high[k], vertices[v + k]);
+        }
+    }
+    for (int k = 0; k < 3; ++k) {
+        extent[k] = b.high[k] - b.low[k];
+        slack = greater(slack, extent[k] * (8.0f * EPSILON));
+    }
+    return box_enlarged(b, extent, slack);
+}
+
+// The box of a sphere or disk.
+static Box box_of_round(AnalyticShape r) {
+    const float center[3] = {r.center_radius.x, r.center_radius.y, r.center_radius.z};
+    float extent[3];
+    Box b;
+    round_extents(extent, r.center_radius.w, r.normal.x, r.normal.y, r.normal.z);
+    for (int k = 0; k < 3; ++k) {
+        b.low[k] = center[k] - extent[k];
+        b.high[k] = center[k] + extent[k];
+    }
+    return box_enlarged(b, extent, 0.0f);
+}
+
 #endif

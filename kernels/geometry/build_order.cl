@@ -24,6 +24,15 @@ static int build_is_pair(__global const float* vertices, __global const uint* tr
     return parallelogram_gap(a, b, c, d) <= coordinate * (8.0f * EPSILON) * allowed;
 }
 
+// A triangle, or with what follows it a pair, as a unit.
+static uint build_unit(__global const float* vertices, __global const uint* triangles, __global const uint* primitive_shape,
+                       __global const Shape* shapes, uint triangle_count, uint i) {
+    if (!build_is_pair(vertices, triangles, primitive_shape, shapes, triangle_count, i)) return i;
+    vec3 corner[6];
+    for (uint k = 0; k < 6; ++k) corner[k] = build_vertex(vertices, triangles, (size_t)i * 3 + k);
+    return i | BVH_PAIR | (build_rectangle_axis(corner[0], corner[1], corner[2], corner[5]) < 3 ? BVH_RECTANGLE : 0u);
+}
+
 // For each triangle whether something begins with it: not with the second of a pair.
 __kernel void build_starts(__global const float* vertices, __global const uint* triangles, __global const uint* primitive_shape,
                            __global const Shape* shapes, uint triangle_count, __global uint* starts) {
@@ -38,18 +47,18 @@ __kernel void build_units(__global const float* vertices, __global const uint* t
     const uint i = (uint)get_global_id(0);
     if (i >= triangle_count) return;
     if (i > 0 && build_is_pair(vertices, triangles, primitive_shape, shapes, triangle_count, i - 1)) return;
-    uint unit = i;
-    if (build_is_pair(vertices, triangles, primitive_shape, shapes, triangle_count, i)) {
-        vec3 corner[6];
-        for (uint k = 0; k < 6; ++k) corner[k] = build_vertex(vertices, triangles, (size_t)i * 3 + k);
-        unit |= BVH_PAIR | (build_rectangle_axis(corner[0], corner[1], corner[2], corner[5]) < 3 ? BVH_RECTANGLE : 0u);
-    }
-    units[places[i]] = unit;
+    units[places[i]] = build_unit(vertices, triangles, primitive_shape, shapes, triangle_count, i);
 }
 
-// Boxes, larger than what is in them by more than a rounding: a ray that lies in the face of a box is not told from one
-// beside it, and the tests of spheres and disks let in what passes by that much. But an axis along which the primitive is flat
-// stays flat, so that a ray leaving a wall does not enter the wall's box again. Boxes of instances are given as they are.
+// Of units of a tree, what each would be now.
+__kernel void refit_units(__global const float* vertices, __global const uint* triangles, __global const uint* primitive_shape,
+                          __global const Shape* shapes, uint triangle_count, __global const uint* units, uint count, __global uint* now) {
+    const uint i = (uint)get_global_id(0);
+    if (i >= count) return;
+    now[i] = build_unit(vertices, triangles, primitive_shape, shapes, triangle_count, units[i] & ~(BVH_PAIR | BVH_RECTANGLE));
+}
+
+// Boxes of units. Boxes of instances are given as they are.
 __kernel void build_boxes(__global const uint* units, __global const float* vertices, __global const uint* triangles,
                           __global const AnalyticShape* analytic_shapes, __global const uint* round_ones, __global const float* instance_boxes,
                           uint triangle_units, uint round_count, uint count, __global float* boxes) {
@@ -59,36 +68,8 @@ __kernel void build_boxes(__global const uint* units, __global const float* vert
         box_save(boxes, i, box_load(instance_boxes, i - triangle_units - round_count));
         return;
     }
-    Box b = box_empty();
-    float slack = 0.0f, extent[3];
-    if (i < triangle_units) {
-        const uint first = units[i] & ~(BVH_PAIR | BVH_RECTANGLE), corners = units[i] & BVH_PAIR ? 6 : 3;
-        for (uint corner = 0; corner < corners; ++corner) {
-            const size_t v = (size_t)triangles[(size_t)first * 3 + corner] * 3;
-            for (int k = 0; k < 3; ++k) {
-                b.low[k] = lesser(b.low[k], vertices[v + k]);
-                b.high[k] = greater(b.high[k], vertices[v + k]);
-            }
-        }
-        for (int k = 0; k < 3; ++k) {
-            extent[k] = b.high[k] - b.low[k];
-            slack = greater(slack, extent[k] * (8.0f * EPSILON));
-        }
-    } else {
-        const AnalyticShape r = analytic_shapes[round_ones[i - triangle_units]];
-        const float center[3] = {r.center_radius.x, r.center_radius.y, r.center_radius.z};
-        round_extents(extent, r.center_radius.w, r.normal.x, r.normal.y, r.normal.z);
-        for (int k = 0; k < 3; ++k) {
-            b.low[k] = center[k] - extent[k];
-            b.high[k] = center[k] + extent[k];
-        }
-    }
-    for (int k = 0; k < 3; ++k) {
-        if (extent[k] == 0.0f) continue;
-        b.low[k] -= greater(slack, absolute(b.low[k]) * (2.0f * EPSILON));
-        b.high[k] += greater(slack, absolute(b.high[k]) * (2.0f * EPSILON));
-    }
-    box_save(boxes, i, b);
+    box_save(boxes, i, i < triangle_units ? box_of_triangles(units[i] & ~BVH_RECTANGLE, vertices, triangles)
+                                          : box_of_round(analytic_shapes[round_ones[i - triangle_units]]));
 }
 
 // Bounds of the boxes' centres (times two), chunk by chunk; run again on its own result until one box is left.

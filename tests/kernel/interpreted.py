@@ -10,7 +10,7 @@ import hashlib
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final
@@ -22,6 +22,7 @@ from PIL import Image
 from clrender import layout
 from clrender.aov import FIRST_HITS, LAYER_KINDS, LayerArguments, LayerKind
 from clrender.bidirectional.light_paths import LightPaths
+from clrender.device.bvh import cost
 from clrender.device.device import Buffer, Device, Program
 from clrender.device.device_film import DeviceFilm
 from clrender.device.info import DeviceInfo
@@ -29,6 +30,7 @@ from clrender.device.launch import LaunchConfig, Scratch
 from clrender.device.preparation import DevicePreparation
 from clrender.device.radix_sort import CHUNK
 from clrender.device.replicates import ReplicateSums
+from clrender.device.scene_arrays import SceneArrays
 from clrender.device.worker import DeviceWorker
 from clrender.drivers.arithmetic import check as arithmetic_check
 from clrender.drivers.discover import drivers, load_platforms
@@ -544,9 +546,22 @@ def film(device: Device) -> str:
     return hashlib.sha256(copy.image.tobytes()).hexdigest()
 
 
+def refit(device: Device) -> str:
+    """Costs of a tree that is made to fit where its triangles, spheres and instances are, and others after them."""
+    with tempfile.TemporaryDirectory() as folder:
+        flat = scene(RENDERS["path-4-instances"], Path(folder))
+    vertices = flat.arrays["vertices"]
+    there = replace(flat, arrays={**flat.arrays, "vertices": (vertices * np.float32(0.75)).astype(np.float32)})
+    arrays = SceneArrays(device, flat)
+    found = [arrays.refit(each) and cost(device, arrays.tree) for each in (flat, there)]
+    arrays.release()
+    assert all(found), found
+    return " ".join(f"{each:.9g}" for each in found)
+
+
 def perform(device: Device, name: str) -> str:
     """Do one of `RENDERS`, or another function of this file by name; gives what must be equal everywhere."""
-    functions = (scan, statistics, arithmetic, layers, radiosity, furnace, film)
+    functions = (scan, statistics, arithmetic, layers, radiosity, furnace, film, refit)
     others = {function.__name__: function for function in functions}
     return others[name](device) if name in others else render(device, RENDERS[name])
 
