@@ -35,7 +35,7 @@ _POLL: Final = 0.05
 
 _COPY_SHARES: Final = (0.05, 0.01)
 """Largest share of the time that copies of what a worker holds may take: if somebody waits for one, and if not."""
-_COPY_BYTES: Final = 1 << 29
+_COPY_BYTES: Final = 1 << 30
 """Bytes a second at which a first copy is expected to be made."""
 
 
