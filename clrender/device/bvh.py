@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ANALYTIC_BLOCK_WORDS",
+    "BINARY_WORDS",
     "COST_ROOTS",
     "MERGE_CHUNK",
     "NODE_WORDS",
@@ -50,6 +51,7 @@ TRIANGLE_BLOCK_WORDS: Final = 128
 ANALYTIC_BLOCK_WORDS: Final = 72
 MERGE_CHUNK: Final = 64
 COST_ROOTS: Final = 7
+BINARY_WORDS: Final = 8
 STACK: Final = 96
 """Default capacity of the traversal stack, in entries."""
 _SORT_BITS: Final = 63
@@ -387,8 +389,7 @@ def _too_many(what: str, blocks: int) -> RenderError:
 
 @dataclass(frozen=True)
 class _BinaryTree:
-    boxes: Buffer
-    members: Buffer
+    nodes: Buffer
     children: Buffer
     costs: Buffer
     leaves: int
@@ -397,7 +398,7 @@ class _BinaryTree:
     @property
     def arguments(self) -> _Arguments:
         """Arguments for the kernels that collapse it."""
-        return [self.boxes, self.members, self.children, self.costs, _u(self.leaves), _u(self.root)]
+        return [self.nodes, self.children, self.costs, _u(self.leaves), _u(self.root)]
 
 
 @dataclass(frozen=True)
@@ -496,10 +497,10 @@ class _Builder:
     def merge(self, order: Buffer, boxes: Buffer) -> _BinaryTree:
         """Build the binary BVH over the ordered units; consumes `boxes`."""
         device, count = self.device, self.unit_count
-        node_boxes, members = device.empty(24 * (2 * count)), device.empty(4 * 2 * count)
+        tree = device.empty(4 * BINARY_WORDS * 2 * count)
         costs, clusters = device.empty(4 * COST_ROOTS * count), device.empty(4 * count)
         arguments: _Arguments = [boxes, order, self._units, _u(self._triangle_units), _u(self._round_count), _u(count)]
-        arguments += [node_boxes, members, clusters]
+        arguments += [tree, clusters]
         self._each("build_leaves", count, arguments)
         device.release(boxes)
         children, merged, nearest = device.empty(8 * count), device.empty(4 * count), device.empty(4 * count)
@@ -508,19 +509,19 @@ class _Builder:
             chunks = -(-length // CHUNK)
             kept, pairs = device.empty(4 * chunks), device.empty(4 * chunks)
             askers = -(-length // MERGE_CHUNK)
-            self._each("build_nearest", askers, [node_boxes, clusters, _u(length), nearest])
+            self._each("build_nearest", askers, [tree, clusters, _u(length), nearest])
             self._each("build_merge_count", chunks, [nearest, _u(length), kept, pairs])
             joined = scan(self.device, pairs, chunks)
             scan(self.device, kept, chunks)
             arguments = [nearest, clusters, _u(length), kept, pairs]
-            arguments += [_u(count), _u(next_node), node_boxes, members, children, costs, merged]
+            arguments += [_u(count), _u(next_node), tree, children, costs, merged]
             self._each("build_merge", chunks, arguments)
             self._release(kept, pairs)
             clusters, merged = merged, clusters
             length -= joined
             next_node += joined
         self._release(clusters, merged, nearest)
-        return _BinaryTree(node_boxes, members, children, costs, count, next_node - 1)
+        return _BinaryTree(tree, children, costs, count, next_node - 1)
 
     def collapse(self, order: Buffer, tree: _BinaryTree) -> Bvh:
         """Collapse the binary BVH, which is consumed, to the wide BVH."""
@@ -529,7 +530,7 @@ class _Builder:
         nodes = sum(level.task_count for level in levels)
         blocks = [sum(level.totals[kind] for level in levels) for kind in (1, 2)]
         if max(blocks) > _MOST_BLOCKS:
-            self._release(order, tree.boxes, tree.members, tree.children, tree.costs)
+            self._release(order, tree.nodes, tree.children, tree.costs)
             for level in levels:
                 self._release(level.tasks, *level.counts)
             self._release_units()
@@ -546,7 +547,7 @@ class _Builder:
             ranges.append(range(made[0], made[0] + level.task_count))
             made = [made[0] + level.task_count, made[1] + level.totals[1], made[2] + level.totals[2]]
             self._release(*level.counts, level.tasks)
-        self._release(order, tree.boxes, tree.members, tree.children, tree.costs)
+        self._release(order, tree.nodes, tree.children, tree.costs)
         packs = self._fill(columns, blocks)
         self._release_units()
         self._release(*columns)

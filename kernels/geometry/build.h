@@ -13,8 +13,10 @@
 // `round_ones` are the numbers, then instances, of which `instances` are. A pair that is a rectangle square to an axis goes into the
 // packs of spheres and disks; an instance is a leaf of its own.
 //
-// The binary tree: nodes [0, n) are the units in Morton order, the others follow as they are made. `members` of a node:
-// how many units, and of which kinds.
+// The binary tree: nodes [0, n) are the units in Morton order, the others follow as they are made. A node is eight words, half a cache line:
+// low x, y, z and high x, y, z of its box, and its members: how many units, and of which kinds.
+#define BINARY_WORDS 8
+#define BINARY_MEMBERS 6
 #define MEMBERS_COUNT 0x1fffffffu
 #define MEMBERS_INSTANCE 0x20000000u
 #define MEMBERS_TRIANGLE 0x40000000u
@@ -43,19 +45,28 @@ static uint build_rectangle_axis(vec3 a, vec3 b, vec3 c, vec3 d) {
     return 3;
 }
 
-static Box box_load(__global const float* boxes, size_t index) {
+static Box box_at(__global const float* words) {
     Box b;
     for (int k = 0; k < 3; ++k) {
-        b.low[k] = boxes[index * 6 + k];
-        b.high[k] = boxes[index * 6 + 3 + k];
+        b.low[k] = words[k];
+        b.high[k] = words[3 + k];
     }
     return b;
 }
-static void box_save(__global float* boxes, size_t index, Box b) {
+static void box_put(__global float* words, Box b) {
     for (int k = 0; k < 3; ++k) {
-        boxes[index * 6 + k] = b.low[k];
-        boxes[index * 6 + 3 + k] = b.high[k];
+        words[k] = b.low[k];
+        words[3 + k] = b.high[k];
     }
+}
+static Box box_load(__global const float* boxes, size_t index) { return box_at(boxes + index * 6); }
+static void box_save(__global float* boxes, size_t index, Box b) { box_put(boxes + index * 6, b); }
+
+static Box binary_box(__global const float* tree, size_t node) { return box_at(tree + node * BINARY_WORDS); }
+static uint binary_members(__global const float* tree, size_t node) { return as_uint(tree[node * BINARY_WORDS + BINARY_MEMBERS]); }
+static void binary_save(__global float* tree, size_t node, Box box, uint members) {
+    box_put(tree + node * BINARY_WORDS, box);
+    tree[node * BINARY_WORDS + BINARY_MEMBERS] = as_float(members);
 }
 // Into a box of its own: rusticl (Mesa 22.3) lets what a function does to a struct that it was given by value reach the caller's.
 static Box box_union(Box a, Box b) {

@@ -2,7 +2,7 @@
 #include "geometry/build_cost.h"
 
 // The roots of so many trees below a node, two to eight, or fewer. Returns how many.
-static uint collapse_children(__global const float* node_boxes, __global const uint2* children, __global const float* costs, uint leaf_count,
+static uint collapse_children(__global const float* tree, __global const uint2* children, __global const float* costs, uint leaf_count,
                               uint node, uint most, uint child[8]) {
     uint open[8], roots[8];
     float cost[2][COST_ROOTS];
@@ -12,15 +12,15 @@ static uint collapse_children(__global const float* node_boxes, __global const u
         const uint2 pair = children[open[top] - leaf_count];
         const uint shared = roots[top];
         uint firsts;
-        cost_load(node_boxes, costs, leaf_count, pair.x, cost[0]);
-        cost_load(node_boxes, costs, leaf_count, pair.y, cost[1]);
+        cost_load(tree, costs, leaf_count, pair.x, cost[0]);
+        cost_load(tree, costs, leaf_count, pair.y, cost[1]);
         cost_of_pair(cost[0], cost[1], shared, &firsts);
         open[top] = pair.y, roots[top] = shared - firsts;
         ++top;
         open[top] = pair.x, roots[top] = firsts;
         // Trees that stay whole, and more trees allowed than are of use
         for (;;) {
-            cost_load(node_boxes, costs, leaf_count, open[top], cost[0]);
+            cost_load(tree, costs, leaf_count, open[top], cost[0]);
             while (roots[top] > 1 && cost[0][roots[top] - 1] == cost[0][roots[top] - 2]) --roots[top];
             if (roots[top] > 1) break;
             child[count++] = open[top];
@@ -91,24 +91,24 @@ static uint collapse_opens(const Child child[8], uint count) {
 
 // The children of a wide node in the place of a binary one: as they cost least, with packs joined that do better together; and where that
 // leaves room, what is in a small node in its place.
-static uint collapse_node(__global const float* node_boxes, __global const uint* members, __global const uint2* children,
+static uint collapse_node(__global const float* tree, __global const uint2* children,
                           __global const float* costs, uint leaf_count, uint node, float scene_area, Child child[8]) {
     uint found[8];
     uint count = 1, place = 0, some = 1;
     found[0] = node;
     // Only the root of a scene may fit into one pack
-    if (!cost_fits_leaf(members[node])) some = collapse_children(node_boxes, children, costs, leaf_count, node, 8, found);
+    if (!cost_fits_leaf(binary_members(tree, node))) some = collapse_children(tree, children, costs, leaf_count, node, 8, found);
     for (;;) {
         for (uint i = 0; i < some; ++i) {
             Child* one = &child[i == 0 ? place : count++];
             one->nodes[0] = found[i], one->count = 1;
-            one->members = members[found[i]];
-            one->box = box_load(node_boxes, found[i]);
+            one->members = binary_members(tree, found[i]);
+            one->box = binary_box(tree, found[i]);
         }
         count = collapse_join_packs(child, count, scene_area);
         place = collapse_opens(child, count);
         if (count == 8 || place == count) return count;
-        some = collapse_children(node_boxes, children, costs, leaf_count, child[place].nodes[0], 9 - count, found);
+        some = collapse_children(tree, children, costs, leaf_count, child[place].nodes[0], 9 - count, found);
     }
 }
 
@@ -132,10 +132,10 @@ static uint collapse_places(const Child child[8], uint count, uint kind, uint pl
 
 // The binary tree and its root, and binary nodes that become wide ones.
 #define COLLAPSE_PARAMETERS                                                                                                 \
-    __global const float *node_boxes, __global const uint *members, __global const uint2 *children, __global const float *costs, \
+    __global const float *tree, __global const uint2 *children, __global const float *costs, \
         uint leaf_count, uint root, __global const uint *tasks, uint task_count
 #define COLLAPSE_CHILDREN(child)                                                                                            \
-    collapse_node(node_boxes, members, children, costs, leaf_count, tasks[task], cost_area(box_load(node_boxes, root)), child)
+    collapse_node(tree, children, costs, leaf_count, tasks[task], cost_area(binary_box(tree, root)), child)
 
 // Of each task: how many of its children are nodes, and how many blocks the packs of triangles and of the others among them take.
 __kernel void build_collapse_count(COLLAPSE_PARAMETERS, __global uint* inner, __global uint* triangle_blocks,

@@ -138,7 +138,7 @@ __kernel void refit_nodes(uint first, uint count, uint triangle_count, __global 
         if (reference == BVH_EMPTY) continue;
         Box b = box_empty();
         if (reference & BVH_LEAF) {
-            const uint place = reference & BVH_INDEX, size = ((reference >> BVH_COUNT) & 7u) + 1u;
+            const uint place = reference & BVH_INDEX, size = bvh_members(reference);
             for (uint m = place; m < place + size; ++m) {
                 if (!(reference & BVH_ANALYTIC)) {
                     b = box_union(b, box_load(triangle_boxes, m));

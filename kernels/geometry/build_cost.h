@@ -23,9 +23,9 @@ static int cost_fits_leaf(uint members) {
 }
 
 // The costs of a node. A single unit is a leaf, whatever is asked: what it costs is not kept, but known from its box.
-static void cost_load(__global const float* node_boxes, __global const float* costs, uint leaf_count, uint node, float cost[COST_ROOTS]) {
+static void cost_load(__global const float* tree, __global const float* costs, uint leaf_count, uint node, float cost[COST_ROOTS]) {
     if (node < leaf_count) {
-        const float area = cost_area(box_load(node_boxes, node));
+        const float area = cost_area(binary_box(tree, node));
         for (uint i = 0; i < COST_ROOTS; ++i) cost[i] = area;
     } else {
         for (uint i = 0; i < COST_ROOTS; ++i) cost[i] = costs[(size_t)(node - leaf_count) * COST_ROOTS + i];
@@ -43,13 +43,13 @@ static float cost_of_pair(const float a[COST_ROOTS], const float b[COST_ROOTS], 
     return least;
 }
 
-static void cost_save_pair(__global const float* node_boxes, __global float* costs, uint leaf_count, uint node, Box box, uint members, uint2 pair) {
+static void cost_save_pair(__global const float* tree, __global float* costs, uint leaf_count, uint node, Box box, uint members, uint2 pair) {
     __global float* to = costs + (size_t)(node - leaf_count) * COST_ROOTS;
     const float area = cost_area(box);
     float a[COST_ROOTS], b[COST_ROOTS];
     uint firsts;
-    cost_load(node_boxes, costs, leaf_count, pair.x, a);
-    cost_load(node_boxes, costs, leaf_count, pair.y, b);
+    cost_load(tree, costs, leaf_count, pair.x, a);
+    cost_load(tree, costs, leaf_count, pair.y, b);
     float cost = cost_fits_leaf(members) ? area : area + cost_of_pair(a, b, 8, &firsts);
     to[0] = cost;
     for (uint roots = 2; roots <= COST_ROOTS; ++roots) {

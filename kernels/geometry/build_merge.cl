@@ -10,15 +10,14 @@
 
 // Leaves of the binary tree, in Morton order.
 __kernel void build_leaves(__global const float* boxes, __global const uint* order, __global const uint* units, uint triangle_units,
-                           uint round_count, uint count, __global float* node_boxes, __global uint* members, __global uint* clusters) {
+                           uint round_count, uint count, __global float* tree, __global uint* clusters) {
     const uint i = (uint)get_global_id(0);
     if (i >= count) return;
     const uint unit = order[i];
     const Box box = box_load(boxes, unit);
-    box_save(node_boxes, i, box);
     const int triangle = unit < triangle_units && !(units[unit] & BVH_RECTANGLE);
     const int instance = unit >= triangle_units + round_count;
-    members[i] = 1u | (triangle ? MEMBERS_TRIANGLE : instance ? MEMBERS_INSTANCE : MEMBERS_ANALYTIC);
+    binary_save(tree, i, box, 1u | (triangle ? MEMBERS_TRIANGLE : instance ? MEMBERS_INSTANCE : MEMBERS_ANALYTIC));
     clusters[i] = i;
 }
 
@@ -42,15 +41,15 @@ static void nearest_choose(float8 other_area, uint8 other_pair, float8* area, ui
 
 // The partner each cluster of a chunk would choose. Equally good pairs are told apart by the exclusive or of their places, which is
 // the same from both sides: so there is always a pair to join, and among equals neighbours pair off all at once.
-__kernel void build_nearest(__global const float* node_boxes, __global const uint* clusters, uint count, __global uint* nearest) {
+__kernel void build_nearest(__global const float* tree, __global const uint* clusters, uint count, __global uint* nearest) {
     const uint first = (uint)get_global_id(0) * MERGE_CHUNK;
     if (first >= count) return;
     const uint last = min(count, first + MERGE_CHUNK);
     float side[6][MERGE_CHUNK + 2 * MERGE_RADIUS];
     for (uint at = 0; at < MERGE_CHUNK + 2 * MERGE_RADIUS; ++at) {
         const uint i = min(max(first + at, (uint)MERGE_RADIUS) - MERGE_RADIUS, count - 1);
-        const size_t box = (size_t)clusters[i] * 6;
-        for (int k = 0; k < 6; ++k) side[k][at] = node_boxes[box + k];
+        const size_t box = (size_t)clusters[i] * BINARY_WORDS;
+        for (int k = 0; k < 6; ++k) side[k][at] = tree[box + k];
     }
     const uint8 number = (uint8)(0, 1, 2, 3, 4, 5, 6, 7);
     for (uint i = first; i < last; ++i) {
@@ -88,7 +87,7 @@ __kernel void build_merge_count(__global const uint* nearest, uint count, __glob
 }
 
 __kernel void build_merge(__global const uint* nearest, __global const uint* clusters, uint count, __global const uint* kept,
-                          __global const uint* pairs, uint leaf_count, uint next_node, __global float* node_boxes, __global uint* members,
+                          __global const uint* pairs, uint leaf_count, uint next_node, __global float* tree,
                           __global uint2* children, __global float* costs, __global uint* merged) {
     const uint chunk = (uint)get_global_id(0);
     const uint first = chunk * BUILD_CHUNK, last = min(count, first + BUILD_CHUNK);
@@ -99,13 +98,12 @@ __kernel void build_merge(__global const uint* nearest, __global const uint* clu
         uint cluster = clusters[i];
         if (merge_first(nearest, i)) {
             const uint2 pair = (uint2)(cluster, clusters[nearest[i]]);
-            const Box box = box_union(box_load(node_boxes, pair.x), box_load(node_boxes, pair.y));
-            const uint below = ((members[pair.x] | members[pair.y]) & ~MEMBERS_COUNT) |
-                               ((members[pair.x] & MEMBERS_COUNT) + (members[pair.y] & MEMBERS_COUNT));
-            box_save(node_boxes, node, box);
-            members[node] = below;
+            const Box box = box_union(binary_box(tree, pair.x), binary_box(tree, pair.y));
+            const uint first = binary_members(tree, pair.x), second = binary_members(tree, pair.y);
+            const uint below = ((first | second) & ~MEMBERS_COUNT) | ((first & MEMBERS_COUNT) + (second & MEMBERS_COUNT));
+            binary_save(tree, node, box, below);
             children[node - leaf_count] = pair;
-            cost_save_pair(node_boxes, costs, leaf_count, node, box, below, pair);
+            cost_save_pair(tree, costs, leaf_count, node, box, below, pair);
             cluster = node++;
         }
         merged[to++] = cluster;
