@@ -163,6 +163,14 @@ def test_what_was_held_is_rendered_again_unless_it_can_be_read(monkeypatch: pyte
         assert tally.workers[0].requeued == (1 if readable else 6)
 
 
+def test_a_device_begins_anew_with_what_was_read_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where the thread that takes results in is late."""
+    monkeypatch.setattr(scheduling, "_COPY_SHARES", (1e-9, 1e-9))
+    worker, film = Holder(PLAN, {"render": {4, 6}}, readable=True), Film(26, 19)
+    assert go(PLAN, worker, film, on_progress=lambda *done: time.sleep(0.01)).complete
+    assert_whole(PLAN, film)
+
+
 def test_a_device_that_stays_away_leaves_what_was_copied() -> None:
     worker, film = Holder(PLAN, {"render": set(range(8, 99))}), Film(26, 19)
     tally = go(PLAN, worker, film)
@@ -209,6 +217,7 @@ def test_an_exception_of_a_listener_ends_the_run() -> None:
 
 def test_a_checkpoint_is_of_a_copy_that_was_made_for_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("clrender.film.cadence.EVERY_SECONDS", 0.0)
+    monkeypatch.setattr(scheduling, "_COPY_SHARES", (1e9, 1e-9))  # only when somebody asks
     saved = list[Film]()
     save = Film.save
 

@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+import clrender
 from clrender import layout
 from clrender.device.device_film import DeviceFilm
+from clrender.device.worker import DeviceWorker
 from clrender.errors import RenderError
 from clrender.film import Film
 from clrender.film.unit import BLOCK_SLOTS, Unit, UnitSums, slot_count
+from clrender.flatten.flat_scene import flatten
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -161,3 +164,25 @@ def test_a_device_without_the_memory_is_left_as_it_was(
     with pytest.raises(RenderError, match="may use"):
         device_film(device, settings, Film(WIDTH, HEIGHT))
     assert device.buffers == before
+
+
+def test_what_was_never_delivered_is_forgotten(device: Device) -> None:
+    """By a worker that is to begin with a film once more, of which it has a unit more than it delivered."""
+    size, film = 16, Film(16, 16)
+    fields = np.zeros(1, layout.dtype("Settings"))
+    for name in ("width", "height", "tile"):
+        fields[name] = size
+    for name in ("shadow_rays", "indirect_rays", "light_samples", "bsdf_samples"):
+        fields[name] = 1
+    fields["max_depth"] = 2
+    worker = DeviceWorker(device, flatten(clrender.load("cornell"), size, size), fields)
+    first, second = (Unit(0, size * size, sample, 1, size) for sample in (0, 1))
+    assert worker.hold(film)
+    held = worker.render_held(first)
+    film.receive(worker.copy_held(sums=True, image=False, last=False), [(first, held)])
+    worker.render_held(second)
+    assert worker.hold(film)
+    again = worker.copy_held(sums=True, image=False, last=True)
+    worker.release()
+    np.testing.assert_array_equal(again.counts, film.counts)
+    np.testing.assert_array_equal(np.concatenate(again.bands or []), np.concatenate(film.bands()))

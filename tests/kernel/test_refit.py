@@ -114,8 +114,9 @@ def test_nothing_escapes_from_a_refitted_tree(device: Device, millions: float) -
             assert escaped(device, amount, round(2e5 * min(millions, 1.0)), 50 + 100 * number + part) == 0, amount
 
 
-def wave(phase: float, side: int = 24, **more: Any) -> clrender.Scene:
-    """A cloth in waves below a lamp and a pane of glass, and two balls in instances."""
+def wave(phase: float, side: int = 24, shift: float | None = None) -> clrender.Scene:
+    """A cloth in waves below a lamp and a ball of glass, and two times a ball and a box in instances."""
+    shift = 0.1 * phase if shift is None else shift
     x, z = np.meshgrid(np.linspace(-2.0, 2.0, side), np.linspace(-2.0, 2.0, side + 3))
     y = 0.3 * np.sin(3.0 * x + phase) * np.cos(2.1 * z + phase)
     corner = np.arange(x.size).reshape(x.shape)
@@ -129,8 +130,7 @@ def wave(phase: float, side: int = 24, **more: Any) -> clrender.Scene:
     ball = {"type": "sphere", "center": [0, 0, 0], "radius": 0.2, "material": "glass"}
     box = {"type": "box", "center": [0.0, 0.4, 0.0], "size": [0.2, 0.2, 0.2], "material": "grey"}
     instances = [
-        {"type": "instance", "group": "toys", "transform": {"translate": [at + 0.1 * phase, 0.7, at]}}
-        for at in (-1.0, 1.0)
+        {"type": "instance", "group": "toys", "transform": {"translate": [at + shift, 0.7, at]}} for at in (-1.0, 1.0)
     ]
     return clrender.Scene(
         camera={"position": [0.0, 2.5, 5.0], "target": [0.0, 0.0, 0.0]},
@@ -145,7 +145,6 @@ def wave(phase: float, side: int = 24, **more: Any) -> clrender.Scene:
             {"type": "quad", "origin": [-1, 3, -1], "edge_u": [2, 0, 0], "edge_v": [0, 0, 2], "emission": [5, 5, 5]},
             {"type": "sphere", "center": [0.5 * phase, 1.0, 0.0], "radius": 0.3, "material": "glass"},
         ],
-        **more,
     )
 
 
@@ -262,6 +261,29 @@ def test_such_images_are_not_verified_or_merged(device: Device, tmp_path: Path) 
     other = clrender.render(wave(0.3), device=device, size=(16, 12), spp=2, samples=(1, 2))
     with pytest.raises(UsageError, match="differ in refit"):
         image.film.merge(other.film)
+
+
+def test_instances_that_move_far_are_found(device: Device) -> None:
+    how: dict[str, Any] = {"size": (96, 72), "spp": 4, "code": "fast"}
+    with clrender.Session(device, refit=True) as session:
+        still = session.render(wave(0.3, shift=-0.9), **how)
+        image = session.render(wave(0.3, shift=0.6), **how)
+    fresh = clrender.render(wave(0.3, shift=0.6), device=device, **how)
+    assert (image.linear != still.linear).any(axis=2).mean() > 0.05
+    assert (image.linear != fresh.linear).any(axis=2).mean() < 0.005
+
+
+def test_a_scene_that_becomes_much_worse_is_built(device: Device) -> None:
+    rng = np.random.default_rng(75)
+    small = rng.normal(size=(600, 1, 3)) + 0.01 * rng.normal(size=(600, 3, 3))
+    mesh = {"type": "mesh", "faces": np.arange(1800).reshape(-1, 3).tolist()}
+    there, near, mixed = (
+        flatten(wave(0.1).changed({("shapes", 0): {**mesh, "vertices": each.reshape(-1, 3).tolist()}}), 8, 8)
+        for each in (small, small * 1.01, rng.permutation(small))
+    )
+    arrays = SceneArrays(device, there)
+    assert arrays.refit(near) and not arrays.refit(mixed)
+    arrays.release()
 
 
 def test_several_devices_do_not_refit(device: Device) -> None:
