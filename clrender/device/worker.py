@@ -246,10 +246,12 @@ class DeviceWorker:
         return UnitSums(*read, done, traced.rays, traced.shadow_rays, traced.deepest, squares)
 
     def hold(self, film: Film) -> bool:
-        """Prepare for `render_held`, with the samples of a film; False if the device lacks the memory."""
+        """Prepare for `render_held`, with the samples of a film; False if the device has not memory to spare for it."""
         if self._film is not None and self._film_version is film.version:
             return True
         self._release_film()
+        if film.pixel_bytes * film.width * film.height > self.device.free_bytes / 4:
+            return False  # slices and units need some, too
         try:
             self._film = DeviceFilm(self.device, self._settings_buffer, film)
         except RenderError:

@@ -124,8 +124,8 @@ def check_host(limit: int | None, needs: Mapping[str, int]) -> int:
 
 
 def room(limit: int | None) -> float:
-    """Bytes that a render may take where it could do with less: what is allowed, or half of the machine's."""
-    return limit or (_machine_bytes() or math.inf) / 2
+    """Bytes that a render may take where it could do with less: half of what is allowed, or of the machine's."""
+    return (limit or _machine_bytes() or math.inf) / 2
 
 
 def process_bytes() -> int:

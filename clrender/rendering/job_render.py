@@ -180,7 +180,9 @@ class JobRender:
         need = partial(needs, self._job, len(devices), checkpoint=checkpoint is not None, resumed=resumed)
         wanted = need(held=True)
         total = sum(wanted.values()) + wanted["a copy of what the device holds"]  # it takes as much itself
-        self._holds = may_hold and len(devices) == 1 and total <= room(self._settings.max_memory)
+        limit = self._settings.max_memory
+        prepares = limit is not None and bool(self._job.preparation)  # which needs memory later
+        self._holds = may_hold and len(devices) == 1 and not prepares and total <= room(limit)
         wanted = wanted if self._holds else need(held=False)
         with limited(devices, self._settings.max_memory, wanted) as self._apart_bytes:
             if line := told(self._job):
