@@ -75,7 +75,7 @@ class DeviceFilm:
 
     def _fill(self, film: Film, sizes: Sequence[int]) -> None:
         """Begin with the samples of a film."""
-        if film.samples or film.ledger.samples:
+        if film.ledger.samples:
             for index, (top, band) in enumerate(zip(self._tops, film.bands(), strict=True)):
                 self._device.write(self._sums[index], band)
                 self._device.write(self._counts[index], film.counts[top : top + len(band)])

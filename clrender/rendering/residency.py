@@ -168,14 +168,8 @@ class Residency:
             held, arrays = self._uploaded.get(device, (None, None))
             if held is not None and arrays is not None and held.arrays is flat.arrays:
                 arrays.look(flat.camera)
-            elif not (self.refits and arrays is not None and arrays.refit(flat)):
-                apart = None
-                if arrays is not None:
-                    apart = arrays.apart if self.refits and len(arrays.apart) == len(flat.arrays["shapes"]) else None
-                    del self._uploaded[device]
-                    arrays.release()
-                with self.stages.during("building"):
-                    arrays = SceneArrays(device, flat, apart=apart)
+            else:
+                arrays = self._moved(device, arrays, flat)
             self._uploaded[device] = flat, arrays
             built = time.perf_counter() - begin
             scratch = self._scratch.setdefault(device, Scratch(device))
@@ -183,6 +177,20 @@ class Residency:
             worker.build_seconds += built
             failed.pop_all()
         return worker
+
+    def _moved(self, device: Device, arrays: SceneArrays | None, flat: FlatScene) -> SceneArrays:
+        """The arrays of another scene: those that are there, if they can be refitted; else they are released."""
+        apart = None
+        if arrays is not None:
+            del self._uploaded[device]
+            with ExitStack() as spent:
+                spent.callback(arrays.release)
+                if self.refits and arrays.refit(flat):
+                    spent.pop_all()
+                    return arrays
+                apart = arrays.apart if self.refits and len(arrays.apart) == len(flat.arrays["shapes"]) else None
+        with self.stages.during("building"):
+            return SceneArrays(device, flat, apart=apart)
 
     def _forget(self, device: Device, before: frozenset[Buffer]) -> None:
         """Release everything that was allocated on a device since `before`, after a worker could not be made."""

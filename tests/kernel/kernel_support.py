@@ -223,6 +223,16 @@ def trace_by_reference(tree: Tree, rays: Rays) -> Hits:
     return _launch(tree, rays, "trace_by_reference", {"LANES": 1}, [])
 
 
+def finds_what_leaves_hold(tree: Tree, rays: Rays) -> bool:
+    """Whether both traversals give the nearest hits by their definition, to the bit."""
+    every = trace_every_leaf(tree, rays)
+    found = [trace(tree, rays, lanes, single) for lanes, single in ((16, False), (1, True))]
+    return all(
+        np.array_equal(hits.primitives, every.primitives) and np.array_equal(hits.distances, every.distances)
+        for hits in found
+    )
+
+
 def trace_every_leaf(tree: Tree, rays: Rays) -> Hits:
     """The nearest hits by their definition: every leaf that the ray enters is looked into. No word of occlusion."""
     return _launch(tree, rays, "trace_every_leaf", {"LANES": 1}, [np.uint32(tree.bvh.node_count)])

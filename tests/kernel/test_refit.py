@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from kernel_support import Rays, Tree, flat_scene, trace, trace_every_leaf, tree_on
+from kernel_support import Rays, Tree, finds_what_leaves_hold, flat_scene, trace, tree_on
 from meshes import CLOSED, aimed, inside
 from test_tree import NAMES, scene_named, through
 from tree_reference import check, download
@@ -18,7 +18,7 @@ import clrender
 from clrender import layout
 from clrender.device import Device, bvh
 from clrender.device.scene_arrays import SceneArrays
-from clrender.errors import UsageError
+from clrender.errors import ClrenderError, RenderError, UsageError
 from clrender.flatten.flat_scene import flatten
 
 if TYPE_CHECKING:
@@ -87,12 +87,7 @@ def test_a_refitted_tree_is_sound(device: Device, name: str) -> None:
         pytest.skip("its parallelograms are none any more")
     with refitted(device, before, after) as tree:
         check(download(tree), after)
-        rays = through(after, 512)
-        every = trace_every_leaf(tree, rays)
-        for lanes, single in ((16, False), (1, True)):
-            hits = trace(tree, rays, lanes, single)
-            assert np.array_equal(hits.primitives, every.primitives)
-            assert np.array_equal(hits.distances, every.distances)
+        assert finds_what_leaves_hold(tree, through(after, 512))
 
 
 def escaped(device: Device, amount: float, count: int, seed: int) -> int:
@@ -289,3 +284,19 @@ def test_a_scene_that_becomes_much_worse_is_built(device: Device) -> None:
 def test_several_devices_do_not_refit(device: Device) -> None:
     with clrender.Session([device, "pocl"], refit=True) as session, pytest.raises(UsageError, match="for one device"):
         session.render(wave(0.1), size=(8, 8), spp=1)
+
+
+def test_a_refit_that_fails_leaves_nothing_behind(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    how: dict[str, Any] = {"size": (16, 12), "spp": 1, "code": "fast"}
+    with clrender.Session(device, refit=True) as session:
+        right = session.render(wave(0.4, shift=0.0), **how).stats["image_sha256"]
+        held = sum(buffer.nbytes for buffer in device.buffers)
+        with monkeypatch.context() as patched, pytest.raises(ClrenderError, match="is lost"):
+
+            def lost(*_: Any) -> None:
+                raise RenderError("the device is lost")
+
+            patched.setattr(bvh, "refit", lost)
+            session.render(wave(0.4, shift=0.5), **how)
+        assert sum(buffer.nbytes for buffer in device.buffers) < held
+        assert session.render(wave(0.4, shift=0.0), **how).stats["image_sha256"] == right
