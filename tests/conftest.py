@@ -58,6 +58,15 @@ def pytest_collection_finish() -> None:
     gc.set_threshold(COLLECT_EVERY)
 
 
+@pytest.fixture(autouse=True)
+def own_random_numbers(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have a module's ``RNG`` begin anew in each test: what it draws depends on no test before it in its process."""
+    import numpy as np
+
+    if isinstance(getattr(request.module, "RNG", None), np.random.Generator):
+        monkeypatch.setattr(request.module, "RNG", np.random.default_rng(zlib.crc32(request.node.nodeid.encode())))
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """Keep files together with ``--dist loadfile``, but not the parts of a test that are to run side by side."""
