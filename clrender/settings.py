@@ -321,6 +321,12 @@ class RenderSettings:
     traversal: str | None = _work(
         Choice(("packet", "single")), "BVH traversal on CPUs: ray packets or single rays", option=None
     )
+    kernels: str | None = _work(
+        Choice(("whole", "staged")),
+        "Kernels of integrators path and direct: one for whole paths, or one for each stage of them, with one path per "
+        "work-item",
+        unset="whole",
+    )
     code: str | None = _work(
         Choice(("fast", "small", "any")),
         "Machine code: fast, small (on CPUs), which is compiled in about half the time, or fast code for any scene",
@@ -370,6 +376,8 @@ class RenderSettings:
             object.__setattr__(self, name, value)
         if (pixels := self.width * self.height) > PIXEL_LIMIT:
             raise UsageError(f"an image of {self.width} x {self.height} has {pixels} pixels; at most {PIXEL_LIMIT} fit")
+        if self.kernels == "staged" and (self.lanes or 1) > 1:
+            raise UsageError(f"lanes is {self.lanes}, but staged kernels take one path per work-item; leave it out")
         for name, allowed in INTEGRATORS[self.integrator].takes.items():
             if getattr(self, name) not in allowed:
                 raise UsageError(f"{name} {not_taken(name, getattr(self, name), self.integrator)}")

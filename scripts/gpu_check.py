@@ -54,7 +54,11 @@ _RENDERS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
 """Test renders: scene and settings by title."""
 _MIXED: Final = 12
 """Of each kind of random scene so many are rendered, by few programs, since each has all features."""
-_CUTS: Final = (Cutting(tile=16, samples_per_pass=1), Cutting(order="shuffled", samples_per_pass=4))
+_CUTS: Final = (
+    Cutting(tile=16, samples_per_pass=1),
+    Cutting(order="shuffled", samples_per_pass=4),
+    Cutting(kernels="staged", samples_per_pass=4),
+)
 _GROUPS: Final = (32, 64, 128, 256)
 _PASSES: Final = (1, 4, 16)
 _BENCHMARK: Final = ("S1", "S2", "S3-100k", "S3-1M", "S4", "S5", "S6", "S7")
@@ -133,6 +137,7 @@ def main() -> int:
         for scene in options.scenes:
             task = Task(options.size, options.size, options.spp)
             check.step(f"{scene} on {name}", 20.0, _speed, check, device, scene, task, options.repeats)
+        check.step(f"Stages on {name}", 30.0, _stages, check, device, options)
     wrong = [title for title, told in check.found.items() if isinstance(told, dict) and told.get("equal") is False]
     failed = [*wrong, *check.found.get("failed", [])]
     check.found["ok"] = not failed
@@ -234,7 +239,7 @@ def _mixed(check: Check, device: Device, update: bool) -> dict[str, Any]:
             mixed = mixed_scene(kind, number)
             scene = Mixed(mixed.name, with_all_features(mixed.content)).scene(files)
             try:
-                cuts: tuple[dict[str, Any], ...] = ({}, {"tile": 16, "samples_per_pass": 1})
+                cuts: tuple[dict[str, Any], ...] = ({}, {"tile": 16, "samples_per_pass": 1}, {"kernels": "staged"})
                 made = [session.render(scene, size=(24, 20), spp=4, **cut) for cut in cuts]
                 hashes = {image.stats["image_sha256"] for image in made}
             except ClrenderError as error:
@@ -303,6 +308,29 @@ def _tuning(check: Check, device: Device, size: int, spp: int) -> list[dict[str,
             rows.append(row)
             shown = ", ".join(f"{key} {value}" for key, value in cut.items()) or "as it chooses"
             check.say(f"| {shown} | {row['S1']} | {row['S3-100k']} |")
+    return rows
+
+
+def _stages(check: Check, device: Device, options: argparse.Namespace) -> list[dict[str, Any]]:
+    """Measure speed with one kernel for whole paths and with one for each stage, in turns."""
+    rows: list[dict[str, Any]] = []
+    check.say("| scene | whole, Mpaths/s | staged, Mpaths/s | staged / whole |", "|---|---|---|---|")
+    with tempfile.TemporaryDirectory() as folder, clrender.Session([device]) as session:
+        for name in options.scenes:
+            if check.left < 30.0:
+                check.stopped(f"before {name}")
+                break
+            (Path(folder) / name).mkdir()
+            scene = clrender.load(str(write_scene(name, Path(folder) / name)))
+            settings = {"spp": options.spp, "roulette": "none", "max_depth": SEGMENTS - 1}
+            rates: dict[str, list[float]] = {"whole": [], "staged": []}
+            for turn, (way, found) in itertools.product(range(options.repeats + 1), rates.items()):
+                stats = session.render(scene, size=(options.size, options.size), kernels=way, **settings).stats
+                if turn:  # the first one compiles
+                    found.append(options.size**2 * options.spp / stats["render_seconds"] / 1e6)
+            whole, staged = (statistics.median(found) for found in rates.values())
+            rows.append({"scene": name, "whole": whole, "staged": staged})
+            check.say(f"| {name} | {whole:.2f} | {staged:.2f} | {staged / whole:.2f} |")
     return rows
 
 

@@ -90,6 +90,8 @@ class Usage:
     occupancy : float
         Share of the threads that a multiprocessor could hold, as far as registers decide it.
     code_bytes : int
+    loads, stores : int
+        Of a stage of paths on NVIDIA's GPUs, the words of a path's state that the code loads and stores.
     """
 
     program: str
@@ -99,6 +101,8 @@ class Usage:
     scratch_bytes: int
     occupancy: float
     code_bytes: int
+    loads: int = 0
+    stores: int = 0
 
 
 _OF_SETTINGS: Final = {"PIXEL_FILTER": 1, "PIXEL_FILTER_NEGATIVE": 1, "PATH_SPLITS": 1}
@@ -120,6 +124,9 @@ _SCENELESS: Final = [
     "photon/grid",
     "radiosity/sweep",
 ]
+_STAGES: Final = ("begin", "extend", "light", "scatter", "shadow")
+_STAGES_MARK: Final = "<!-- scripts/gpu_static --update, stages -->\n"
+_STAGES_TARGET: Final = "sm_90"
 _RADIOSITY: Final = ["direct", "display", "form", "gather", "update"]
 
 
@@ -135,6 +142,9 @@ def _programs() -> dict[str, Program]:
     ):
         for tier in ("simple", "everything"):
             made[f"{name}, {tier}"] = Program(f"{name}.cl", _TIERS[tier])
+    for stage in _STAGES:
+        for tier, macros in _TIERS.items():
+            made[f"staged/{stage}, {tier}"] = Program(f"staged/{stage}.cl", macros)
     unsplit = {name: value for name, value in _TIERS["everything"].items() if name != "PATH_SPLITS"}
     for name, more in (
         ("integrator/bdpt", {}),
@@ -180,7 +190,11 @@ def measure(program: str, target: str) -> Usage:
         source.write_text(load_source(wanted.entry, {**_LAUNCH, **wanted.macros}).text)
         options = register_options(_device(target), wanted.entry, wanted.macros)
         registers, spills, scratch, occupancy, code = TARGETS[target](target, source, options)
-    return Usage(program, target, registers, spills, scratch, round(occupancy, 3), code)
+        counts = (0, 0)
+        if wanted.entry.startswith("staged/") and TARGETS[target] is _nvidia:
+            source.write_text(load_source(wanted.entry, {**_LAUNCH, **wanted.macros, "STATE_COUNTED": 1}).text)
+            counts = _state_accesses(source)
+    return Usage(program, target, registers, spills, scratch, round(occupancy, 3), code, *counts)
 
 
 _Numbers = tuple[int, int, int, float, int]
@@ -192,13 +206,25 @@ def _device(target: str) -> DeviceInfo:
     return DeviceInfo(0, target, platforms[target[:2]], "", "gpu", 1, 1)
 
 
-def _nvidia(target: str, source: Path, options: str) -> _Numbers:
-    ptx, cubin = source.with_suffix(".ptx"), source.with_suffix(".cubin")
+def _to_ptx(source: Path, output: Path, *more: str) -> None:
     # What `ptxas` cannot inline would be called, with arguments in memory
     whole = ["-mllvm", "-inline-threshold=1000000"]
     bitcode = _library("nvptx64--nvidiacl.bc")
     front = ["-target", "nvptx64-nvidia-nvcl", *_OPTIONS, _ROUNDING, "-Xclang", "-target-cpu", "-Xclang", "sm_75"]
-    _run(_clang(), *front, *bitcode, *whole, "-S", str(source), "-o", str(ptx))
+    _run(_clang(), *front, *bitcode, *whole, *more, "-S", str(source), "-o", str(output))
+
+
+def _state_accesses(source: Path) -> tuple[int, int]:
+    """Calls that load and store words of a path's state, after the compiler has left out what is of no use."""
+    code = source.with_suffix(".ll")
+    _to_ptx(source, code, "-emit-llvm")
+    calls = re.findall(r"call .*@state_(load|store)\(", code.read_text())
+    return calls.count("load"), calls.count("store")
+
+
+def _nvidia(target: str, source: Path, options: str) -> _Numbers:
+    ptx, cubin = source.with_suffix(".ptx"), source.with_suffix(".cubin")
+    _to_ptx(source, ptx)
     limit = [f"-maxrregcount={options.rpartition('=')[2]}"] if options else []
     text = _run(_ptxas(), "-v", "-O3", *limit, f"-arch={target}", str(ptx), "-o", str(cubin))
     registers = max(map(int, re.findall(r"Used (\d+) registers", text)))
@@ -281,7 +307,7 @@ def over_budget(usages: Sequence[Usage], budgets: Sequence[Usage]) -> Iterator[s
         if budget is None:
             yield f"{where}: no budget in {BUDGETS.name}"
             continue
-        for name in ("registers", "spill_bytes", "scratch_bytes", "code_bytes"):
+        for name in ("registers", "spill_bytes", "scratch_bytes", "code_bytes", "loads", "stores"):
             found, most = getattr(usage, name), getattr(budget, name)
             # Compilers lay out code a little differently after small changes
             if found > (most * 1.05 if name == "code_bytes" else most):
@@ -294,15 +320,18 @@ def budgets() -> list[Usage]:
 
 
 def page_with(usages: Sequence[Usage]) -> str:
-    """The text of the page with a table of these numbers.
+    """The text of the page with tables of these numbers.
 
     Parameters
     ----------
     usages : sequence of Usage
     """
-    before, _, after = PAGE.read_text().partition(_MARK)
-    rest = after[after.index("\n\n", after.index("|---|")) + 1 :]  # behind the table that is there
-    return before + _MARK + "\n" + "\n".join(_table(usages)) + "\n" + rest
+    text = PAGE.read_text()
+    for mark, rows in ((_MARK, _table(usages)), (_STAGES_MARK, _stages_table(usages))):
+        before, _, after = text.partition(mark)
+        rest = after[after.index("\n\n", after.index("|---|")) + 1 :]  # behind the table that is there
+        text = before + mark + "\n" + "\n".join(rows) + "\n" + rest
+    return text
 
 
 def _clang() -> str:
@@ -361,6 +390,22 @@ def _table(usages: Sequence[Usage]) -> Iterator[str]:
             memory = f" ({one.spill_bytes}, {one.scratch_bytes})" if one.spill_bytes or one.scratch_bytes else ""
             cells.append(f"{one.registers}{memory}")
         yield f"| {program} | {' | '.join(cells)} |"
+
+
+def _stages_table(usages: Sequence[Usage]) -> Iterator[str]:
+    """Rows of Markdown: of each stage the share of a GPU's threads, and words of a path's state."""
+    found = {each.program: each for each in usages if each.target == _STAGES_TARGET}
+    yield f"| stage | {' | '.join(_TIERS)} |"
+    yield f"|---|{'---|' * len(_TIERS)}"
+    for stage in _STAGES:
+        each = (found.get(f"staged/{stage}, {tier}") for tier in _TIERS)
+        yield (
+            f"| {stage} | "
+            + " | ".join(f"{one.occupancy:.0%}, {one.loads} + {one.stores}" if one else "–" for one in each)
+            + " |"
+        )
+    whole = (found.get(tier) for tier in _TIERS)
+    yield "| one kernel | " + " | ".join(f"{one.occupancy:.0%}" if one else "–" for one in whole) + " |"
 
 
 def main() -> int:

@@ -89,7 +89,7 @@ def kernel_build(
         not, and for large BVHs. Such a program takes about twice as long, and none has to be compiled for the next
         scene.
     """
-    lanes = launch.lanes or lanes_of(device)
+    lanes = 1 if launch.staged and pipeline.staged else launch.lanes or lanes_of(device)
     defines: dict[str, int | str] = {"LANES": lanes}
     if universal:
         features = Features.all()

@@ -32,6 +32,8 @@ class LaunchConfig:
         Target duration of a launch. A render stops after at most two launches.
     samples : int or None
         About how many samples the device is to trace; None: many.
+    staged : bool
+        Whether samples are traced in stages, where an integrator has kernels for that; one path per work-item.
     code : str or None
         Kernels are compiled to ``fast`` code, in less time to ``small`` code, or to fast code for ``any`` scene; None:
         by `samples`.
@@ -45,6 +47,7 @@ class LaunchConfig:
     traversal: str | None = None
     slice_seconds: float = SLICE_SECONDS
     samples: int | None = None
+    staged: bool = False
     code: str | None = None
     stand_ins: bool = False
 

@@ -11,9 +11,11 @@ __all__ = ["register_options"]
 
 _NVIDIA_LIMIT: Final = "-cl-nv-maxrregcount=128"
 """At 128 registers a multiprocessor runs a third more work-items than at 136, which the compiler takes by itself."""
+_NVIDIA_STAGES: Final = {f"staged/{stage}.cl": "-cl-nv-maxrregcount=192" for stage in ("light", "scatter")}
+"""By itself the compiler takes up to 196. With this limit it still writes none to memory."""
 _INTEL_LARGE: Final = "-cl-intel-256-GRF-per-thread"
 """Twice as many registers for half as many threads; with 128 the kernels that trace paths write registers to memory."""
-_LARGE: Final = ("integrator/", "photon/photons.cl", "bidirectional/", "guiding/", "radiosity/gather.cl")
+_LARGE: Final = ("integrator/", "staged/", "photon/photons.cl", "bidirectional/", "guiding/", "radiosity/gather.cl")
 """Kernels that trace paths."""
 
 
@@ -37,6 +39,6 @@ def register_options(info: DeviceInfo, entry: str, macros: Collection[str]) -> s
         return ""
     platform = info.platform.lower()
     small = "MATERIALS" not in macros and "SPECULAR_CHAINS" not in macros
-    if "nvidia" in platform and entry == "integrator/path.cl" and small:
-        return _NVIDIA_LIMIT
+    if "nvidia" in platform:
+        return _NVIDIA_LIMIT if entry == "integrator/path.cl" and small else _NVIDIA_STAGES.get(entry, "")
     return _INTEL_LARGE if "intel" in platform and entry.startswith(_LARGE) else ""

@@ -13,8 +13,10 @@ from clrender.device.scene_arrays import scene_array_names
 from clrender.device.small_code import FEW_RAYS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from clrender.device.compilation import Aside
-    from clrender.device.device import Argument, Device, Program
+    from clrender.device.device import Argument, Buffer, Device, Program
     from clrender.device.kernel_build import KernelBuild
     from clrender.integrators.descriptor import Pipeline
 
@@ -46,7 +48,11 @@ class TracingProgram:
     program : Program
     build : KernelBuild
         How it was compiled.
+    waits : bool
+        Whether `trace` returns only when the samples are there.
     """
+
+    waits: Final = False
 
     def __init__(
         self, device: Device, pipeline: Pipeline, own: KernelBuild, universal: KernelBuild | None, samples: int | None
@@ -99,6 +105,37 @@ class TracingProgram:
             kernels = [self._pipeline.kernel, *self._pipeline.then]
             records = bool(self._pipeline.record_bytes)
             self._aside = self._device.compile_aside(Compilation(entry, own.tracing, kernels, own.group, records))
+
+    def rows(self, slots: int, samples: int) -> int:
+        """Rows of statistics of a launch with so many samples of so many slots: one for each work-item."""
+        build = self.build
+        return -(-slots // (build.lanes * build.packets * build.group)) * build.group
+
+    def trace(
+        self,
+        scene: Sequence[Argument],
+        span: Sequence[np.uint32],
+        samples: Buffer,
+        stats: Buffer,
+        more: Sequence[Argument],
+    ) -> None:
+        """Enqueue the tracing of a launch's samples.
+
+        Parameters
+        ----------
+        scene : sequence
+            Arguments of kernels that read the scene.
+        span : sequence of numpy.uint32
+            First slot, slots, first sample, samples of each.
+        samples, stats : Buffer
+            Where results go, and the statistics of each of `rows`.
+        more : sequence
+            Arguments of what the integrator has prepared.
+        """
+        items = self.rows(int(span[1]), int(span[3]))
+        for kernel in (self._pipeline.kernel, *self._pipeline.then):
+            arguments = [*scene, *span, samples, stats, *more]
+            self._device.launch(self.program, kernel, items, self.build.group, arguments)
 
     def _built(self, build: KernelBuild, small: bool) -> Program:
         return self._device.program(self._pipeline.entry, build.tracing, 0 if small else None)

@@ -21,6 +21,7 @@ from clrender.device.launch import LaunchConfig, Scratch
 from clrender.device.preparation import DevicePreparation, SplattingPreparation
 from clrender.device.replicates import ReplicateSums
 from clrender.device.scene_arrays import SceneArrays, scene_array_names
+from clrender.device.staged import StagedTracing
 from clrender.device.tracing_program import TracingProgram
 from clrender.errors import RenderError
 from clrender.film.held import FilmCopy, HeldUnit
@@ -167,7 +168,9 @@ class DeviceWorker:
                 chains=table is not None,
             )
             # What an integrator prepares is compiled for the scene, and must agree with the rest
-            universal = build(universal=True) if launch.stand_ins or (launch.code == "any" and not prepare) else None
+            staged = launch.staged and pipeline.staged
+            stand_ins = launch.stand_ins and not staged
+            universal = build(universal=True) if stand_ins or (launch.code == "any" and not prepare) else None
             self._own = universal if universal and launch.code == "any" else build()
             self.lanes = self._own.lanes
             self._per_pass = launch.samples_per_pass
@@ -176,8 +179,14 @@ class DeviceWorker:
             platform = device.info.platform.lower()
             self._short_loops = any(name in platform for name in _SHORT_LOOPS)
             self._pipeline = pipeline
-            stands_in = universal if launch.code is None else None
-            self._tracing = TracingProgram(device, pipeline, self._own, stands_in, self._samples)
+            self._tracing: TracingProgram | StagedTracing
+            if staged:
+                paths = _staged_paths(device, StagedTracing.bytes_per_path(self._own.macros))
+                self._tracing = StagedTracing(device, self._own.tracing, self._own.group, self._samples, paths)
+                self._owned.callback(self._tracing.release)
+            else:
+                stands_in = universal if launch.code is None else None
+                self._tracing = TracingProgram(device, pipeline, self._own, stands_in, self._samples)
             self._common = self._accumulate = device.common_program()
             if pipeline.splats:
                 self._accumulate = device.program("film/accumulate.cl", {"LANES": 1, "SPLATS": 1})
@@ -209,10 +218,7 @@ class DeviceWorker:
 
     def launch(self, program: Program, kernel: str, items: int, arguments: Sequence[Argument]) -> None:
         """Launch a kernel over a padded number of work-items; the scene's arguments come first."""
-        self._launch_in(self._own.group, program, kernel, items, arguments)
-
-    def _launch_in(self, group: int, program: Program, kernel: str, items: int, arguments: Sequence[Argument]) -> None:
-        self.device.launch(program, kernel, items, group, [*self.scene_arguments, *arguments])
+        self.device.launch(program, kernel, items, self._own.group, [*self.scene_arguments, *arguments])
 
     def launch_over(self, program: Program, kernel: str, count: int, arguments: Sequence[Argument]) -> None:
         """Launch a kernel over `count` elements, one per lane; the scene's arguments come first."""
@@ -346,7 +352,8 @@ class DeviceWorker:
 
     def _most_flying(self) -> int:
         """Slices that may be in progress when the next is launched, so that the device need not wait for the host."""
-        return 0 if self._rate == 0.0 or self._pipeline.sample_by_sample or self._short_loops else 1
+        waits = self._pipeline.sample_by_sample or self._tracing.waits
+        return 0 if self._rate == 0.0 or waits or self._short_loops else 1
 
     def _read(self, sums: Buffer, counts: Buffer, slots: int) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32]]:
         result = np.empty((slots, 3, 4), np.uint32), np.empty(slots, np.uint32)
@@ -359,10 +366,9 @@ class DeviceWorker:
         device = self.device
         more, rays = self._prepared(part.first_sample)
         begin = time.perf_counter()
-        build, program = self._tracing.build, self._tracing.program
-        items = _padded(-(-part.slot_count // (build.lanes * build.packets)), build.group)
+        rows = self._tracing.rows(part.slot_count, part.sample_count)
         samples = self._scratch.buffer("samples", 12 * part.slot_count * part.sample_count)
-        stats = self._scratch.buffer("stats", _STATS_BYTES * items)
+        stats = self._scratch.buffer("stats", _STATS_BYTES * rows)
         if self._short_loops:
             device.write(samples, np.full(3 * part.slot_count * part.sample_count, np.nan, np.float32))
         span = [
@@ -371,8 +377,7 @@ class DeviceWorker:
         if self._pipeline.record_bytes:
             record_bytes = self._pipeline.record_bytes * part.slot_count * part.sample_count
             more.append(self._scratch.buffer("records", record_bytes))
-        for kernel in (self._pipeline.kernel, *self._pipeline.then):
-            self._launch_in(build.group, program, kernel, items, [*span, samples, stats, *more])
+        self._tracing.trace(self.scene_arguments, span, samples, stats, more)
         head: list[Buffer | np.generic] = [
             self._settings_buffer,
             samples,
@@ -385,7 +390,7 @@ class DeviceWorker:
         else:
             tail = [np.uint32(part.first_sample), *tail, *self._replicates.buffers, *self._splats]
             self._launch(self._accumulate, "film_accumulate_replicates", part.slot_count, [*head, *tail])
-        return _Slice(part, self._begin_stats(stats, items), rays, begin)
+        return _Slice(part, self._begin_stats(stats, rows), rays, begin)
 
     def _begin_stats(self, stats: Buffer, items: int) -> Reading:
         """Enqueue the reading of a launch's statistics; many of them are first summed up."""
@@ -482,6 +487,11 @@ def _fill(device: Device) -> int:
     A GPU hides memory latency with many threads: two thousand on each compute unit.
     """
     return 4096 if device.is_cpu else max(_GPU_FILL, _UNIT_THREADS * device.info.compute_units)
+
+
+def _staged_paths(device: Device, path_bytes: int) -> int:
+    """Paths under way at a time in stages: as many as fully occupy the device, in an eighth of its free memory."""
+    return max(1, int(min(_fill(device), device.free_bytes / 8 // path_bytes)))
 
 
 def probe_hash(device: Device) -> str:

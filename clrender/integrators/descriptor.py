@@ -43,6 +43,8 @@ class Pipeline:
         Whether the squares of replicates are summed, if there are replicates.
     splats : bool
         Whether paths from the lights add to pixels; they are then prepared for each unit (`SplattingPreparation`).
+    staged : bool
+        Whether the same samples can be traced in stages (kernels/staged/stage.h).
     """
 
     entry: str
@@ -53,6 +55,7 @@ class Pipeline:
     sample_by_sample: bool = False
     squares: bool = True
     splats: bool = False
+    staged: bool = False
 
 
 @dataclass(frozen=True)

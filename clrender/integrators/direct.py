@@ -9,7 +9,7 @@ from clrender.integrators.descriptor import BETWEEN_DIFFUSE, CAUSTICS, Integrato
 __all__ = ["INTEGRATOR"]
 
 INTEGRATOR: Final = Integrator(
-    Pipeline("integrator/path.cl", "integrator_path", packets=8),
+    Pipeline("integrator/path.cl", "integrator_path", packets=8, staged=True),
     leaves_out=(BETWEEN_DIFFUSE, CAUSTICS),
     takes={"indirect_rays": (1, 0)},
     fixed={"indirect_rays": 0},

@@ -114,6 +114,7 @@ class JobRender:
             self._settings.work_group,
             self._settings.samples_per_pass,
             self._settings.traversal,
+            staged=self._settings.kernels == "staged",
             code=self._settings.code,
         )
         self._seconds: dict[str, float] = {}

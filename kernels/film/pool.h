@@ -47,15 +47,16 @@ static uint pool_number(void) {
 #endif
 }
 
-static Pool pool_open(__global const Settings* settings, __global float* samples, uint first_slot, uint slot_count,
-                      uint first_sample, uint sample_count) {
+// `base`: where its slots begin, counted from first_slot.
+static Pool pool_open_at(__global const Settings* settings, __global float* samples, uint first_slot, uint slot_count, uint first_sample,
+                         uint sample_count, uint base) {
     Pool pool;
     pool.samples = samples;
     pool.first_slot = first_slot;
     pool.slot_count = slot_count;
     pool.first_sample = first_sample;
     pool.sample_count = sample_count;
-    pool.base = pool_number() * (LANES * PACKETS);
+    pool.base = base;
     pool.end = min(pool.base + LANES * PACKETS, slot_count);
     pool.block = slot_block(settings, first_slot + pool.base);
     pool.next = 0;
@@ -63,6 +64,11 @@ static Pool pool_open(__global const Settings* settings, __global float* samples
     pool.weight = settings->filter_weight;
 #endif
     return pool;
+}
+
+static Pool pool_open(__global const Settings* settings, __global float* samples, uint first_slot, uint slot_count, uint first_sample,
+                      uint sample_count) {
+    return pool_open_at(settings, samples, first_slot, slot_count, first_sample, sample_count, pool_number() * (LANES * PACKETS));
 }
 
 static int pool_empty(const Pool* pool) { return pool->base >= pool->end; }

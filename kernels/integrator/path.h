@@ -102,6 +102,7 @@ static void path_find(const Scene* scene, Path* path, FreePath* free, Hit* hit) 
     }
     find_finish(scene, &ahead, hit);
     EACH_PACKET(k) {
+        path_take_again(&path[k], as_uint(hit[k].distance));
         split_again(&path[k].split, &hit[k]);
         surface_prefetch(scene, hit[k]);
     }
@@ -179,10 +180,11 @@ static Interior path_towards(const Path* path, const Vertex* vertex, const Light
 }
 
 // The share of the path's radiance that one of its light samples brings, as far as nothing is in the way.
-static vec3 path_direct(const Scene* scene, const Path* path, const Vertex* vertex, const LightSample* light, const Interior* in) {
+static vec3 path_direct(const Scene* scene, Path* path, const Vertex* vertex, const LightSample* light, const Interior* in) {
     __global const Settings* settings = scene->settings;
     vfloat bsdf_pdf;
     const vec3 f_cosine = bsdf_eval(&vertex->bsdf, light->direction, &bsdf_pdf);
+    path_take_again(path, as_uint(bsdf_pdf));
     bsdf_pdf = guide_pdf(scene, vertex, light->direction, bsdf_pdf);
     const vfloat weight = path_weight_sampled(scene, path, vertex, light, bsdf_pdf);
     const vfloat share = weight * guide_light_weight(vertex) * inverse_or_one(light->pdf * (float)settings->shadow_rays);
@@ -212,8 +214,9 @@ static void path_sample_light(const Scene* scene, Path* path, const Vertex* vert
             const LightSample light = light_sample_chosen(scene, surface->point, surface->primitive, &choice[k]);
             INVARIANT(&path[k], INVARIANT_LIGHT_SAMPLE, light_sample_violates(&light, asked[k]));
             const Interior in = path_towards(&path[k], &vertex[k], &light);
-            direct->arriving[k] = choose(asked[k], path_direct(scene, &path[k], &vertex[k], &light, &in), vec3_all(0.0f));
             direct->shadow[k] = shadow_ray(surface, &light, &in);
+            path_put_shadow(&path[k], &direct->shadow[k]);
+            direct->arriving[k] = choose(asked[k], path_direct(scene, &path[k], &vertex[k], &light, &in), vec3_all(0.0f));
         }
         asked[k] = path_asks(direct, k);
         stats->shadow_rays += lane_count(asked[k]);
@@ -281,7 +284,9 @@ static vmask path_sample_bsdf(const Scene* scene, Path* path, Vertex* vertex) {
     vuint bits_u, bits_v;
     sampler_bits(path->sample.sampler, sampler_set(path->depth, SET_BSDF), &bits_u, &bits_v);
     guide_choose(vertex, &bits_u);
+    path_put_down(path);
     BsdfSample next = bsdf_sample(bsdf, bits_u, bits_v);
+    path_take_again(path, as_uint(next.pdf));
     INVARIANT(path, INVARIANT_BSDF_SAMPLE, bsdf_sample_violates(&next, bsdf->specular, vertex->scatters));
     guide_sample(scene, vertex, bits_u, bits_v, &next);
     interior_straighten(&vertex->crossing, path->ray.direction, &next.direction, &next.weight);

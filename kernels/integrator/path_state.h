@@ -77,7 +77,63 @@ typedef struct {
 #ifdef INVARIANTS
     vmask broken;            // by some struct on its way: core/invariant.h
 #endif
+#ifdef PATH_STAGED
+    __global uint* state;    // where it stands in global memory (staged/state.h)
+#endif
 } Path;
+
+// In stages a path stands in global memory, too. While a BSDF is evaluated it takes no registers: it is put down before, as far as it has changed,
+// and taken again after; `known` is a word of the result, which keeps a compiler from taking it before.
+#ifdef PATH_STAGED
+static void path_put_down(const Path* path);
+static void path_take_again(Path* path, uint known);
+#define path_put_shadow(path, shadow) state_put_shadow((path)->state, shadow)
+#else
+#define path_put_shadow(path, shadow)
+static void path_put_down(const Path* path) {}
+#define path_take_again(path, known)
+#endif
+
+// What a path carries through global memory or to another lane, member by member: the kind of number, and where it stands in `path`. The ends of
+// its ray are not among it: a path sets them anew at every vertex.
+#ifdef INTERIORS
+#define PATH_INTERIOR(UINT) UINT(path->interior.first) UINT(path->interior.last) UINT(path->interior.straight)
+#else
+#define PATH_INTERIOR(UINT)
+#endif
+#ifdef STRAIGHT_SHADOWS
+#define PATH_PASSED(FLOAT) FLOAT(path->passed)
+#else
+#define PATH_PASSED(FLOAT)
+#endif
+#ifdef PATH_BIDIRECTIONAL
+#define PATH_WEIGHTS(FLOAT) FLOAT(path->techniques.edge) FLOAT(path->techniques.earlier)
+#else
+#define PATH_WEIGHTS(FLOAT) FLOAT(path->bsdf_samples) FLOAT(path->bsdf_pdf)
+#endif
+#ifdef PATH_GUIDED
+#define PATH_EXPECTED(FLOAT) FLOAT(path->expected)
+#else
+#define PATH_EXPECTED(FLOAT)
+#endif
+#define PATH_VEC3(FLOAT, v) FLOAT(v.x) FLOAT(v.y) FLOAT(v.z)
+#define PATH_MEMBERS(FLOAT, UINT)         \
+    PATH_VEC3(FLOAT, path->radiance)      \
+    PATH_VEC3(FLOAT, path->throughput)    \
+    UINT(path->sample.slot)            \
+    UINT(path->sample.number)          \
+    UINT(path->sample.sampler.seed)    \
+    UINT(path->sample.sampler.index)   \
+    PATH_VEC3(FLOAT, path->ray.origin)    \
+    PATH_VEC3(FLOAT, path->ray.direction) \
+    UINT(path->ray.from)               \
+    FLOAT(path->index_squared)         \
+    UINT(path->depth)                  \
+    PATH_VEC3(FLOAT, path->normal)     \
+    PATH_WEIGHTS(FLOAT)                \
+    PATH_EXPECTED(FLOAT)               \
+    PATH_INTERIOR(UINT)                \
+    PATH_PASSED(FLOAT)
 
 // No lane has a path. All is set all the same: a lane without one computes along, and must do so without harm.
 static Path path_none(void) {

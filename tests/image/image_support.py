@@ -75,7 +75,7 @@ class Cutting:
     Attributes
     ----------
     lanes, tile, samples_per_pass, work_group : int or None
-    traversal, code : str or None
+    traversal, code, kernels : str or None
         None, as for the numbers: as the device would choose.
     order : str
         ``in order``, or ``shuffled``: single tiles and few samples in random order.
@@ -88,10 +88,13 @@ class Cutting:
     work_group: int | None = None
     order: str = "in order"
     code: str | None = None
+    kernels: str | None = None
 
     def __str__(self) -> str:
         words = [f"lanes {self.lanes}", f"{self.traversal}", f"tile {self.tile}", f"pass {self.samples_per_pass}"]
-        return ", ".join([*words, f"group {self.work_group}", self.order, f"{self.code} code"])
+        return ", ".join(
+            [*words, f"group {self.work_group}", self.order, f"{self.code} code", f"{self.kernels} kernels"]
+        )
 
 
 def product(lanes: Sequence[int] = LANES, traversals: Sequence[str] = TRAVERSALS) -> Iterator[Cutting]:
@@ -283,6 +286,7 @@ def render(scene: str, devices: Sequence[Device], cutting: Cutting | None = None
                 "samples_per_pass": cutting.samples_per_pass,
                 "work_group": cutting.work_group,
                 "code": cutting.code,
+                "kernels": cutting.kernels,
                 **settings,
             },
         )

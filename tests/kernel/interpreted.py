@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final
+from unittest.mock import patch
 
 import numpy as np
 from meshes import icosphere
@@ -75,7 +76,7 @@ class Run:
     Attributes
     ----------
     kernel : str
-        An integrator's name.
+        An integrator's name, or one of `others`.
     lanes : int
     traversal : str
     samples : int
@@ -176,6 +177,10 @@ RENDERS: Final = {
     "path-1-sun": Run("path", 1, rough=True, lamps=True, sun=True),
     "whitted-1-sun": Run("whitted", 1, sun=True),
     "photon-4-sun": Run("photon", 4, sun=True),
+    "staged-1": Run("staged", 1, samples=2),
+    "staged-1-media": Run("staged", 1, rough=True, media=True, skin=True),
+    "staged-1-holes": Run("staged", 1, instances=True, opacity="holes", lamps=True),
+    "staged-splits-1": Run("staged-splits", 1, samples=2, filter="mitchell"),
     "path-4-replicates": Run("path", 4, samples=4, replicate=2),
     "path-16": Run("path", 16, samples=2),
     "path-1-large": Run("path", 1, large=True),
@@ -370,8 +375,9 @@ def field_over(flat: FlatScene) -> GuidingField:
 def render(device: Device, run: Run) -> str:
     """Hash of the sums of an image."""
     settings = RenderSettings(filter=run.filter).struct(TILE)
-    indirect = {"reuse": 1, "photon": 0, "bdpt": 1, "training": 1, "chains": 1, "chains-bdpt": 1}.get(run.kernel, 2)
-    shadow = 1 if run.kernel in ("bdpt", "chains-bdpt", "training") else 2
+    once = ("reuse", "bdpt", "training", "chains", "chains-bdpt", "staged")
+    indirect = 0 if run.kernel == "photon" else 1 if run.kernel in once else 2
+    shadow = 1 if run.kernel in ("bdpt", "chains-bdpt", "training", "staged") else 2
     for name, value in {
         "width": WIDTH, "height": HEIGHT, "tile": TILE, "seed": 5, "shadow_rays": shadow, "max_depth": 6, "reuse": 16,
         "indirect_rays": indirect, "roulette": layout.ROULETTE_THROUGHPUT, "light_samples": shadow,
@@ -391,11 +397,14 @@ def render(device: Device, run: Run) -> str:
     trained = FieldSums(device, field_over(flat), 2.0) if run.kernel == "training" else None
     if trained is not None:
         prepare = lambda _: trained  # noqa: E731
-    cut = LaunchConfig(run.lanes, 2, None, run.traversal, code="any" if run.universal else None)
-    others = {"guided": GUIDED, "training": TRAINING, "chains": INTEGRATORS["path"].pipeline}
+    staged = run.kernel.startswith("staged")
+    cut = LaunchConfig(run.lanes, 2, None, run.traversal, staged=staged, code="any" if run.universal else None)
+    others = {"guided": GUIDED, "training": TRAINING}
+    others |= dict.fromkeys(("chains", "staged", "staged-splits"), INTEGRATORS["path"].pipeline)
     others["chains-bdpt"] = INTEGRATORS["bdpt"].pipeline
     pipeline = others[run.kernel] if run.kernel in others else INTEGRATORS[run.kernel].pipeline
-    worker = DeviceWorker(device, flat, settings, pipeline, cut, prepare)
+    with patch("clrender.device.worker._staged_paths", lambda *_: 32):  # others take the places of those that end
+        worker = DeviceWorker(device, flat, settings, pipeline, cut, prepare)
     sums = worker.render(Unit(0, slot_count(WIDTH, HEIGHT, TILE), 0, run.samples, TILE))
     learned = b"" if trained is None else b"".join(array.tobytes() for array in trained.read())
     worker.release()

@@ -270,6 +270,7 @@ def test_a_render_changes_to_its_own_program(pocl: Device, monkeypatch: pytest.M
     monkeypatch.setattr("clrender.device.tracing_program.FEW_RAYS", 1)
     worker = DeviceWorker(pocl, flat, settings, launch=LaunchConfig(samples=1, stand_ins=True))
     begin = worker.render(unit)
+    assert isinstance(worker._tracing, TracingProgram)
     small = worker._tracing.program
     assert "SMALL_CODE" in small.source.text
     deadline = time.monotonic() + 300.0

@@ -103,12 +103,12 @@ def test_many_mixed_scenes(session: clrender.Session, folder: Path, part: int) -
     assert not (found := surprising(made, ALARM / PARTS)), told(found)
 
 
-def cut(session: clrender.Session, folder: Path, mixed: Mixed, *cuts: dict[str, Any]) -> set[str]:
+def cut(session: clrender.Session, folder: Path, mixed: Mixed, *cuts: dict[str, Any], **settings: Any) -> set[str]:
     """Hashes of a small image by a program with all features, whole and with the work cut in other ways."""
     what = Mixed(mixed.name, with_all_features(mixed.content)).scene(folder)
     with compiled_for_volumes():
-        made = [session.render(what, size=(24, 20), spp=4, **each).stats["image_sha256"] for each in ({}, *cuts)]
-    return set(made)
+        made = [session.render(what, size=(24, 20), spp=4, **settings, **each) for each in ({}, *cuts)]
+    return {image.stats["image_sha256"] for image in made}
 
 
 IN_PIECES: dict[str, Any] = {"tile": 16, "samples_per_pass": 1}
@@ -123,8 +123,20 @@ def test_mixed_scenes_have_the_same_bits_however_they_are_cut(
     A GPU has not the registers for several lanes of a program with all features.
     """
     scenes = [mixed_scene(kind, number) for kind, numbers in SIDE_BY_SIDE.items() for number in numbers]
-    cuts = (IN_PIECES, {"lanes": 4}) if device.is_cpu else (IN_PIECES,)
+    cuts = (IN_PIECES, {"kernels": "staged"}, {"lanes": 4})[: 3 if device.is_cpu else 2]
     assert [mixed.name for mixed in scenes if len(cut(session, folder, mixed, *cuts)) != 1] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("settings", [{}, {"shadow_rays": 2, "indirect_rays": 2}, {"specular_chains": "on"}], ids=str)
+def test_mixed_scenes_have_the_same_bits_in_stages(
+    session: clrender.Session, folder: Path, settings: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Few paths are under way, so that others take the places of those which end."""
+    monkeypatch.setattr("clrender.device.worker._staged_paths", lambda *_: 96)
+    scenes = [mixed_scene(kind, number) for kind, number in product(KINDS, range(25))]
+    ways = {mixed.name: cut(session, folder, mixed, {"kernels": "staged"}, **settings) for mixed in scenes}
+    assert [name for name, hashes in ways.items() if len(hashes) != 1] == []
 
 
 @pytest.mark.long
