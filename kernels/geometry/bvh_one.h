@@ -98,7 +98,7 @@ __attribute__((always_inline)) static void bvh_one(const Bvh* bvh, PacketRay* ra
     for (;;) {
         uint children = 0, parent = reference;
         if (entered <= ray->nearest) {
-            BVH_STEP(ray);
+            BVH_STEP(ray, reference);
             if (reference & BVH_LEAF) {
                 if (reference & BVH_ANALYTIC)
                     packet_analytic(ray, bvh, reference, entered, any_hit);

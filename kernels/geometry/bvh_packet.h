@@ -46,7 +46,7 @@ __attribute__((always_inline)) static int bvh_packet(const Bvh* bvh, PacketRay* 
         const vmask wants = entered <= ray->nearest;
         --top;
         if (!lane_any(wants)) continue;
-        BVH_STEP(ray);
+        BVH_STEP(ray, reference);
         if (!(reference & BVH_LEAF)) {
 #if PACKET_PARTS > 0
             if (lane_count(wants) <= PACKET_PARTS && handed_over < SINGLE_STARTS - 1)

@@ -24,15 +24,15 @@ typedef struct {
     uint triangle_offset, analytic_offset;   // from primitives in packs to their numbers
 #endif
 #ifdef BVH_COUNT_STEPS
-    uint steps;                  // nodes and packs looked into
+    uint nodes, packs;           // that were looked into
 #endif
 } PacketRay;
 
-// Counts what a traversal costs wherever it runs (tests/kernel/test_steps.py).
+// Counts what a traversal costs wherever it runs (tests/kernel/test_steps.py, scripts/ray_bench.py).
 #ifdef BVH_COUNT_STEPS
-#define BVH_STEP(ray) ++(ray)->steps
+#define BVH_STEP(ray, reference) (reference) & BVH_LEAF ? ++(ray)->packs : ++(ray)->nodes
 #else
-#define BVH_STEP(ray)
+#define BVH_STEP(ray, reference)
 #endif
 
 static void packet_aim(PacketRay* p, vec3 origin, vec3 direction) {
@@ -60,7 +60,7 @@ static PacketRay packet_ray(const Ray* ray, vmask active) {
     p.triangle_offset = p.analytic_offset = 0;
 #endif
 #ifdef BVH_COUNT_STEPS
-    p.steps = 0;
+    p.nodes = p.packs = 0;
 #endif
     return p;
 }

@@ -17,8 +17,8 @@ __kernel void count_steps(__global const float* nodes, __global const float* tri
     PacketRay ordered = packet_ray(&ray, 1), unordered = ordered;
     bvh_one(&bvh, &ordered, 0);
     bvh_packet(&bvh, &unordered, 0, 0, 0);
-    steps[at] = ordered.steps;
-    steps[n + at] = unordered.steps;
+    steps[at] = ordered.nodes + ordered.packs;
+    steps[n + at] = unordered.nodes + unordered.packs;
     distances[at] = ordered.nearest;
     distances[n + at] = unordered.nearest;
 }
