@@ -165,9 +165,33 @@ static void single_analytic(SingleRays* rays, int ray, const Bvh* bvh, uint refe
                 bvh_members(reference), any_hit);
 }
 
-// Push the children that the ray enters, the nearest last. The boxes' near planes are known by the ray's direction, which gives the
+// The children to push, the one to visit first last, then any others. What is not entered comes behind them.
+//
+// Where any hit will do they stay as they lie: rays that meet nothing visit all of them. In small trees the nearest is the last, and the others stay: a
+// ray meets one or two children, and comes back to few of those that are left. In large ones they are sorted, the farthest first: distances
+// count but for their last three bits, which are the child's number, so that no two are equal.
+static uint8 single_order(int8 passes, float8 near, int any_hit) {
+    const uint8 number = (uint8)(0, 1, 2, 3, 4, 5, 6, 7), key = (as_uint8(near) & ~7u) | number;
+#if LANES > 1 && defined(BVH_PREFETCH)
+    return any_hit ? eight_to_front(passes) : eight_sorted(passes ? key : number) & 7u;
+#elif LANES > 1
+    uint8 order;
+    if (any_hit)
+        order = eight_to_front(passes);
+    else {
+        const uint nearest = least_uint_of_eight(passes ? key : (uint8)(NONE)) & 7u;
+        order = eight_to_front(passes & (number != nearest));
+        order = number == (uint)(count_of_eight(passes) - 1) ? (uint8)(nearest) : order;
+    }
+    return order;
+#else
+    return eight_sorted(passes ? key : number) & 7u;
+#endif
+}
+
+// Push the children that the ray enters, the first to visit last. The boxes' near planes are known by the ray's direction, which gives the
 // same interval as sorting them does (geometry/box.inc): rounding is monotonic. Returns the new top of the stack.
-static int single_children(SingleRays* rays, int ray, int top, __global const float* node) {
+static int single_children(SingleRays* rays, int ray, int top, __global const float* node, int any_hit) {
     float8 near_at[3], far_at[3];
     #pragma unroll
     for (int k = 0; k < 3; ++k) {
@@ -179,10 +203,7 @@ static int single_children(SingleRays* rays, int ray, int top, __global const fl
     box_clip_pack(near_at[0], near_at[1], near_at[2], far_at[0], far_at[1], far_at[2], single_begin(rays, ray), &near, &far);
     const int8 passes = (near <= far) & (near <= rays->nearest[ray]) & single_reaches(rays, ray, far);
 
-    // Sort those to push, the farthest first. Distances count but for their last three bits, which are the child's number, so that no
-    // two are equal; what is not entered comes last of all and is left above the top.
-    const uint8 number = (uint8)(0, 1, 2, 3, 4, 5, 6, 7);
-    const uint8 order = eight_sorted(passes ? (as_uint8(near) & ~7u) | number : number) & 7u;
+    const uint8 order = single_order(passes, near, any_hit);
     const uint8 references = as_uint8(vload8(0, node + BVH_CHILD)), enters = as_uint8(near);
     const ulong8 entries = convert_ulong8(eight_in_order(enters, order)) << 32 | convert_ulong8(eight_in_order(references, order));
     vstore8(entries, 0, rays->stack[ray] + top + 1);
@@ -276,7 +297,7 @@ static void bvh_single(const Bvh* bvh, SingleRays* rays, int any_hit) {
                 else
 #endif
                 if (!(reference & BVH_LEAF))
-                    top = single_children(rays, ray, top, bvh->nodes + (size_t)reference * BVH_NODE_WORDS);
+                    top = single_children(rays, ray, top, bvh->nodes + (size_t)reference * BVH_NODE_WORDS, any_hit);
                 else if (reference & BVH_ANALYTIC)
                     single_analytic(rays, ray, bvh, reference, entered, any_hit);
                 else
