@@ -125,6 +125,8 @@ _SCENELESS: Final = [
     "radiosity/sweep",
 ]
 _STAGES: Final = ("begin", "extend", "light", "scatter", "shadow")
+_MASKED_STAGES: Final = ("masked", "masked_shadow")
+"""Of scenes in which surfaces have holes."""
 _STAGES_MARK: Final = "<!-- scripts/gpu_static --update, stages -->\n"
 _STAGES_TARGET: Final = "sm_90"
 _RADIOSITY: Final = ["direct", "display", "form", "gather", "update"]
@@ -145,6 +147,8 @@ def _programs() -> dict[str, Program]:
     for stage in _STAGES:
         for tier, macros in _TIERS.items():
             made[f"staged/{stage}, {tier}"] = Program(f"staged/{stage}.cl", macros)
+    for stage in _MASKED_STAGES:
+        made[f"staged/{stage}, everything"] = Program(f"staged/{stage}.cl", _TIERS["everything"])
     unsplit = {name: value for name, value in _TIERS["everything"].items() if name != "PATH_SPLITS"}
     for name, more in (
         ("integrator/bdpt", {}),
@@ -397,7 +401,7 @@ def _stages_table(usages: Sequence[Usage]) -> Iterator[str]:
     found = {each.program: each for each in usages if each.target == _STAGES_TARGET}
     yield f"| stage | {' | '.join(_TIERS)} |"
     yield f"|---|{'---|' * len(_TIERS)}"
-    for stage in _STAGES:
+    for stage in (*_STAGES, *_MASKED_STAGES):
         each = (found.get(f"staged/{stage}, {tier}") for tier in _TIERS)
         yield (
             f"| {stage} | "

@@ -2,8 +2,8 @@
 
 Rays are those of diffuse paths: from the camera in the order in which kernels trace them, from bounces at the first
 three vertices, and to lights. Each library finds nearest hits, of shadow rays any hit. Embree (3.13, ``libembree3-3``
-of Debian) gets streams of rays: as packets, with its flag for coherent rays, and ray by ray. Both are measured in turns,
-by processor time; of Embree's rays a hundredth is checked to hit what the kernels hit.
+of Debian) gets streams of rays: as packets, with its flag for coherent rays, and ray by ray. Both are measured in
+turns, by processor time, and the share of rays is told of which they find something else.
 
 Examples: ``python scripts/ray_bench.py S1-tess S4``, ``python scripts/ray_bench.py scene.xml --rays 100000``.
 """
@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -37,7 +37,6 @@ from clrender.flatten.flat_scene import FlatScene, flatten
 
 if TYPE_CHECKING:
     from clrender.device import Device
-    from clrender.device.device import Buffer
 
 __all__: list[str] = []
 
@@ -136,7 +135,10 @@ class Tree:
         self.device = device
         names = ("vertices", "triangles", "analytic_shapes", "primitive_shape", "shapes")
         self._arrays = [device.upload(flat.arrays[name]) for name in names]
-        self.bvh = bvh.build(device, bvh.SourceArrays(*self._arrays, flat.triangle_count, 0))
+        vertices, triangles, round_shapes, shape_of, shapes = self._arrays
+        count = flat.triangle_count
+        source = bvh.SourceArrays(vertices, triangles, round_shapes, shape_of, shapes, count, 0)
+        self.bvh = bvh.build(device, source)
         self.corners = flat.arrays["vertices"][flat.arrays["triangles"][: flat.triangle_count]]
 
     @property
@@ -186,7 +188,12 @@ class Kernels:
         leaves[: self._count] = rays.leaves
         device = tree.device
         self._items, self._padded = padded // each, padded
-        self._buffers = [device.upload(numbers), device.upload(leaves), device.empty(4 * padded), device.empty(4 * padded)]
+        self._buffers = [
+            device.upload(numbers),
+            device.upload(leaves),
+            device.empty(4 * padded),
+            device.empty(4 * padded),
+        ]
 
     @property
     def _arguments(self) -> list[Any]:
@@ -233,7 +240,7 @@ class Kernels:
 class _Context(ctypes.Structure):
     """Embree's RTCIntersectContext."""
 
-    _fields_: Final = [("flags", ctypes.c_uint), ("filter", ctypes.c_void_p), ("instance", ctypes.c_uint)]
+    _fields_: ClassVar = [("flags", ctypes.c_uint), ("filter", ctypes.c_void_p), ("instance", ctypes.c_uint)]
 
 
 class Embree:
@@ -274,7 +281,12 @@ class Embree:
         """Trace them, and return the time and the hits (`RAY_HIT`, or `RAY` if any hit counts)."""
         dtype = RAY if any_hit else RAY_HIT
         given = np.zeros(len(rays), dtype)
-        given["origin"], given["direction"], given["far"], given["mask"] = rays.origins, rays.directions, rays.limits, _INVALID
+        given["origin"], given["direction"], given["far"], given["mask"] = (
+            rays.origins,
+            rays.directions,
+            rays.limits,
+            _INVALID,
+        )
         if not any_hit:
             given["geometry"] = given["instance"] = _INVALID
         context = _Context(flag, None, _INVALID)
@@ -439,7 +451,9 @@ def main() -> int:
             rows.append({"scene": name, "kind": kind, **row})
             rates = (f"{row[way]:.2f}" if way in row else "–" for way in ("kernels", "embree packets", "embree single"))
             steps, other = f"{row['nodes']:.1f}, {row['packs']:.1f}", f"{row.get('other hits', 0.0):.1e}"
-            print(f"| {name} | {kind} | {steps} | {' | '.join(rates)} | {row['ns per step']:.1f} | {other} |", flush=True)
+            print(
+                f"| {name} | {kind} | {steps} | {' | '.join(rates)} | {row['ns per step']:.1f} | {other} |", flush=True
+            )
         tree.release()
     if options.json:
         print(json.dumps(rows, indent=1))

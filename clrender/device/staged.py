@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 __all__ = ["StagedTracing"]
 
 _STAGES: Final = ("extend", "light", "scatter", "shadow", "begin")
-"""Steps of a round, in order; the last one of a round prepares the next."""
+_MASKED_STAGES: Final = ("extend", "masked", "light", "scatter", "shadow", "masked_shadow", "begin")
+"""Steps of a round, in order, in a scene without masked surfaces, and in others; the last prepares the next round."""
 _BLOCK: Final = 32
 """Paths whose states lie side by side (kernels/staged/state.h)."""
 _MOST_ROUNDS: Final = 16
@@ -59,7 +60,8 @@ class StagedTracing:
         self, device: Device, macros: Mapping[str, int | str], group: int, samples: int | None, paths: int
     ) -> None:
         self._device, self._group = device, group
-        self._programs = {stage: device.program(f"staged/{stage}.cl", macros, samples) for stage in _STAGES}
+        stages = _MASKED_STAGES if "OPACITY" in macros else _STAGES
+        self._programs = {stage: device.program(f"staged/{stage}.cl", macros, samples) for stage in stages}
         whole = int(np.lcm(group, _BLOCK))
         self.paths = -(-paths // whole) * whole
         with ExitStack() as undone:
@@ -136,7 +138,7 @@ class StagedTracing:
                     return
                 items = -(-active // self._group) * self._group  # no path is added any more
             for _ in range(rounds):
-                for stage in _STAGES:
+                for stage in self._programs:
                     self._launch(stage, paths if stage == "begin" else items, arguments)
             rounds = min(2 * rounds, _MOST_ROUNDS)
 

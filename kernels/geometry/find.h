@@ -73,11 +73,9 @@ typedef struct {
 #endif
 } Search;
 
-// A packet sets out to find what is nearest; every one of them has to before they finish. `depth`: of the vertices that the rays leave.
-// `camera`: rays that come from there and pass what is hidden from it.
-static void find_start(const Scene* scene, Search* s, uint packet, const Ray* ray, Sampler sampler, vuint depth, vmask camera, vmask active) {
-    traverse_start(&scene->bvh, &s->opaque, packet, ray, active, 0);
-    masked_start(&s->masked, packet, ray, ray->limit, active);
+// A packet's rays go on to what is masked before this distance.
+static void find_start_masked(Search* s, uint packet, const Ray* ray, Sampler sampler, vuint depth, vmask camera, vfloat limit, vmask active) {
+    masked_start(&s->masked, packet, ray, limit, active);
     s->sampler[packet] = sampler;
     s->set[packet] = sampler_set(depth, SET_TEXTURE);
 #ifdef HIDDEN_SHAPES
@@ -85,12 +83,22 @@ static void find_start(const Scene* scene, Search* s, uint packet, const Ray* ra
 #endif
 }
 
-static void find_finish(const Scene* scene, Search* s, Hit* hit) {
+// A packet sets out to find what is nearest; every one of them has to before they finish. `depth`: of the vertices that the rays leave.
+// `camera`: rays that come from there and pass what is hidden from it.
+static void find_start(const Scene* scene, Search* s, uint packet, const Ray* ray, Sampler sampler, vuint depth, vmask camera, vmask active) {
+    traverse_start(&scene->bvh, &s->opaque, packet, ray, active, 0);
+    find_start_masked(s, packet, ray, sampler, depth, camera, ray->limit, active);
+}
+
+// The nearest opaque surfaces; then, with what is masked before them, the nearest that are there.
+static void find_finish_opaque(const Scene* scene, Search* s, Hit* hit) {
     traverse_finish(&scene->bvh, &s->opaque, 0);
     EACH_PACKET(k) {
         hit[k] = traverse_hit(&s->opaque, k);
         s->masked.ray[k].limit = hit[k].distance;
     }
+}
+static void find_finish_masked(const Scene* scene, Search* s, Hit* hit) {
     while (masked_next(scene, &s->masked)) {
         EACH_PACKET(k) {
             if (!lane_any(s->masked.open[k])) continue;
@@ -108,6 +116,11 @@ static void find_finish(const Scene* scene, Search* s, Hit* hit) {
             s->masked.open[k] = s->masked.open[k] & !there;
         }
     }
+}
+
+static void find_finish(const Scene* scene, Search* s, Hit* hit) {
+    find_finish_opaque(scene, s, hit);
+    find_finish_masked(scene, s, hit);
 }
 
 // Shadow rays: the share of light that gets through.
@@ -157,14 +170,28 @@ __attribute__((noinline)) static void passage_known(const Scene* scene, Masked* 
 static void passage_known(const Scene* scene, Masked* m, vfloat* left) {}
 #endif
 
-static void passage_finish(const Scene* scene, Passage* p) {
+// What nothing opaque stops; then, of that, what is left behind masked surfaces.
+static void passage_finish_opaque(const Scene* scene, Passage* p) {
     traverse_finish(&scene->bvh, &p->opaque, 1);
     EACH_PACKET(k) {
         p->masked.open[k] = p->masked.open[k] & !traverse_blocked(&p->opaque, k);
         p->left[k] = p->masked.open[k] ? splat(1.0f) : splat(0.0f);
     }
+}
+static void passage_finish_masked(const Scene* scene, Passage* p) {
     passage_known(scene, &p->masked, p->left);
     passage_through(scene, &p->masked, p->left);
+}
+
+static void passage_finish(const Scene* scene, Passage* p) {
+    passage_finish_opaque(scene, p);
+    passage_finish_masked(scene, p);
+}
+
+// Rays that nothing opaque stops, of which the first half of the search was elsewhere.
+static void passage_open(Passage* p, uint packet, const Ray* ray, vmask open) {
+    masked_start(&p->masked, packet, ray, ray->limit, open);
+    p->left[packet] = open ? splat(1.0f) : splat(0.0f);
 }
 
 static vfloat passage_left(const Passage* p, uint packet) { return p->left[packet]; }
@@ -194,10 +221,11 @@ typedef Traversal Search;
 static void find_start(const Scene* scene, Search* s, uint packet, const Ray* ray, Sampler sampler, vuint depth, vmask camera, vmask active) {
     traverse_start(&scene->bvh, s, packet, ray, active, 0);
 }
-static void find_finish(const Scene* scene, Search* s, Hit* hit) {
+static void find_finish_opaque(const Scene* scene, Search* s, Hit* hit) {
     traverse_finish(&scene->bvh, s, 0);
     EACH_PACKET(k) hit[k] = traverse_hit(s, k);
 }
+static void find_finish(const Scene* scene, Search* s, Hit* hit) { find_finish_opaque(scene, s, hit); }
 
 typedef Traversal Passage;
 

@@ -102,7 +102,6 @@ static void path_find(const Scene* scene, Path* path, FreePath* free, Hit* hit) 
     }
     find_finish(scene, &ahead, hit);
     EACH_PACKET(k) {
-        path_take_again(&path[k], as_uint(hit[k].distance));
         split_again(&path[k].split, &hit[k]);
         surface_prefetch(scene, hit[k]);
     }

@@ -101,20 +101,35 @@ static vec3 shadow_straight(const Scene* scene, const Interior* in, const LightS
     return interior_transmittance(scene, in, magnitude(sub(light->target, from)), light->infinite);
 }
 
-// A packet's rays set out, those of every packet before they finish.
-static void shadow_start(const Scene* scene, Shadows* shadows, uint packet, const ShadowRay* shadow, vmask asked) {
+// Rays that pass surfaces go their whole way. Returns whether they do.
+static int shadow_pass(const Scene* scene, Shadows* shadows, uint packet, const ShadowRay* shadow, vmask asked) {
 #ifdef STRAIGHT_SHADOWS
     shadows->pass = shadows_pass(scene);
-    if (shadows->pass) {
-        shadows->left[packet] = shadow_transmittance(scene, shadow, asked);
-        return;
-    }
+    if (shadows->pass) shadows->left[packet] = shadow_transmittance(scene, shadow, asked);
+    return shadows->pass;
+#else
+    return 0;
 #endif
+}
+
+// A packet's rays set out, those of every packet before they finish.
+static void shadow_start(const Scene* scene, Shadows* shadows, uint packet, const ShadowRay* shadow, vmask asked) {
+    if (shadow_pass(scene, shadows, packet, shadow, asked)) return;
     passage_start(scene, &shadows->passage, packet, &shadow->ray, asked);
 }
 static void shadow_finish(const Scene* scene, Shadows* shadows) {
     if (!shadows_pass(scene)) passage_finish(scene, &shadows->passage);
 }
+
+#ifdef OPACITY
+// The same for rays of which it is known that nothing opaque stops them, if they do not pass surfaces.
+static void shadow_start_masked(const Scene* scene, Shadows* shadows, uint packet, const ShadowRay* shadow, vmask asked) {
+    if (!shadow_pass(scene, shadows, packet, shadow, asked)) passage_open(&shadows->passage, packet, &shadow->ray, asked);
+}
+static void shadow_finish_masked(const Scene* scene, Shadows* shadows) {
+    if (!shadows_pass(scene)) passage_finish_masked(scene, &shadows->passage);
+}
+#endif
 
 // Whether light arrives; less may than was sent.
 static vmask shadow_arrives(const Shadows* shadows, uint packet, vec3* arriving) {

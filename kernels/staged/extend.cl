@@ -1,5 +1,5 @@
-// Stage of rays: where each meets the scene, and what that is.
-#include "staged/stage.h"
+// Stage of rays: the nearest opaque surface of each. Where nothing is masked, it is also the end of its way (staged/arrive.h).
+#include "staged/arrive.h"
 
 __kernel GROUPED void stage_extend(STAGE_PARAMETERS) {
     SCENE_COLLECT(scene);
@@ -12,14 +12,19 @@ __kernel GROUPED void stage_extend(STAGE_PARAMETERS) {
         Path path;
         FreePath free;
         Hit hit;
+        Search ahead;
         state_get_path(s, &path);
-        path_find(&scene, &path, &free, &hit);
-        path_travel(&scene, &path, &free, &hit);
+        path_free(&scene, &path, &free);
+        find_start(&scene, &ahead, 0, &path.ray, path.sample.sampler, path.depth, path.depth == 0u, path_traces(&path));
+        find_finish_opaque(&scene, &ahead, &hit);
+        path_take_again(&path, as_uint(hit.distance));
+#ifdef OPACITY
         state_put_hit(s, &hit);
-#ifdef INTERIORS
-        state_put_throughput(s, &path);
+#else
+        kind = arrive(&scene, s, &path, &free, &hit);
 #endif
-        kind = vertex_kind(&scene, path.alive, hit);
     }
+#ifndef OPACITY
     queue_append_kind(&queues, of_group, number, kind, number != NONE);
+#endif
 }

@@ -1,4 +1,4 @@
-// Stage of shadow rays: what of the light samples arrives.
+// Stage of shadow rays: what of the light samples arrives; where surfaces may be masked, only what nothing opaque stops.
 #include "staged/stage.h"
 
 __kernel GROUPED void stage_shadow(STAGE_PARAMETERS) {
@@ -9,10 +9,17 @@ __kernel GROUPED void stage_shadow(STAGE_PARAMETERS) {
     if (number == NONE) return;
     const State s = state_of(state, number);
     ShadowRay shadow;
-    Shadows shadows;
     state_get_shadow(s, &shadow);
+#ifdef OPACITY
+    if (shadows_pass(&scene)) return;  // such rays pass both kinds of surfaces
+    Passage passage;
+    passage_start(&scene, &passage, 0, &shadow.ray, mask_all());
+    passage_finish_opaque(&scene, &passage);
+    if (passage_left(&passage, 0) == 0.0f) state_put_vec3(s, STATE_ARRIVING_WORD, vec3_all(0.0f));
+#else
+    Shadows shadows;
     shadow_start(&scene, &shadows, 0, &shadow, mask_all());
     shadow_finish(&scene, &shadows);
-    vec3 arriving = state_get_vec3(s, STATE_ARRIVING_WORD);
-    if (shadow_arrives(&shadows, 0, &arriving)) state_put_vec3(s, STATE_PATH_WORD, add(state_get_vec3(s, STATE_PATH_WORD), arriving));
+    state_add_arriving(s, &shadows);
+#endif
 }

@@ -1,13 +1,16 @@
 // Path tracing in stages: every kernel takes one step of path.h for many paths (Laine, Karras and Aila, "Megakernels considered harmful:
 // wavefront path tracing on GPUs", 2013). The samples are those of integrator/path.cl, bit for bit, because the steps are the same functions.
 //
-//     kernel         of which paths         does                                                   fills
-//     stage_begin    all                    deliver paths that ended, start others in their place  the queue of paths to extend
-//     stage_extend   that queue             find where rays meet the scene, and travel there       a queue for each kind of vertex
-//     stage_shade    those queues           emission, light samples, scattering, roulette          the queue of shadow rays
-//     stage_shadow   that queue             trace the shadow rays, add what arrives                –
+//     kernel                of which paths   does                                                   fills
+//     stage_begin           all              deliver paths that ended, start others in their place  the queue of paths to extend
+//     stage_extend          that queue       find where rays meet opaque surfaces                   a queue for each kind of vertex
+//     stage_masked          that queue       find masked surfaces before those                      in its place, where there are any
+//     stage_light           those queues     emission, light samples                                the queue of shadow rays
+//     stage_scatter         those queues     sample the BSDF, roulette                              –
+//     stage_shadow          that queue       trace the shadow rays, add what arrives                –
+//     stage_masked_shadow   that queue       the same among masked surfaces, where there are any    –
 //
-// The host clears counters and flags, launches stage_begin, and then rounds of the other three and stage_begin, until no path is active and no sample is
+// The host clears counters and flags, launches stage_begin, and then rounds of all others and stage_begin, until no path is active and no sample is
 // left. A kernel is launched for as many work-items as there are paths at most; those behind the end of its queue do nothing.
 //
 // Built with one lane only: for GPUs, where a kernel of one step takes fewer registers than one of all, and where paths that are shaded side by side

@@ -199,4 +199,10 @@ static void state_get_shadow(State s, ShadowRay* shadow) {
     STATE_SHADOW(STATE_GET_FLOAT, STATE_GET_UINT)
 }
 
+// Add to the path's radiance what of the light sample arrives.
+static void state_add_arriving(State s, const Shadows* shadows) {
+    vec3 arriving = state_get_vec3(s, STATE_ARRIVING_WORD);
+    if (shadow_arrives(shadows, 0, &arriving)) state_put_vec3(s, STATE_PATH_WORD, add(state_get_vec3(s, STATE_PATH_WORD), arriving));
+}
+
 #endif
