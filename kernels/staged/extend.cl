@@ -11,17 +11,17 @@ __kernel GROUPED void stage_extend(STAGE_PARAMETERS) {
         const State s = state_of(state, number);
         Path path;
         FreePath free;
-        Hit hit;
+        Hit hit[PACKETS];
         Search ahead;
         state_get_path(s, &path);
         path_free(&scene, &path, &free);
         find_start(&scene, &ahead, 0, &path.ray, path.sample.sampler, path.depth, path.depth == 0u, path_traces(&path));
-        find_finish_opaque(&scene, &ahead, &hit);
-        path_take_again(&path, as_uint(hit.distance));
+        find_finish_opaque(&scene, &ahead, hit);
+        path_take_again(&path, as_uint(hit[0].distance));
 #ifdef OPACITY
-        state_put_hit(s, &hit);
+        state_put_hit(s, hit);
 #else
-        kind = arrive(&scene, s, &path, &free, &hit);
+        kind = arrive(&scene, s, &path, &free, hit);
 #endif
     }
 #ifndef OPACITY

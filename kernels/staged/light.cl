@@ -3,21 +3,22 @@
 
 // Returns whether the path asks for a shadow ray.
 static int light_vertex(const Scene* scene, State s, PoolStats* counted) {
-    Path path;
+    // Arrays, as in path_trace: rusticl's compiler (Mesa 22.3) crashes over an index into what is none
+    Path path[PACKETS];
+    Vertex vertex[PACKETS];
     Hit hit;
-    Vertex vertex;
     Direct direct;
     PoolStats by_scatter = {0, 0, splat_uint(0u)};
-    state_get_path(s, &path);
+    state_get_path(s, path);
     state_get_hit(s, &hit);
-    path_vertex(scene, &path, hit, &by_scatter, &vertex);
-    path_add_emission(scene, &path, &vertex);
-    path_add_sun(scene, &path, &vertex);
-    state_put_radiance(s, &path);
-    path_sample_direct(scene, &path, &vertex, &direct, counted);
+    path_vertex(scene, path, hit, &by_scatter, vertex);
+    path_add_emission(scene, path, vertex);
+    path_add_sun(scene, path, vertex);
+    state_put_radiance(s, path);
+    path_sample_direct(scene, path, vertex, &direct, counted);
 #if defined(SPECULAR_CHAINS) || defined(SEVERAL_SHADOW_RAYS)
-    chains_add(scene, &path, &vertex, counted);
-    state_put_radiance(s, &path);
+    chains_add(scene, path, vertex, counted);
+    state_put_radiance(s, path);
 #endif
 #ifdef SEVERAL_SHADOW_RAYS
     return 0;

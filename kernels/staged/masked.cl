@@ -11,17 +11,17 @@ __kernel GROUPED void stage_masked(STAGE_PARAMETERS) {
         const State s = state_of(state, number);
         Path path;
         FreePath free;
-        Hit hit;
+        Hit hit[PACKETS];
         state_get_path(s, &path);
-        state_get_hit(s, &hit);
+        state_get_hit(s, hit);
 #ifdef OPACITY
         Search ahead;
-        find_start_masked(&ahead, 0, &path.ray, path.sample.sampler, path.depth, path.depth == 0u, hit.distance, path_traces(&path));
-        find_finish_masked(&scene, &ahead, &hit);
-        path_take_again(&path, as_uint(hit.distance));
+        find_start_masked(&ahead, 0, &path.ray, path.sample.sampler, path.depth, path.depth == 0u, hit[0].distance, path_traces(&path));
+        find_finish_masked(&scene, &ahead, hit);
+        path_take_again(&path, as_uint(hit[0].distance));
 #endif
         path_free(&scene, &path, &free);
-        kind = arrive(&scene, s, &path, &free, &hit);
+        kind = arrive(&scene, s, &path, &free, hit);
     }
     queue_append_kind(&queues, of_group, number, kind, number != NONE);
 }
