@@ -87,6 +87,11 @@ class Program:
         self.kernels: dict[str, cl.Kernel] = {}
         self.launched: set[tuple[str, int]] = set()
 
+    @property
+    def is_small(self) -> bool:
+        """Whether it is small code."""
+        return f"#define {SMALL_CODE} " in self.source.text
+
 
 class Device:
     """An OpenCL device ready for work: in-order queue, programs cached by entry and definitions.
@@ -121,6 +126,9 @@ class Device:
     compile_aside : callable or None
         Begins to compile a program in another process, so that this one has it later, and returns the `Aside`; None
         if it cannot now.
+    prove_fast : callable or None
+        Called before fast code traces the first samples, where the device also has small code; raises `DeviceError` if
+        the driver compiles fast code wrongly.
     lost : bool
         Whether a driver call did not return. Further calls might not return either, so none is made.
 
@@ -165,6 +173,7 @@ class Device:
         self.turn = Turn(BUSY)
         self.on_compile: Callable[[bool], None] | None = None
         self.compile_aside: Callable[[Compilation], Aside | None] | None = None
+        self.prove_fast: Callable[[], None] | None = None
         self.lost = False
         self._calls = 0
         self._compiling = False

@@ -62,7 +62,7 @@ class TracingProgram:
         self._samples = samples
         self._aside: Aside | None = None
         if universal is None or not self._several:
-            self.build, self.program = own, device.program(pipeline.entry, own.tracing, samples)
+            self._take(own, device.program(pipeline.entry, own.tracing, samples))
             return
         entry = pipeline.entry
         self._fast = device.wants_fast(entry, own.tracing, samples)
@@ -74,7 +74,7 @@ class TracingProgram:
             # Another scene than the one before: more may follow
             build, small = (universal, True) if compiled - {str(own.macros)} else (own, not self._fast)
             compiled.add(str(own.macros))
-        self.build, self.program = build, self._built(build, small)
+        self._take(build, self._built(build, small))
         self._is_best = build is own and not small
 
     def improve(self, rays: int) -> None:
@@ -89,22 +89,31 @@ class TracingProgram:
         if not self._several:
             if self._samples and many and self._device.compiles_small_code:
                 self._samples = None
-                self.program = self._device.program(self._pipeline.entry, self._own.tracing)
+                self._take(self._own, self._device.program(self._pipeline.entry, self._own.tracing))
             return
         if self._is_best or not (self._fast or many) or (self._aside is not None and not self._aside.ended):
             return
         own, entry = self._own, self._pipeline.entry
         if self._device.has_program(entry, own.tracing):
-            self.build, self.program, self._is_best = own, self._built(own, small=False), True
+            self._take(own, self._built(own, small=False))
+            self._is_best = True
         elif self._aside is not None:
             self._is_best = True  # it cannot be compiled there, nor probably here
         elif self._device.compile_aside is None or self._device.memory_limit is not None:
             if many:
-                self.build, self.program, self._is_best = own, self._built(own, small=False), True
+                self._take(own, self._built(own, small=False))
+                self._is_best = True
         else:
             kernels = [self._pipeline.kernel, *self._pipeline.then]
             records = bool(self._pipeline.record_bytes)
             self._aside = self._device.compile_aside(Compilation(entry, own.tracing, kernels, own.group, records))
+
+    def _take(self, build: KernelBuild, program: Program) -> None:
+        """Go on with a program; of fast code it is known from then on that the driver compiles it rightly."""
+        prove = self._device.prove_fast if self._device.compiles_small_code else None
+        if prove is not None and not program.is_small:
+            prove()
+        self.build, self.program = build, program
 
     def rows(self, slots: int, samples: int) -> int:
         """Rows of statistics of a launch with so many samples of so many slots: one for each work-item."""

@@ -494,10 +494,16 @@ def _staged_paths(device: Device, path_bytes: int) -> int:
     return max(1, int(min(_fill(device), device.free_bytes / 8 // path_bytes)))
 
 
-def probe_hash(device: Device) -> str:
+def probe_hash(device: Device, codes: Sequence[str] = ("fast", "small")) -> str:
     """SHA-256 of a small tile of a fixed scene, rendered with the real kernels and the device's default configuration.
 
     The scene is the built-in room: triangles, spheres, every material, area lights, indirect light of any depth.
+
+    Parameters
+    ----------
+    device : Device
+    codes : sequence of str
+        Kinds of code, of a device that has both.
 
     Returns
     -------
@@ -520,7 +526,7 @@ def probe_hash(device: Device) -> str:
     }.items():  # fmt: skip
         settings[name] = value
     scene, found = flatten(load("room"), size, size), set[str]()
-    for code in ("fast", "small") if device.compiles_small_code else ("fast",):
+    for code in codes if device.compiles_small_code else ("fast",):
         worker = DeviceWorker(device, scene, settings, launch=LaunchConfig(code=code))
         result = worker.render(Unit(0, size * size, 0, spp, size))
         worker.release()

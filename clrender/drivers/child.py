@@ -38,7 +38,7 @@ def main(argument: str) -> None:
     if request["task"] == "list":
         answer = _list(driver)
     elif request["task"] == "probe":
-        answer = _probe(driver, request["ordinal"])
+        answer = _probe(driver, request["ordinal"], request.get("codes", ["fast", "small"]))
     else:
         answer = _compile(driver, request["ordinal"], request["compilation"])
     print(f"\n{MARK}{json.dumps(answer)}", flush=True)
@@ -125,7 +125,7 @@ def _compile(driver: Driver, ordinal: int, compilation: dict[str, Any]) -> dict[
     return {"compile_seconds": device.compile_seconds}
 
 
-def _probe(driver: Driver, ordinal: int) -> dict[str, Any]:
+def _probe(driver: Driver, ordinal: int, codes: list[str]) -> dict[str, Any]:
     from clrender.device.device import Device
     from clrender.device.worker import probe_hash
     from clrender.drivers.arithmetic import check
@@ -137,7 +137,7 @@ def _probe(driver: Driver, ordinal: int) -> dict[str, Any]:
         stage = "arithmetic"
         differences = check(device)
         stage = "render"
-        return {"hash": probe_hash(device), "differences": differences, "compile_seconds": device.compile_seconds}
+        return {"hash": probe_hash(device, codes), "differences": differences, "compile_seconds": device.compile_seconds}
     except ClrenderError as error:
         # A rejection by the compiler is a DeviceError, a failure of a launch a RenderError.
         return {"stage": stage, "refused": isinstance(error, DeviceError), "error": str(error)}

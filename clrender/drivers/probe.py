@@ -26,7 +26,7 @@ from clrender.device import cache, program_cache
 from clrender.device.info import DeviceInfo
 from clrender.device.source import kernels_sha256
 from clrender.drivers.discover import Driver, driver_variables, drivers, fingerprint
-from clrender.errors import RenderError
+from clrender.errors import DeviceError, RenderError
 from clrender.process.elapsed import Elapsed, processor_seconds_of
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ __all__ = [
     "lacks_library",
     "passes_probe",
     "probe",
+    "prove_fast",
     "survey",
 ]
 
@@ -59,6 +60,8 @@ OTHERS_SECONDS: Final = 3.0
 """The same where another device has passed the probe before, so that the render need not wait."""
 PROBE_SECONDS: Final = 240.0
 """Default time limit of a probe (see ``CLRENDER_PROBE_SECONDS``). Interpreters and layered drivers are slow."""
+_PROVEN: Final = {"probe": "ok"}
+"""Verdict on fast code."""
 EXPECTED_FILE: Final = Path(__file__).with_name("expected_probe.txt")
 _LOOK_SECONDS: Final = 0.1
 _PACKAGE: Final = Path(__file__).resolve().parents[2]
@@ -377,9 +380,9 @@ def _kept_hash() -> str:
         return ""
 
 
-def _verdict_name(info: DeviceInfo, driver: Driver) -> str:
+def _verdict_name(info: DeviceInfo, driver: Driver, *more: str) -> str:
     facts = [info.name, info.driver, info.platform, info.version, str(info.ordinal)]
-    facts += [fingerprint(driver), kernels_sha256(), _kept_hash()]
+    facts += [fingerprint(driver), kernels_sha256(), _kept_hash(), *more]
     return f"verdicts/{hashlib.sha256(chr(0).join(facts).encode()).hexdigest()}.json"
 
 
@@ -409,11 +412,12 @@ def probe(info: DeviceInfo, *, again: bool = False, notify: Callable[[str], None
     # Several that begin with a new driver at once would compile the same programs, each in the time of all
     with cache.held_alone(_verdict_name(info, driver), _probe_seconds()):
         kept = _with_verdict(info, driver)
-        return _new_verdict(info, driver) if again or kept.probe == "unknown" else kept
+        return _new_verdict(info, driver, thorough=again) if again or kept.probe == "unknown" else kept
 
 
-def _new_verdict(info: DeviceInfo, driver: Driver) -> DeviceInfo:
-    request = {"task": "probe", "driver": asdict(driver), "ordinal": info.ordinal}
+def _new_verdict(info: DeviceInfo, driver: Driver, *, thorough: bool) -> DeviceInfo:
+    codes = ("fast", "small") if thorough else ("small",)  # fast code is proven where it is used first
+    request = {"task": "probe", "driver": asdict(driver), "ordinal": info.ordinal, "codes": codes}
     verdict, detail = judge(ask_child(request, _probe_seconds()), expected_hash())
     if verdict == "timeout":
         detail += "; CLRENDER_PROBE_SECONDS allows more"
@@ -452,8 +456,38 @@ def _probe_seconds() -> float:
         return PROBE_SECONDS
 
 
+def prove_fast(device: Device) -> None:
+    """Check once for each driver and version of clrender that fast code renders the probe's tile correctly.
+
+    The probe renders it with small code where there is such, which takes less time to compile and is what renders of
+    few samples run.
+
+    Raises
+    ------
+    RenderError, DeviceError
+        When it does not, or rendering fails.
+    """
+    from clrender.device.worker import probe_hash
+
+    driver = next((each for each in drivers() if each.library == device.info.library), None)
+    name = _verdict_name(device.info, driver, "fast") if driver else ""
+    proof, device.prove_fast = device.prove_fast, None  # the tile is rendered by fast code, too
+    try:
+        if cache.read_json(name) != _PROVEN and probe_hash(device, ("fast",)) != expected_hash():
+            raise DeviceError(
+                f"{device.info.title} renders the test tile wrongly with fast code, and with small code as it should "
+                "be: its compiler changes what the kernels compute; render with --code small (code), or choose another "
+                "device"
+            )
+    except BaseException:
+        device.prove_fast = proof
+        raise
+    if driver:
+        cache.write_json(name, _PROVEN)
+
+
 def passes_probe(device: Device) -> bool:
-    """Whether an open device of this process renders the probe's tile correctly.
+    """Whether an open device of this process renders the probe's tile correctly, with every kind of code.
 
     Raises
     ------

@@ -16,7 +16,7 @@ from clrender.device.forked import refuse_forked
 from clrender.device.info import DeviceInfo
 from clrender.drivers import discover
 from clrender.drivers.aside import compile_aside
-from clrender.drivers.probe import DriverReport, lacks_library, probe, survey
+from clrender.drivers.probe import DriverReport, lacks_library, probe, prove_fast, survey
 from clrender.errors import DeviceError, UsageError
 
 __all__ = ["choose", "open_devices", "select", "spare_cores"]
@@ -234,6 +234,7 @@ def open_devices(chosen: Sequence[DeviceInfo], known: Sequence[DeviceInfo]) -> l
     opened = [Device(replace(info), handle) for info, handle in spare_cores(chosen, handles)]
     for device in opened:
         device.compile_aside = partial(compile_aside, device.info)
+        device.prove_fast = partial(prove_fast, device)
     return opened
 
 

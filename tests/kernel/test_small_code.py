@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 
@@ -18,7 +20,8 @@ from clrender.device.small_code import FEW_SAMPLES, SmallCode
 from clrender.device.source import SMALL_CODE, load_source
 from clrender.device.worker import DeviceWorker, probe_hash
 from clrender.drivers import select
-from clrender.drivers.probe import expected_hash, passes_probe
+from clrender.drivers.probe import expected_hash, passes_probe, prove_fast
+from clrender.errors import DeviceError
 from clrender.film.unit import Unit
 from clrender.flatten.flat_scene import flatten
 from clrender.scene import builtin_names
@@ -95,21 +98,63 @@ def test_a_render_may_ask_for_either(code: str | None, compiled_for: int | None)
 
 
 class Miscompiling(Device):
-    """The test's device with a compiler that spoils small code: no path of it is finite."""
+    """The test's device with a compiler that spoils small code, or fast code: no path of it is finite.
+
+    Parameters
+    ----------
+    device : Device
+    spoils_small : bool
+    """
+
+    def __init__(self, device: Device, *, spoils_small: bool) -> None:
+        super().__init__(device.info, device._handle)
+        self._spoils_small = spoils_small
 
     def program(
         self, entry: str | Path, defines: Mapping[str, int | str] | None = None, samples: int | None = None
     ) -> Program:
-        spoilt: dict[str, int | str] = {} if samples is None else {"INVARIANTS": 1, "INVARIANT_SLACK": "-1.0f"}
+        spoilt: dict[str, int | str] = {}
+        if (samples == 0) == self._spoils_small and entry == "integrator/path.cl":
+            spoilt = {"INVARIANTS": 1, "INVARIANT_SLACK": "-1.0f"}
         return super().program(entry, {**(defines or {}), **spoilt}, samples)
 
 
 @pytest.mark.long
-def test_the_probe_finds_a_driver_that_spoils_small_code(device: Device) -> None:
+@pytest.mark.parametrize("spoils_small", [False, True])
+def test_the_probe_finds_a_driver_that_spoils_code(device: Device, spoils_small: bool) -> None:
+    """The first one only in the code that it renders the tile with, which is small code where there is such."""
     assert probe_hash(device) == expected_hash()
-    other = Miscompiling(device.info, device._handle)
-    assert passes_probe(other) != other.compiles_small_code
+    other = Miscompiling(device, spoils_small=spoils_small)
+    assert passes_probe(other) == (spoils_small and not other.compiles_small_code)
+    assert (probe_hash(other, ("small",)) == expected_hash()) == (spoils_small != other.compiles_small_code)
     other.close()
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("empty_cache")
+def test_fast_code_is_proven_before_it_traces(device: Device) -> None:
+    """Once: then it is known of this driver, and other processes need not."""
+    if not device.compiles_small_code:
+        pytest.skip("its probe renders with fast code")
+    other = Miscompiling(device, spoils_small=False)
+    other.prove_fast = partial(prove_fast, other)
+    settings = RenderSettings(width=16, height=16, spp=4).struct(16)
+    flat = flatten(clrender.load("sky"), 16, 16)
+    DeviceWorker(other, flat, settings, launch=LaunchConfig(code="small")).release()
+    for _ in range(2):
+        with pytest.raises(DeviceError, match=r"renders the test tile wrongly with fast code.*--code small \(code\)"):
+            DeviceWorker(other, flat, settings, launch=LaunchConfig(code="fast"))
+    other.close()
+
+    proven = list[tuple[str, ...]]()
+    for _ in range(2):
+        opened = Device(device.info, device._handle)
+        opened.prove_fast = partial(prove_fast, opened)
+        with patch("clrender.device.worker.probe_hash", lambda *given: (proven.append(given[1]), probe_hash(*given))[1]):
+            DeviceWorker(opened, flat, settings, launch=LaunchConfig(code="fast")).release()
+        assert opened.prove_fast is None
+        opened.close()
+    assert proven == [("fast",)]
 
 
 @pytest.mark.long
