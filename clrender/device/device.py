@@ -127,8 +127,8 @@ class Device:
         Begins to compile a program in another process, so that this one has it later, and returns the `Aside`; None
         if it cannot now.
     prove_fast : callable or None
-        Called before fast code traces the first samples, where the device also has small code; raises `DeviceError` if
-        the driver compiles fast code wrongly.
+        Called before fast code is used, where the device also has small code, with ``path`` for that which traces
+        samples, and ``common`` for all other; raises `DeviceError` if the driver compiles it wrongly.
     lost : bool
         Whether a driver call did not return. Further calls might not return either, so none is made.
 
@@ -173,7 +173,8 @@ class Device:
         self.turn = Turn(BUSY)
         self.on_compile: Callable[[bool], None] | None = None
         self.compile_aside: Callable[[Compilation], Aside | None] | None = None
-        self.prove_fast: Callable[[], None] | None = None
+        self.prove_fast: Callable[[str], None] | None = None
+        self._fast_common: bool | None = None
         self.lost = False
         self._calls = 0
         self._compiling = False
@@ -252,15 +253,34 @@ class Device:
             del self._programs[next(iter(self._programs))]
         return program
 
-    def common_program(self) -> Program:
+    def common_program(self, *, large: bool = False) -> Program:
         """The program of the kernels that every render needs besides its integrator (``kernels/common.cl``).
+
+        Where it can be, it is small code, until something large is asked for, or if fast code was compiled before.
+
+        Parameters
+        ----------
+        large : bool
+            Whether so much is to be done that fast code pays; from then on it is used for all.
 
         Raises
         ------
         RenderError, DeviceError
-            See `program`.
+            See `program`; or the driver compiles fast code wrongly.
         """
-        return self.program("common.cl", {"LANES": 1})
+        macros = {"LANES": 1}
+        if not self.compiles_small_code:
+            return self.program("common.cl", macros)
+        if not self._fast_common and (large or (self._fast_common is None and self.has_program("common.cl", macros))):
+            self._fast_common = True
+            if self.prove_fast is not None:
+                try:
+                    self.prove_fast("common")
+                except BaseException:
+                    self._fast_common = False
+                    raise
+        self._fast_common = bool(self._fast_common)
+        return self.program("common.cl", macros, None if self._fast_common else 0)
 
     def has_program(self, entry: str, defines: Mapping[str, int | str], *, small: bool = False) -> bool:
         """Whether `program` need not compile a program: it was compiled by this process or an earlier one.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from clrender.flatten.flat_scene import FlatScene
 
 __all__ = ["LARGEST_PAGE", "SceneArrays", "check_room", "scene_array_names", "texel_pages"]
+
+_MANY_PRIMITIVES: Final = 1 << 17
+"""From so many on, a BVH is built faster by fast code, its compilation included."""
 
 LARGEST_PAGE = 1 << 34
 """Most bytes of a buffer of texels: where all are in one, kernels count its words in 32 bits (texture/texel.h)."""
@@ -174,6 +177,7 @@ class SceneArrays:
         self._scene = scene
         self._chains: Buffer | None = None
         triangles, primitives = scene.triangle_count, scene.triangle_count + scene.analytic_count
+        device.common_program(large=primitives > _MANY_PRIMITIVES)
         arrays = self._given(scene, [name for name in scene.arrays if name != "texels"])
         source = _source(arrays, scene)
         units = bvh.triangle_units(device, source)

@@ -112,7 +112,7 @@ class TracingProgram:
         """Go on with a program; of fast code it is known from then on that the driver compiles it rightly."""
         prove = self._device.prove_fast if self._device.compiles_small_code else None
         if prove is not None and not program.is_small:
-            prove()
+            prove("path")
         self.build, self.program = build, program
 
     def rows(self, slots: int, samples: int) -> int:

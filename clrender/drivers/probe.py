@@ -62,6 +62,8 @@ PROBE_SECONDS: Final = 240.0
 """Default time limit of a probe (see ``CLRENDER_PROBE_SECONDS``). Interpreters and layered drivers are slow."""
 _PROVEN: Final = {"probe": "ok"}
 """Verdict on fast code."""
+_PROVEN_HERE: Final[set[tuple[str, str]]] = set()
+"""Devices on which this process has proven fast code, by title, and what it does."""
 EXPECTED_FILE: Final = Path(__file__).with_name("expected_probe.txt")
 _LOOK_SECONDS: Final = 0.1
 _PACKAGE: Final = Path(__file__).resolve().parents[2]
@@ -456,32 +458,40 @@ def _probe_seconds() -> float:
         return PROBE_SECONDS
 
 
-def prove_fast(device: Device) -> None:
-    """Check once for each driver and version of clrender that fast code renders the probe's tile correctly.
+def prove_fast(device: Device, what: str) -> None:
+    """Check once for each driver and version of clrender that with fast code the probe's tile is rendered correctly.
 
     The probe renders it with small code where there is such, which takes less time to compile and is what renders of
     few samples run.
 
+    Parameters
+    ----------
+    device : Device
+    what : str
+        Whether fast code traces the samples (``path``) or does the rest (``common``; see `Device.common_program`).
+
     Raises
     ------
     RenderError, DeviceError
-        When it does not, or rendering fails.
+        When it is not, or rendering fails.
     """
     from clrender.device.worker import probe_hash
 
     driver = next((each for each in drivers() if each.library == device.info.library), None)
-    name = _verdict_name(device.info, driver, "fast") if driver else ""
-    proof, device.prove_fast = device.prove_fast, None  # the tile is rendered by fast code, too
+    name = _verdict_name(device.info, driver, "fast", what) if driver else ""
+    if (device.info.title, what) in _PROVEN_HERE or (driver and cache.read_json(name) == _PROVEN):
+        return
+    proof, device.prove_fast = device.prove_fast, None  # the tile is rendered by that code, too
     try:
-        if cache.read_json(name) != _PROVEN and probe_hash(device, ("fast",)) != expected_hash():
-            raise DeviceError(
-                f"{device.info.title} renders the test tile wrongly with fast code, and with small code as it should "
-                "be: its compiler changes what the kernels compute; render with --code small (code), or choose another "
-                "device"
-            )
-    except BaseException:
+        found = probe_hash(device, ("fast" if what == "path" else "small",))
+    finally:
         device.prove_fast = proof
-        raise
+    if found != expected_hash():
+        raise DeviceError(
+            f"{device.info.title} renders the test tile wrongly with fast code, and with small code as it should be: "
+            "its compiler changes what the kernels compute; render with --code small (code), or choose another device"
+        )
+    _PROVEN_HERE.add((device.info.title, what))
     if driver:
         cache.write_json(name, _PROVEN)
 

@@ -16,6 +16,7 @@ from clrender.device.device import Device, Program
 from clrender.device.info import DeviceInfo
 from clrender.device.launch import LaunchConfig
 from clrender.device.program_cache import note_run
+from clrender.device.scene_arrays import SceneArrays
 from clrender.device.small_code import FEW_SAMPLES, SmallCode
 from clrender.device.source import SMALL_CODE, load_source
 from clrender.device.worker import DeviceWorker, probe_hash
@@ -132,7 +133,7 @@ def test_the_probe_finds_a_driver_that_spoils_code(device: Device, spoils_small:
 
 @pytest.mark.long
 @pytest.mark.usefixtures("empty_cache")
-def test_fast_code_is_proven_before_it_traces(device: Device) -> None:
+def test_fast_code_is_proven_before_it_traces(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """Once: then it is known of this driver, and other processes need not."""
     if not device.compiles_small_code:
         pytest.skip("its probe renders with fast code")
@@ -146,15 +147,39 @@ def test_fast_code_is_proven_before_it_traces(device: Device) -> None:
             DeviceWorker(other, flat, settings, launch=LaunchConfig(code="fast"))
     other.close()
 
+    monkeypatch.setattr("clrender.drivers.probe._PROVEN_HERE", set())
     proven = list[tuple[str, ...]]()
     for _ in range(2):
         opened = Device(device.info, device._handle)
         opened.prove_fast = partial(prove_fast, opened)
         with patch("clrender.device.worker.probe_hash", lambda *given: (proven.append(given[1]), probe_hash(*given))[1]):
             DeviceWorker(opened, flat, settings, launch=LaunchConfig(code="fast")).release()
-        assert opened.prove_fast is None
         opened.close()
+        monkeypatch.setattr("clrender.drivers.probe._PROVEN_HERE", set())  # another process reads it from the cache
     assert proven == [("fast",)]
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("empty_cache")
+def test_large_scenes_build_their_tree_by_fast_code(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And all after them; it is proven, too, by the tile with what else is small code."""
+    if not device.compiles_small_code:
+        pytest.skip("it has one kind of code")
+    opened, proven = Device(device.info, device._handle), list[str]()
+    opened.prove_fast = proven.append
+    flat = flatten(clrender.load("sky"), 16, 16)
+    arrays = SceneArrays(opened, flat)
+    assert opened.common_program().is_small and not proven
+    monkeypatch.setattr("clrender.device.scene_arrays._MANY_PRIMITIVES", 0)
+    others = SceneArrays(opened, flat)
+    assert not opened.common_program().is_small
+    assert proven == ["common"]
+    for tree in (arrays, others):
+        tree.release()
+    opened.close()
+    again = Device(device.info, device._handle)
+    assert not again.common_program().is_small, "it is compiled"
+    again.close()
 
 
 @pytest.mark.long

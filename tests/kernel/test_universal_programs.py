@@ -91,7 +91,7 @@ class FakeDevice:
     there: set[tuple[str, bool]] = field(default_factory=set)
     compiled: list[tuple[str, bool]] = field(default_factory=list)
     compile_aside: Callable[[Compilation], Any] | None = None
-    prove_fast: Callable[[], None] | None = None
+    prove_fast: Callable[[str], None] | None = None
     memory_limit: int | None = None
     compiles_small_code: bool = True
     title: str = "fake"
