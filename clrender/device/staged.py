@@ -18,6 +18,10 @@ _MASKED_STAGES: Final = ("extend", "masked", "light", "scatter", "shadow", "mask
 """Steps of a round, in order, in a scene without masked surfaces, and in others; the last prepares the next round."""
 _BLOCK: Final = 32
 """Paths whose states lie side by side (kernels/staged/state.h)."""
+_SHARE: Final = 8
+"""The part of a limit's free memory that paths under way may take."""
+_STATS_BYTES: Final = 16
+"""Bytes of statistics per path."""
 _MOST_ROUNDS: Final = 16
 """Rounds between two looks at whether any path is left."""
 _COUNTS: Final = 2
@@ -39,7 +43,7 @@ class StagedTracing:
     samples : int or None
         See `Device.program`.
     paths : int
-        Number of paths that are traced side by side, at most.
+        Number of paths that are traced side by side, at most; fewer where memory is limited.
 
     Attributes
     ----------
@@ -62,8 +66,6 @@ class StagedTracing:
         self._device, self._group = device, group
         stages = _MASKED_STAGES if "OPACITY" in macros else _STAGES
         self._programs = {stage: device.program(f"staged/{stage}.cl", macros, samples) for stage in stages}
-        whole = int(np.lcm(group, _BLOCK))
-        self.paths = -(-paths // whole) * whole
         with ExitStack() as undone:
             undone.callback(self.release)
             self._buffers: list[Buffer] = []
@@ -73,16 +75,14 @@ class StagedTracing:
             device.read(answer, sizes)
             words, queues, counters, block = map(int, sizes)
             assert block == _BLOCK, "kernels/staged/state.h"
+            whole = int(np.lcm(group, _BLOCK))
+            in_room = device.free_bytes / _SHARE / (4 * (words + queues) + _STATS_BYTES)
+            self.paths = max(1, -(-int(min(paths, in_room)) // whole)) * whole
             self._state = self._empty(4 * words * self.paths)
             self._queued = self._empty(4 * queues * self.paths)
             self._counters = self._empty(4 * counters)
             self._clear(self._state)  # no path is under way; nor is one after a launch
             undone.pop_all()
-
-    @staticmethod
-    def bytes_per_path(macros: Mapping[str, int | str]) -> int:
-        """About how much memory a path takes, bytes."""
-        return 512 if "PATH_SPLITS" in macros or "SPECULAR_CHAINS" in macros else 384
 
     def _empty(self, nbytes: int) -> Buffer:
         buffer = self._device.empty(-(-nbytes // 8) * 8)

@@ -181,8 +181,8 @@ class DeviceWorker:
             self._pipeline = pipeline
             self._tracing: TracingProgram | StagedTracing
             if staged:
-                paths = _staged_paths(device, StagedTracing.bytes_per_path(self._own.macros))
-                self._tracing = StagedTracing(device, self._own.tracing, self._own.group, self._samples, paths)
+                paths, group = _staged_paths(device), self._own.group
+                self._tracing = StagedTracing(device, self._own.tracing, group, self._samples, paths)
                 self._owned.callback(self._tracing.release)
             else:
                 stands_in = universal if launch.code is None else None
@@ -489,9 +489,9 @@ def _fill(device: Device) -> int:
     return 4096 if device.is_cpu else max(_GPU_FILL, _UNIT_THREADS * device.info.compute_units)
 
 
-def _staged_paths(device: Device, path_bytes: int) -> int:
-    """Paths under way at a time in stages: as many as fully occupy the device, in an eighth of its free memory."""
-    return max(1, int(min(_fill(device), device.free_bytes / 8 // path_bytes)))
+def _staged_paths(device: Device) -> int:
+    """Paths under way at a time in stages: as many as fully occupy the device."""
+    return _fill(device)
 
 
 def probe_hash(device: Device, codes: Sequence[str] = ("fast", "small")) -> str:

@@ -137,7 +137,11 @@ def _probe(driver: Driver, ordinal: int, codes: list[str]) -> dict[str, Any]:
         stage = "arithmetic"
         differences = check(device)
         stage = "render"
-        return {"hash": probe_hash(device, codes), "differences": differences, "compile_seconds": device.compile_seconds}
+        return {
+            "hash": probe_hash(device, codes),
+            "differences": differences,
+            "compile_seconds": device.compile_seconds,
+        }
     except ClrenderError as error:
         # A rejection by the compiler is a DeviceError, a failure of a launch a RenderError.
         return {"stage": stage, "refused": isinstance(error, DeviceError), "error": str(error)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -148,11 +148,16 @@ def test_fast_code_is_proven_before_it_traces(device: Device, monkeypatch: pytes
     other.close()
 
     monkeypatch.setattr("clrender.drivers.probe._PROVEN_HERE", set())
-    proven = list[tuple[str, ...]]()
+    proven = list[Sequence[str]]()
+
+    def noted(opened: Device, codes: Sequence[str]) -> str:
+        proven.append(codes)
+        return probe_hash(opened, codes)
+
     for _ in range(2):
         opened = Device(device.info, device._handle)
         opened.prove_fast = partial(prove_fast, opened)
-        with patch("clrender.device.worker.probe_hash", lambda *given: (proven.append(given[1]), probe_hash(*given))[1]):
+        with patch("clrender.device.worker.probe_hash", noted):
             DeviceWorker(opened, flat, settings, launch=LaunchConfig(code="fast")).release()
         opened.close()
         monkeypatch.setattr("clrender.drivers.probe._PROVEN_HERE", set())  # another process reads it from the cache
