@@ -137,6 +137,7 @@ def test_fast_code_is_proven_before_it_traces(device: Device, monkeypatch: pytes
     """Once: then it is known of this driver, and other processes need not."""
     if not device.compiles_small_code:
         pytest.skip("its probe renders with fast code")
+    monkeypatch.setattr("clrender.drivers.probe._PROVEN_HERE", set())
     other = Miscompiling(device, spoils_small=False)
     other.prove_fast = partial(prove_fast, other)
     settings = RenderSettings(width=16, height=16, spp=4).struct(16)
@@ -147,7 +148,6 @@ def test_fast_code_is_proven_before_it_traces(device: Device, monkeypatch: pytes
             DeviceWorker(other, flat, settings, launch=LaunchConfig(code="fast"))
     other.close()
 
-    monkeypatch.setattr("clrender.drivers.probe._PROVEN_HERE", set())
     proven = list[Sequence[str]]()
 
     def noted(opened: Device, codes: Sequence[str]) -> str:
