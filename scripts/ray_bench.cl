@@ -11,16 +11,21 @@ static Ray bench_ray(__global const float* rays, __global const uint* from, uint
     return ray;
 }
 
-static void bench_trace(__global const float* nodes, __global const float* triangle_packs, __global const float* analytic_packs,
-                        __global const float* rays, __global const uint* from, uint count, __global float* distances, __global uint* hits,
-                        int any_hit) {
-    const size_t first = (size_t)get_global_id(0) * (LANES * PACKETS);
-    if (first >= count) return;
+static Bvh bench_tree(__global const float* nodes, __global const float* triangle_packs, __global const float* analytic_packs) {
     Bvh bvh;
     bvh.nodes = nodes;
     bvh.triangle_packs = triangle_packs;
     bvh.analytic_packs = analytic_packs;
     bvh.root = 0;
+    return bvh;
+}
+
+static void bench_trace(__global const float* nodes, __global const float* triangle_packs, __global const float* analytic_packs,
+                        __global const float* rays, __global const uint* from, uint count, __global float* distances, __global uint* hits,
+                        int any_hit) {
+    const size_t first = (size_t)get_global_id(0) * (LANES * PACKETS);
+    if (first >= count) return;
+    const Bvh bvh = bench_tree(nodes, triangle_packs, analytic_packs);
     Traversal traversal;
     EACH_PACKET(k) {
         const Ray ray = bench_ray(rays, from, count, first + k * LANES);
@@ -53,11 +58,7 @@ static void bench_count(__global const float* nodes, __global const float* trian
                         __global const float* rays, __global const uint* from, uint count, __global uint* steps, int any_hit) {
     const size_t at = get_global_id(0);
     if (at >= count) return;
-    Bvh bvh;
-    bvh.nodes = nodes;
-    bvh.triangle_packs = triangle_packs;
-    bvh.analytic_packs = analytic_packs;
-    bvh.root = 0;
+    const Bvh bvh = bench_tree(nodes, triangle_packs, analytic_packs);
     const Ray ray = bench_ray(rays, from, count, at);
     PacketRay alone = packet_ray(&ray, ray.limit >= 0.0f);
     bvh_one(&bvh, &alone, any_hit);

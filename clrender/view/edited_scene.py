@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = ["NOT_LIVE", "EditedScene", "camera_toml"]
 
-NOT_LIVE: Final = ("time_limit", "max_memory", "traversal", "code")
+NOT_LIVE: Final = ("time_limit", "max_memory", "traversal", "kernels", "code")
 """Settings that a page cannot change: somebody who watches stops by hand, and memory is the command line's affair."""
 
 _ONLY_WITH: Final = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 import pytest
+from faulty_device import Fault, FaultyDevice
 from image_support import SCENES, Cutting, render
 
 from clrender.device import Device
@@ -95,6 +96,17 @@ def test_every_setting_gives_the_same_bits_in_stages(device: Device, scene: str,
 def test_other_drivers_give_the_same_bits_in_stages(all_devices: list[Device]) -> None:
     found = [told(device, "room", STAGED, size=(9, 8), spp=2) for device in all_devices]
     assert found == [told(all_devices[0], "room", size=(9, 8), spp=2)] * len(all_devices)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("call", ["allocate", "launch", "read"])
+def test_a_device_that_fails_in_between_loses_nothing(device: Device, call: str) -> None:
+    """At a launch of some stage, or where the host looks whether paths are left."""
+    fault = Fault(call, after=40, how="gone")
+    how: dict[str, Any] = {**LITTLE, "tile": 16, "samples_per_pass": 2, "spp": 8}
+    image = render("room", [device, FaultyDevice(device, fault)], STAGED, **how)
+    assert fault.met and image.stats["devices"][1]["state"] == "failed"
+    assert image.stats["image_sha256"] == render("room", [device], **how).stats["image_sha256"]
 
 
 def test_integrators_without_stages_have_one_kernel(device: Device) -> None:
