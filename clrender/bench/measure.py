@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 import clrender
 from clrender.bench.peers import OWN, SEGMENTS, Task
-from clrender.bench.scenes import write_scene
+from clrender.bench.scenes import SCENES, scene_file, write_scene
 from clrender.image.compare import relative_squared_error
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def measure(
     Parameters
     ----------
     names : sequence of str
-        Keys of `SCENES`.
+        Keys of `SCENES`, or scene files of any format that clrender reads.
     peers : sequence of Peer
     task : Task
         Size and samples, and whether to measure errors.
@@ -146,10 +146,11 @@ def _measure_scene(
 ) -> Iterator[Run]:
     """The runs of one scene, without the warm-up."""
     paths, references = {}, {}
+    own_file = None if name in SCENES else scene_file(name)
     for spheres in {True, *(peer.spheres for peer in peers)}:
         place = folder / ("spheres" if spheres else "triangles")
         place.mkdir()
-        paths[spheres] = write_scene(name, place, triangles=not spheres)
+        paths[spheres] = own_file or write_scene(name, place, triangles=not spheres)
         if task.errors:
             times = task.spp * _REFERENCE_TIMES
             better = dataclasses.replace(task, spp=times, light_sampler="auto", seed=_REFERENCE_SEED)
@@ -162,7 +163,7 @@ def _measure_scene(
             image.unlink(missing_ok=True)
             spheres = peer is None or peer.spheres
             path = paths[spheres]
-            details = _own(path, turn, device, image) if peer is None else peer.run(path, turn, image)
+            details = _own(path, turn, device, image) if peer is None else peer.run(path, turn, image, folder)
             if task.errors and image.exists():
                 details["rel_mse"] = round(relative_error(np.load(image), references[spheres]), 7)
             wall, cpu = details.pop("wall_seconds"), details.pop("cpu_seconds")

@@ -17,6 +17,8 @@ __all__ = ["OWN", "PEERS", "SEGMENTS", "Peer", "Task", "peer_from"]
 OWN: Final = "clrender"
 SEGMENTS: Final = 14
 """Segments of a path from the camera to a light: the depth limit of the comparison, without roulette."""
+OWN_SCENE: Final = "scene.json"
+"""Name of the file that `write_scene` writes."""
 _FOLDER: Final = Path(__file__).resolve().parent
 
 
@@ -102,7 +104,7 @@ class Peer:
         Parameters
         ----------
         scene : Path
-            A file that `write_scene` wrote.
+            A file that `write_scene` wrote, or another that clrender reads.
         task : Task
         image : Path
             Output path of the (height, width, 3) float32 NumPy array of the image, if the peer makes one.
@@ -115,6 +117,8 @@ class Peer:
             If the peer cannot be started or fails.
         """
         kind = PEERS[self.name]
+        if not kind.writer and scene.name != OWN_SCENE:
+            raise UsageError(f"{self.name} reads only the scenes of this benchmark, not {scene}; leave it out")
         scene = _written(scene, task, kind, folder or scene.parent) if kind.writer else scene
         numbers = [str(number) for number in (task.width, task.height, task.spp, SEGMENTS, task.seed)]
         command = [self.python, str(_FOLDER / kind.script), kind.variant, str(scene), *numbers, str(image)]

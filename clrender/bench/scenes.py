@@ -19,7 +19,7 @@ from clrender.bench.rich import rich_scene
 from clrender.bench.shapes import bumpy_body, geodesic, quad, write_ply
 from clrender.errors import UsageError
 
-__all__ = ["SCENES", "write_scene"]
+__all__ = ["SCENES", "scene_file", "write_scene"]
 
 SCENES: Final[Mapping[str, str]] = {
     "S1": "a closed room with two lights, a cube, a diffuse and a mirror sphere",
@@ -48,6 +48,22 @@ _COLORS: Final = {
     "yellow": (0.7, 0.6, 0.25),
     "black": (0.0, 0.0, 0.0),
 }
+
+
+def scene_file(name: str) -> Path:
+    """A scene file named in the place of a benchmark scene.
+
+    Raises
+    ------
+    UsageError
+        If `name` is neither a benchmark scene nor a file.
+    """
+    path = Path(name)
+    if not path.is_file():
+        raise UsageError(
+            f"there is no benchmark scene and no file {name!r}; give a scene file or one of {', '.join(SCENES)}"
+        )
+    return path
 
 
 def write_scene(name: str, folder: Path, triangles: bool = False) -> Path:

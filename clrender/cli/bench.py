@@ -51,7 +51,7 @@ def bench(
     names: tuple[str, ...], wanted: tuple[int, int], spp: int, repeats: int, device: str | None, peers: tuple[str, ...],
     light_sampler: str, errors: bool, plot: Path | None, listed: bool,
 ) -> None:  # fmt: skip
-    """Render benchmark scenes (default: S1 and S2) and print one line of JSON per run.
+    """Render benchmark scenes (default: S1 and S2), or scene files, and print one line of JSON per run.
 
     Paths have 14 segments and no Russian roulette. Renderers run alternately. Rates are per second of CPU time, so
     other load on the machine has little influence. A summary table is printed to stderr.

@@ -55,10 +55,10 @@ def complete_layers(_ctx: click.Context, _param: click.Parameter, incomplete: st
 
 
 def complete_benchmarks(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> _Items:
-    """Complete scenes of `clrender bench`."""
+    """Complete scenes of `clrender bench`, or files if no name matches."""
     from clrender.bench import SCENES
 
-    return _beginning(lambda: SCENES, incomplete)
+    return _beginning(lambda: SCENES, incomplete) or complete_files(_ctx, _param, incomplete)
 
 
 def _beginning(names: Callable[[], Mapping[str, str]], incomplete: str) -> _Items:

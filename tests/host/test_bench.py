@@ -19,6 +19,7 @@ from clrender.bench.measure import relative_error
 from clrender.bench.peers import PEERS, SEGMENTS, Task
 from clrender.bench.shapes import torus
 from clrender.errors import RenderError, UsageError
+from clrender.files.package_data import scenes_folder
 from clrender.flatten.flat_scene import flatten
 from clrender.image.files import read_image
 from clrender.meshes.read import read_mesh
@@ -101,6 +102,30 @@ def test_every_scene_has_a_description_and_no_other_is_known(tmp_path: Path) -> 
     assert all(SCENES.values())
     with pytest.raises(UsageError, match="no benchmark scene 'S9'"):
         write_scene("S9", tmp_path)
+    with pytest.raises(UsageError, match="no benchmark scene and no file 'S9'; give a scene file or one of S1, "):
+        measure(["S9"], [], Task(8, 8, 1), 1)
+
+
+def test_a_scene_file_is_measured_beside_a_peer(device: Device, tmp_path: Path) -> None:
+    """It is read where it lies, and written for the peer elsewhere."""
+    here = tmp_path / "own"
+    here.mkdir()
+    path = here / "own.toml"
+    path.write_text((scenes_folder() / "point-plane.toml").read_text())
+    peer = tmp_path / "python"
+    peer.write_text(
+        '#!/bin/sh\ngrep -q "<scene" "$3" && echo \'{"wall_seconds": 2.0, "cpu_seconds": 2.0, "version": "1"}\'\n'
+    )
+    peer.chmod(0o755)
+    runs = measure([str(path)], [Peer("mitsuba", str(peer))], Task(12, 8, 2), 1, str(device.info.index))
+    assert [(run.scene, run.renderer, run.paths) for run in runs] == [
+        (str(path), "clrender", 192),
+        (str(path), "mitsuba", 192),
+    ]
+    assert runs[0].details["mean"] != [0.0, 0.0, 0.0]
+    assert [file.name for file in here.iterdir()] == ["own.toml"]
+    with pytest.raises(UsageError, match=r"embree reads only the scenes of this benchmark, not .*own.toml; leave it"):
+        Peer("embree", str(peer)).run(path, Task(8, 8, 1), tmp_path / "image.npy")
 
 
 def run(renderer: str, repeat: int, cpu: float) -> Run:
