@@ -154,6 +154,8 @@ CAMERA_PERSPECTIVE: Final = 0
 CAMERA_ORTHOGRAPHIC: Final = 1
 CAMERA_PANORAMIC: Final = 2
 CAMERA_FISHEYE: Final = 3
+CAMERA_BROWN_CONRADY: Final = 4
+CAMERA_KANNALA_BRANDT: Final = 5
 
 LIGHT_POINT: Final = 0
 LIGHT_DIRECTIONAL: Final = 1
@@ -283,12 +285,21 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
     "Camera": (
         ("origin", "float4", "xyz, metres"),
         ("corner", "float4", "from origin to the top left corner of the image plane at focus distance"),
-        ("right", "float4", "whole width of that plane, left to right; of panoramas and fisheyes, unit"),
+        (
+            "right",
+            "float4",
+            "whole width of that plane, left to right; unit of panoramas, fisheyes and calibrated cameras",
+        ),
         ("down", "float4", "whole height of it, top to bottom; of those, unit"),
         ("axis", "float4", "from origin to the middle of that plane; of those, unit"),
         ("lens_u", "float4", "aperture radius along image right; 0: pinhole"),
         ("lens_v", "float4", "aperture radius along image up"),
         ("world", "float4", "xyz: where the origin of all coordinates on the device lies in world space"),
+        ("focal", "float4", "calibrated: focal lengths in widths and heights of the image, skew; distance in focus"),
+        ("principal", "float4", "calibrated: principal point in widths and heights; tangential coefficients"),
+        ("radial", "float4", "calibrated: k1 to k3, or k1 to k4 of Kannala-Brandt"),
+        ("rational", "float4", "calibrated: k4 to k6"),
+        ("field", "float4", "calibrated: largest radius, or angle, of the image; end of the field of the lens"),
         ("around", "float4", "xyz: the origin of one of its rays, around which the media are known"),
         ("interior_first", "uint", "those, highest first, a byte each from the highest on"),
         ("interior_last", "uint", "and four more of them"),

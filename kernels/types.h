@@ -95,6 +95,8 @@
 #define CAMERA_ORTHOGRAPHIC 1u
 #define CAMERA_PANORAMIC 2u
 #define CAMERA_FISHEYE 3u
+#define CAMERA_BROWN_CONRADY 4u
+#define CAMERA_KANNALA_BRANDT 5u
 #define LIGHT_POINT 0u
 #define LIGHT_DIRECTIONAL 1u
 #define LIGHT_AREA_TRIANGLE 2u
@@ -193,12 +195,17 @@ typedef struct {
 typedef struct {
     float4 origin;              // xyz, metres
     float4 corner;              // from origin to the top left corner of the image plane at focus distance
-    float4 right;               // whole width of that plane, left to right; of panoramas and fisheyes, unit
+    float4 right;               // whole width of that plane, left to right; unit of panoramas, fisheyes and calibrated cameras
     float4 down;                // whole height of it, top to bottom; of those, unit
     float4 axis;                // from origin to the middle of that plane; of those, unit
     float4 lens_u;              // aperture radius along image right; 0: pinhole
     float4 lens_v;              // aperture radius along image up
     float4 world;               // xyz: where the origin of all coordinates on the device lies in world space
+    float4 focal;               // calibrated: focal lengths in widths and heights of the image, skew; distance in focus
+    float4 principal;           // calibrated: principal point in widths and heights; tangential coefficients
+    float4 radial;              // calibrated: k1 to k3, or k1 to k4 of Kannala-Brandt
+    float4 rational;            // calibrated: k4 to k6
+    float4 field;               // calibrated: largest radius, or angle, of the image; end of the field of the lens
     float4 around;              // xyz: the origin of one of its rays, around which the media are known
     uint interior_first;        // those, highest first, a byte each from the highest on
     uint interior_last;         // and four more of them

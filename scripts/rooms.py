@@ -41,7 +41,7 @@ LAYERS: Final = (
     ("scene",),
     ("settings",),
     ("integrators",),
-    ("meshes", "image"),
+    ("meshes", "image", "cameras"),
     ("limits",),
     ("files",),
     ("process",),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from clrender.flatten.media import Media
 
 __all__ = ["Features"]
+
+_CALIBRATED: Final = (layout.CAMERA_BROWN_CONRADY, layout.CAMERA_KANNALA_BRANDT)
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,8 @@ class Features:
         Some surfaces transmit light undeflected without bounding a medium: `clrender.flatten.media.Media`.
     camera_cuts_media : bool
         Rays of the camera may begin in different media.
+    calibrated_camera : bool
+        The camera's lens has distortion, or its axes are skewed.
     instances : bool
         There are instances of groups.
     opacity, holes : bool
@@ -67,6 +71,7 @@ class Features:
     subsurface: bool = False
     straight_shadows: bool = False
     camera_cuts_media: bool = False
+    calibrated_camera: bool = False
     instances: bool = False
     opacity: bool = False
     holes: bool = False
@@ -114,7 +119,11 @@ class Features:
         ----------
         camera : (1,) `Camera`
         """
-        return replace(self, camera_cuts_media=self.interiors and bool(camera["cuts_media"][0]))
+        return replace(
+            self,
+            camera_cuts_media=self.interiors and bool(camera["cuts_media"][0]),
+            calibrated_camera=bool(np.isin(camera["kind"][0], _CALIBRATED)),
+        )
 
     @classmethod
     def of(

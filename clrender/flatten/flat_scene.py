@@ -13,21 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender import layout
-from clrender.errors import SceneError, UsageError
-from clrender.exact.angles import tan_degrees
+from clrender.errors import UsageError
 from clrender.flatten.assembly import assemble
+from clrender.flatten.camera_row import camera_row, other_shape, surrounded
 from clrender.flatten.features import Features
 from clrender.flatten.holes import hole_rows
 from clrender.flatten.instances import FlatInstances, flat_instances
-from clrender.flatten.interiors import media_around, media_in_box, media_with_lights, open_media, packed
+from clrender.flatten.interiors import media_with_lights, open_media
 from clrender.flatten.lamps import lamp_tables
 from clrender.flatten.lights import FlatLights, flat_environment, flat_lights
 from clrender.flatten.material_rows import flat_materials
 from clrender.flatten.media import Media, Solid, scene_media, solid_of
 from clrender.flatten.microfacets import albedo_tables
-from clrender.flatten.surfaces import SMALLEST, flat_surfaces
+from clrender.flatten.surfaces import flat_surfaces
 from clrender.flatten.texture_rows import flat_textures
-from clrender.meshes.data import COORDINATE_LIMIT
 from clrender.scene.description import (
     Camera,
     DirectionalLight,
@@ -40,8 +39,7 @@ from clrender.scene.description import (
     SunSkyLight,
 )
 from clrender.scene.materials import Conductor, Dielectric, Material, Mirror, Subsurface
-from clrender.scene.values import Vector, cross, length
-from clrender.settings import FILTER_RADII
+from clrender.scene.values import Vector, length
 
 __all__ = ["FlatScene", "flatten", "scene_origin"]
 
@@ -183,7 +181,7 @@ def flatten(
     if width < 1 or height < 1:
         raise UsageError(f"an image of {width}x{height} pixels cannot be rendered; give positive numbers")
     origin = scene_origin(scene.camera) if origin is None else origin
-    camera = _camera_row(scene.camera, width, height, scene.source, origin)
+    camera = camera_row(scene, width, height, origin)
     assembly = assemble(scene)
     scene = assembly.scene
     surfaces = flat_surfaces(scene, origin, assembly.own_shapes, assembly)
@@ -239,7 +237,7 @@ def flatten(
     hidden = any(light is not None and not light.visible_to_camera for light in around_lights)
     if hidden:
         digest.update(b"hidden environment")
-    camera = _surrounded(camera, arrays, triangle_count, instances, scene.camera, origin, (width, height))
+    camera = surrounded(camera, arrays, triangle_count, instances, scene.camera, origin, (width, height))
     return FlatScene(
         arrays=arrays,
         camera=camera,
@@ -254,6 +252,7 @@ def flatten(
         notes=scene.notes,
         warnings=(
             *surfaces.warnings,
+            *other_shape(scene, width, height),
             *_no_light(scene, lights),
             *_lost_light(scene, media.no_boundary),
             *_lost_in_fog(scene),
@@ -275,9 +274,9 @@ def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene
     SceneError, UsageError
         See `flatten`.
     """
-    camera = _camera_row(scene.camera, width, height, scene.source, flat.origin)
+    camera = camera_row(scene, width, height, flat.origin)
     size = (width, height)
-    around = _surrounded(camera, flat.arrays, flat.triangle_count, flat.instances, scene.camera, flat.origin, size)
+    around = surrounded(camera, flat.arrays, flat.triangle_count, flat.instances, scene.camera, flat.origin, size)
     return dataclasses.replace(flat, camera=around, features=flat.features.seen_by(around))
 
 
@@ -375,97 +374,5 @@ def _padded(array: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(array) if len(array) else np.zeros((1, *array.shape[1:]), dtype=array.dtype)
 
 
-def _camera_row(camera: Camera, width: int, height: int, source: str, origin: Vector) -> _Rows:
-    """The camera for kernels/camera/camera.h; right-handed, image right = forward x up unless it is mirrored."""
-    view = _difference(camera.target, camera.position)
-    forward = _scaled(view, 1.0 / length(view))
-    right = cross(forward, _scaled(camera.up, 1.0 / length(camera.up)))
-    right = _scaled(right, 1.0 / length(right))
-    upward = cross(right, forward)
-    if camera.mirrored:
-        right = _scaled(right, -1.0)
-    row = np.zeros(1, dtype=layout.dtype("Camera"))
-    row["kind"] = getattr(layout, f"CAMERA_{camera.type.upper()}")
-    row["origin"][0, :3], row["world"][0, :3] = _difference(camera.position, origin), origin
-    if camera.type in ("panoramic", "fisheye"):
-        row["right"][0, :3], row["down"][0, :3], row["axis"][0, :3] = right, _scaled(upward, -1.0), forward
-        row["aspect"], row["angle"] = width / height, camera.vertical_fov / 720.0
-        return row
-    # The film's rectangle on the plane of focus
-    distance = camera.focus_distance if camera.focus_distance is not None else length(view)
-    spread = distance * tan_degrees(camera.vertical_fov / 2.0) if camera.type == "perspective" else camera.height / 2.0
-    half_height, half_width = spread, spread * width / height
-    corner = [f * distance - r * half_width + u * half_height for f, r, u in zip(forward, right, upward, strict=True)]
-    for name, vector in (
-        ("corner", corner),
-        ("right", _scaled(right, 2.0 * half_width)),
-        ("down", _scaled(upward, -2.0 * half_height)),
-        ("axis", _scaled(forward, distance)),
-        ("lens_u", _scaled(right, camera.aperture_radius)),
-        ("lens_v", _scaled(upward, camera.aperture_radius)),
-    ):
-        row[0][name][:3] = vector
-    row["blades"], row["blade_turn"] = camera.blades, camera.blade_rotation_degrees % 360.0 / 360.0
-    sizes = [2.0 * half_width, 2.0 * half_height]
-    if not (min(sizes) >= SMALLEST and max(sizes) <= COORDINATE_LIMIT):
-        low, high = f"{min(sizes):g}", f"{max(sizes):g}"
-        text = f"the view spans {low} to {high} metres at the focus distance, too extreme for single precision"
-        keys = "vertical_fov or focus_distance" if camera.type == "perspective" else "height"
-        raise SceneError(f"{source}: camera: {text}; choose a more moderate {keys}")
-    return row
-
-
-def _surrounded(
-    row: _Rows,
-    arrays: Mapping[str, NDArray[Any]],
-    triangle_count: int,
-    instances: FlatInstances,
-    camera: Camera,
-    origin: Vector,
-    size: tuple[int, int],
-) -> _Rows:
-    """The camera's row with the media around one of its rays, and whether its film or lens cuts the surface of one."""
-    known = np.array(_difference(camera.position, origin))
-    low, high = _origins_of_rays(row[0], camera, size)
-    if (low < high).any() and media_in_box(arrays, triangle_count, low, high, instances):
-        row[0]["cuts_media"] = 1
-        row[0]["around"][:3] = _origin_aside(row[0], camera)
-        known = row[0]["around"][:3].astype(np.float64)
-    row[0]["interior_first"], row[0]["interior_last"] = packed(media_around(arrays, triangle_count, known, instances))
-    return row
-
-
-def _origin_aside(row: np.void, camera: Camera) -> NDArray[np.float64]:
-    """Origin of a ray that is not in the middle of the film or lens, which is often placed exactly on a surface."""
-    corner, right, down, axis, lens_u, lens_v = _film_and_lens(row)
-    on_lens = row["origin"][:3].astype(np.float64) + 0.31 * lens_u + 0.17 * lens_v
-    on_film = corner - axis + 0.61 * right + 0.42 * down if camera.type == "orthographic" else np.zeros(3)
-    return np.asarray(on_lens + on_film)
-
-
-def _origins_of_rays(
-    row: np.void, camera: Camera, size: tuple[int, int]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Box that contains the origins of all rays of a camera."""
-    corner, right, down, axis, lens_u, lens_v = _film_and_lens(row)
-    low = high = row["origin"][:3].astype(np.float64)
-    if camera.type == "orthographic":
-        # As wide again on all sides, or wider: a pixel filter sees points beyond the film's edges
-        across, along = (max(1.0, FILTER_RADII[1] / pixels) for pixels in size)
-        ends = [corner - axis + right * x + down * y for x in (-across, 1.0 + across) for y in (-along, 1.0 + along)]
-        low, high = low + np.min(ends, axis=0), high + np.max(ends, axis=0)
-    reach = np.abs(lens_u) + np.abs(lens_v)
-    return low - reach, high + reach
-
-
-def _film_and_lens(row: np.void) -> tuple[NDArray[np.float64], ...]:
-    names = ("corner", "right", "down", "axis", "lens_u", "lens_v")
-    return tuple(row[name][:3].astype(np.float64) for name in names)
-
-
 def _difference(a: Vector, b: Vector) -> Vector:
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
-
-
-def _scaled(a: Vector, factor: float) -> Vector:
-    return (a[0] * factor, a[1] * factor, a[2] * factor)

@@ -39,6 +39,7 @@ __all__ = [
     "Name",
     "Part",
     "Reflectance",
+    "Row",
     "SettingValue",
     "Share",
     "Termination",
@@ -84,8 +85,8 @@ Lengths: TypeAlias = tuple[Length, Length, Length]
 Color: TypeAlias = tuple[Power, Power, Power]
 Reflectance: TypeAlias = tuple[Share, Share, Share]
 Termination: TypeAlias = Annotated[Finite, Field(ge=0.0, lt=1.0)] | None
-_Row: TypeAlias = tuple[Finite, Finite, Finite, Finite]
-Matrix: TypeAlias = tuple[_Row, _Row, _Row, _Row]
+Row: TypeAlias = tuple[Finite, Finite, Finite, Finite]
+Matrix: TypeAlias = tuple[Row, Row, Row, Row]
 
 
 NUMBER_OR_TRIPLE: Final[dict[str, Any]] = {

@@ -14,10 +14,16 @@ static int camera_is_parallel(const Scene* scene) { return scene->camera->kind =
 // At least this much of a denominator counts.
 #define CAMERA_LEAST 1.0e-20f
 
-// Pixels per steradian, or per square metre across parallel rays, about a camera ray of this direction.
-static vfloat camera_density(const Scene* scene, vec3 direction) {
+// Pixels per steradian, or per square metre across parallel rays, about a camera ray of this origin and direction.
+static vfloat camera_density(const Scene* scene, vec3 origin, vec3 direction) {
     const Camera camera = *scene->camera;
     const vfloat pixels = splat((float)scene->settings->width * (float)scene->settings->height);
+#ifdef CALIBRATED_CAMERA
+    if (camera_is_calibrated(&camera)) {
+        const CalibratedPlace place = calibrated_place(&camera, sub(origin, vec3_from(camera.origin)), direction);
+        return place.density * pixels * (camera.focal.x * camera.focal.y);
+    }
+#endif
     if (camera.kind == CAMERA_PANORAMIC) {
         // Longitude and colatitude are 2π and π times the place on the film
         const vfloat cosine = inner(direction, vec3_from(camera.down)), sine = root(fma(cosine, -cosine, splat(1.0f)));
@@ -79,6 +85,21 @@ static CameraView camera_towards_lens(const Camera* camera, vec3 point, vfloat u
     return view;
 }
 
+#ifdef CALIBRATED_CAMERA
+static CameraView camera_towards_calibrated(const Camera* camera, vec3 point, vfloat u, vfloat v) {
+    const vec3 on_lens = camera_has_lens(camera) ? camera_on_lens(camera, u, v) : vec3_all(0.0f);
+    CameraView view;
+    view.target = add(vec3_from(camera->origin), on_lens);
+    const vec3 seen = unit(sub(point, view.target));
+    const CalibratedPlace place = calibrated_place(camera, on_lens, seen);
+    view.direction = negate(seen);
+    view.density = place.density;
+    view.film_x = fma(place.x, splat(camera->focal.x), fma(place.y, splat(camera->focal.z), splat(camera->principal.x)));
+    view.film_y = fma(place.y, splat(camera->focal.y), splat(camera->principal.y));
+    return view;
+}
+#endif
+
 static CameraView camera_towards_center(const Camera* camera, vec3 point) {
     const vec3 origin = vec3_from(camera->origin), seen = unit(sub(point, origin));
     const vec3 axis = vec3_from(camera->axis), right = vec3_from(camera->right), down = vec3_from(camera->down);
@@ -104,10 +125,15 @@ static CameraView camera_towards_center(const Camera* camera, vec3 point) {
 static CameraView camera_towards(const Scene* scene, vec3 point, vfloat u, vfloat v) {
     const Camera camera = *scene->camera;
     const int center = camera.kind == CAMERA_PANORAMIC || camera.kind == CAMERA_FISHEYE;
-    CameraView view = center ? camera_towards_center(&camera, point) : camera_towards_lens(&camera, point, u, v);
+    CameraView view;
+#ifdef CALIBRATED_CAMERA
+    if (camera_is_calibrated(&camera)) view = camera_towards_calibrated(&camera, point, u, v);
+    else
+#endif
+        view = center ? camera_towards_center(&camera, point) : camera_towards_lens(&camera, point, u, v);
     const vec3 to = sub(view.target, point);
     const vfloat distance2 = camera_is_parallel(scene) ? splat(1.0f) : greater(inner(to, to), splat(CAMERA_LEAST));
-    view.density = view.density > 0.0f ? quotient(camera_density(scene, negate(view.direction)), distance2) : splat(0.0f);
+    view.density = view.density > 0.0f ? quotient(camera_density(scene, view.target, negate(view.direction)), distance2) : splat(0.0f);
     return view;
 }
 

@@ -256,7 +256,7 @@ static void path_start(const Scene* scene, CameraRays* rays, Path* path, vmask l
     path->chain.kind = lane ? splat_uint(CHAIN_CAMERA) : path->chain.kind;
 #endif
 #ifdef PATH_BIDIRECTIONAL
-    const vfloat edge = techniques_over(splat((float)scene->settings->light_paths), camera_density(scene, direction));
+    const vfloat edge = techniques_over(splat((float)scene->settings->light_paths), camera_density(scene, origin, direction));
     path->techniques.edge = lane ? edge : path->techniques.edge;
     path->techniques.earlier = lane ? splat(0.0f) : path->techniques.earlier;
 #endif

@@ -108,6 +108,8 @@ class Run:
         Samples of a replicate; 0: none.
     universal : bool
         By the program for any scene.
+    calibrated : str
+        Distortion of the camera's lens; empty: none.
     """
 
     kernel: str
@@ -128,6 +130,7 @@ class Run:
     instances: bool = False
     replicate: int = 0
     universal: bool = False
+    calibrated: str = ""
 
 
 RENDERS: Final = {
@@ -181,6 +184,8 @@ RENDERS: Final = {
     "staged-1-media": Run("staged", 1, rough=True, media=True, skin=True),
     "staged-1-holes": Run("staged", 1, instances=True, opacity="holes", lamps=True),
     "staged-splits-1": Run("staged-splits", 1, samples=2, filter="mitchell"),
+    "path-4-calibrated": Run("path", 4, samples=2, calibrated="brown-conrady"),
+    "bdpt-1-calibrated": Run("bdpt", 1, calibrated="kannala-brandt"),
     "path-4-replicates": Run("path", 4, samples=4, replicate=2),
     "path-16": Run("path", 16, samples=2),
     "path-1-large": Run("path", 1, large=True),
@@ -326,9 +331,23 @@ def scene(run: Run, folder: Path) -> FlatScene:
         around = {"type": "environment", "file": "sky"}
     elif run.sun:
         around = {"type": "sun_sky", "sun_direction": (0.4, 0.9, 0.5), "scale": 1e-4}
+    camera: dict[str, Any] = {"position": (0.2, 0.8, 3), "target": (0.1, 0.1, 0), "aperture_radius": 0.01}
+    if run.calibrated:
+        distortion = {"model": run.calibrated, "k": (-0.2, 0.05, 0.01)}
+        camera |= {
+            "type": "intrinsics",
+            "fx": 8.0,
+            "skew": 0.5,
+            "resolution": (WIDTH, HEIGHT),
+            "distortion": distortion,
+        }
+        if run.calibrated == "brown-conrady":
+            distortion["p"] = (0.01, -0.02)
+        else:
+            camera["aperture_radius"] = 0.0
     described: dict[str, Any] = {
         **(scattering if run.media else {}),
-        "camera": {"position": (0.2, 0.8, 3), "target": (0.1, 0.1, 0), "aperture_radius": 0.01},
+        "camera": camera,
         "materials": {
             "matt": {"type": "lambert", "reflectance": color},
             "mirror": {"type": "mirror", "reflectance": color},

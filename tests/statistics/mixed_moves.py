@@ -9,8 +9,11 @@ from dataclasses import replace
 from typing import Any, Final
 from unittest.mock import patch
 
+import numpy as np
+from exact import Floats
 from mixed_parts import Json
 
+from clrender.exact.matrices import inverse
 from clrender.flatten.features import Features
 
 __all__ = ["FAR_LAMP", "PLACES", "compiled_for_volumes", "moved", "with_all_features"]
@@ -64,6 +67,9 @@ def moved(content: Json, factor: float, by: list[float]) -> Json:
             part["position"] = _plus(part["position"], by)
         if "target" in part:
             part["target"] = _plus(part["target"], by)
+        for key in ("camera_to_world", "world_to_camera"):
+            if key in part:
+                part[key] = _posed_elsewhere(np.array(part[key]), factor, by, inward=key == "world_to_camera").tolist()
         if part.get("type") in ("point", "spot"):
             part["intensity"] = _times(part["intensity"], factor * factor)
         if part.get("type") in ("ies", "projector"):
@@ -103,6 +109,13 @@ def _enlarge(part: Json, factor: float) -> None:
             row[3] *= factor
     if "file" in part and part["type"] == "mesh":  # its vertices are what they are
         part["transform"]["scale"] = _times(part["transform"].get("scale", 1.0), factor)
+
+
+def _posed_elsewhere(matrix: Floats, factor: float, by: list[float], *, inward: bool) -> Floats:
+    """The pose of a camera whose distance from the origin is multiplied, and which is then moved."""
+    matrix = inverse(matrix) if inward else matrix
+    matrix[:3, 3] = matrix[:3, 3] * factor + by
+    return inverse(matrix) if inward else matrix
 
 
 def _shift(shape: Json, by: list[float]) -> None:
@@ -169,14 +182,14 @@ def with_all_features(content: Json) -> Json:
 
 @contextmanager
 def compiled_for_volumes() -> Iterator[None]:
-    """Kernels are compiled as if every scene had volumes and media, so that scenes share programs.
+    """Kernels are compiled as if every scene had volumes, media and a calibrated camera, so that scenes share programs.
 
     As things far away they would be refused by some integrators.
     """
     of = Features.of
 
     def made(*values: Any) -> Features:
-        return replace(of(*values), **dict.fromkeys(VOLUMES, True))
+        return replace(of(*values), **dict.fromkeys((*VOLUMES, "calibrated_camera"), True))
 
     with patch.object(Features, "of", made):
         yield

@@ -16,11 +16,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 from mixed_files import files
 from mixed_parts import Draw, Json, emission_for_white, medium
 from mixed_shapes import Things
 
-from clrender.scene import Scene
+from clrender.cameras.poses import CONVENTIONS, pose_matrix
+from clrender.exact.matrices import inverse
+from clrender.scene import Camera, Scene
 
 __all__ = ["KINDS", "Mixed", "mixed_scene"]
 
@@ -78,7 +81,9 @@ def mixed_scene(kind: str, number: int) -> Mixed:
     number : int
     """
     draw = Draw(f"{kind} {number}", kind == "white")
-    return {"white": _white, "light": _light, "black": _black}[kind](draw, f"{kind} {number}")
+    mixed = {"white": _white, "light": _light, "black": _black}[kind](draw, f"{kind} {number}")
+    _as_seen_by_machines(mixed.name, mixed.content["camera"])
+    return mixed
 
 
 def _assembled(things: Things, camera: Json, lights: list[Json], **more: Any) -> Json:
@@ -90,6 +95,40 @@ def _assembled(things: Things, camera: Json, lights: list[Json], **more: Any) ->
         **{k: v for k, v in tables.items() if v},
         **more,
     }
+
+
+def _as_seen_by_machines(name: str, camera: Json) -> None:
+    """Turn some perspective cameras into calibrated ones, and shift some; by random numbers of their own."""
+    draw = Draw(f"camera of {name}", white=False)
+    if camera["type"] in ("perspective", "orthographic") and draw.chance(0.15):
+        camera["lens_shift"] = [draw.between(-0.3, 0.3), draw.between(-0.3, 0.3)]
+    elif camera["type"] == "perspective" and draw.chance(0.4):
+        camera["type"], camera["resolution"] = "intrinsics", [160, 120]
+        camera["fx"] = round(60.0 / math.tan(math.radians(camera.pop("vertical_fov") / 2.0)), 2)
+        camera["fy"] = round(camera["fx"] * draw.between(0.9, 1.1), 2)
+        camera |= {"cx": draw.between(70.0, 90.0), "cy": draw.between(50.0, 70.0)} if draw.chance(0.7) else {}
+        camera |= {"skew": draw.between(-3.0, 3.0)} if draw.chance(0.3) else {}
+        camera |= {"pixel_origin": draw.one(("corner", "center"))} if draw.chance(0.5) else {}
+        model = draw.one(("brown-conrady", "kannala-brandt"))
+        if model == "kannala-brandt" and "aperture_radius" not in camera:
+            camera["distortion"] = {"model": model, "k": [draw.between(-0.08, 0.08) for _ in range(4)]}
+        elif draw.chance(0.8):
+            k = [draw.between(-0.08, 0.08) for _ in range(draw.one((1, 2, 3, 6)))]
+            p = {"p": [draw.between(-0.01, 0.01) for _ in range(2)]} if draw.chance(0.5) else {}
+            camera["distortion"] = {"model": "brown-conrady", "k": k, **p}
+        if draw.chance(0.5) and not ("aperture_radius" in camera and "focus_distance" not in camera):
+            _posed(draw, camera)
+
+
+def _posed(draw: Draw, camera: Json) -> None:
+    """Write a camera's position, target and up as a matrix."""
+    right, up, forward = (np.array(each) for each in Camera(**{**camera, "mirrored": False}).axes)
+    convention = draw.one(tuple(CONVENTIONS))
+    matrix = pose_matrix(camera.pop("position"), [right, -up, forward], convention)
+    del camera["target"], camera["up"]
+    inward = draw.chance(0.5)
+    camera["world_to_camera" if inward else "camera_to_world"] = (inverse(matrix) if inward else matrix).tolist()
+    camera["convention"] = convention
 
 
 def _camera(draw: Draw, kinds: tuple[str, ...] = ("perspective", "orthographic", "panoramic", "fisheye")) -> Json:

@@ -45,7 +45,7 @@ def plates(camera: Mapping[str, Any] | None = None) -> Scene:
         sphere((1.9, 2.2, 1.2), 0.2, emission=9.0),
     ]
     what = scene(shapes, (), None, **MATERIALS)
-    seen = {} if (camera or {}).get("type") in ("orthographic", "panoramic") else {"vertical_fov": 48.0}
+    seen = {} if (camera or {}).get("type") in ("orthographic", "panoramic", "intrinsics") else {"vertical_fov": 48.0}
     placed = {"position": [0.2, 1.6, 4.2], "target": [0.0, 1.1, 0.0], **seen, **(camera or {})}
     return what.model_copy(update={"camera": type(what.camera).model_validate(placed)})
 
@@ -66,6 +66,7 @@ def test_each_way_alone_finds_all(
     judge(found)
 
 
+BARREL: Final = {"model": "brown-conrady", "k": [-0.3, 0.1, 0.0, 0.05], "p": [0.01, -0.02]}
 CAMERAS: Final[Mapping[str, dict[str, Any]]] = {
     "pinhole": {},
     "lens": {"aperture_radius": 0.2, "focus_distance": 3.5, "blades": 5},
@@ -74,7 +75,17 @@ CAMERAS: Final[Mapping[str, dict[str, Any]]] = {
     "panoramic": {"type": "panoramic", "position": [0.1, 1.2, 1.2]},
     "fisheye": {"type": "fisheye", "vertical_fov": 150.0, "position": [0.1, 1.2, 1.6]},
     "mirrored": {"mirrored": True},
-}
+    "shifted": {"lens_shift": [0.2, -0.1]},
+    "calibrated": {"type": "intrinsics", "fx": 90.0, "skew": 4.0, "resolution": [64, 64], "distortion": BARREL},
+    "calibrated with lens": {
+        "type": "intrinsics", "fx": 90.0, "resolution": [64, 64], "distortion": BARREL, "aperture_radius": 0.2,
+        "focus_distance": 3.5,
+    },
+    "calibrated fisheye": {
+        "type": "intrinsics", "fx": 25.0, "cy": 35.0, "resolution": [64, 64], "position": [0.1, 1.2, 1.6],
+        "distortion": {"model": "kannala-brandt", "k": [0.05, -0.02]},
+    },
+}  # fmt: skip
 
 
 @pytest.mark.long
