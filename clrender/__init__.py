@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from clrender.errors import RenderError as RenderError
     from clrender.errors import SceneError as SceneError
     from clrender.errors import UsageError as UsageError
+    from clrender.importers.cameras.read import load_cameras as load_cameras
     from clrender.importers.load import load as load
     from clrender.rendering.convergence_plot import ConvergencePlot as ConvergencePlot
     from clrender.rendering.job import RenderJob as RenderJob
@@ -45,6 +46,7 @@ _HOMES = {
     "View": "clrender.view.notebook",
     "devices": "clrender.drivers",
     "load": "clrender.importers",
+    "load_cameras": "clrender.importers.cameras",
     "render": "clrender.api",
     "verify": "clrender.verification",
 }

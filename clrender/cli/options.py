@@ -292,7 +292,7 @@ def allow_path_option(command: Any) -> Any:
 
 def load_options(command: Any) -> Any:
     """Decorator: the options of `clrender.importers.load`, which the command gets together as `reading`."""
-    names = ("allow_paths", "time_at", "variant", "up", "define", "strict")
+    names = ("allow_paths", "time_at", "variant", "up", "define", "camera", "strict")
 
     @functools.wraps(command)
     def run(*arguments: Any, **options: Any) -> Any:
@@ -320,6 +320,13 @@ def _choice_options(command: Any) -> Any:
         "--up",
         type=click.Choice(["y", "z"]),
         help="Upward axis of a model in .obj, .ply or .stl, which has no camera; default: z for .stl, else y.",
+    )(command)
+    command = click.option(
+        "--camera",
+        metavar="FILE[#NAME]",
+        shell_complete=complete_files,
+        help="Camera in place of the scene's: a .toml or .json with a camera or a camera matrix, or one of "
+        "transforms.json, a folder of COLMAP or a glTF file.",
     )(command)
     command = click.option("--variant", metavar="NAME", help="Material variant of a glTF file.")(command)
     return click.option(

@@ -29,7 +29,10 @@ from clrender.scene.validation_errors import scene_error
 from clrender.scene.values import Vector, cross
 from clrender.wording import place, quoted
 
-__all__ = ["completed"]
+__all__ = ["FRAMED", "completed"]
+
+FRAMED: Final = "there is no camera in it: it is framed"
+"""Beginning of the note about a camera that was chosen here."""
 
 _UP: Final = {"y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _VERTICAL_FOV: Final = 35.0
@@ -86,7 +89,7 @@ def completed(draft: Draft, files: AssetFiles, up: str = "y", *, surrounded: boo
     if framed:
         keys, side = _around(scene, up)
         which = "" if up == "y" else "; z is up, or y with --up y"
-        notes = [*notes, f"there is no camera in it: it is framed {side}{which}"]
+        notes = [*notes, f"{FRAMED} {side}{which}"]
         scene = scene.with_checked(camera=scene.camera.with_checked(**keys))
     if not dark and not surrounded and (framed or draft.wants_exposure):
         scene, exposed = _exposed(scene)

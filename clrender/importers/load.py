@@ -7,15 +7,16 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib import import_module
 from numbers import Real
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from clrender.errors import SceneError, UsageError
 from clrender.importers.asset_files import AssetFiles
+from clrender.importers.cameras.read import camera_file, with_camera
 from clrender.importers.choices import Choices
 from clrender.importers.draft import Draft
-from clrender.importers.framing import completed
+from clrender.importers.framing import FRAMED, completed
 from clrender.limits import checked_path, shown
-from clrender.scene import Scene
+from clrender.scene import Camera, Scene
 from clrender.scene.load import load as load_own
 from clrender.wording import quoted
 
@@ -50,6 +51,7 @@ def load(
     strict: bool = False,
     up: str | None = None,
     define: Mapping[str, str] | None = None,
+    camera: str | Path | Camera | Mapping[str, Any] | None = None,
 ) -> Scene:
     """Read and validate a scene and the files it names.
 
@@ -74,6 +76,8 @@ def load(
         ``z``; default: z for `.stl`, as programs for printing and construction have it, else y.
     define : mapping of str to str, optional
         Values of the parameters (``$NAME``) of a Mitsuba scene, before its own defaults.
+    camera : str, pathlib.Path, Camera or mapping, optional
+        A camera in place of the scene's; see `clrender.importers.cameras.with_camera`.
 
     Returns
     -------
@@ -125,7 +129,7 @@ def load(
                 "(`clrender scenes`)"
             )
         own = load_own(path_or_name, allow_paths=folders).with_origin(origin)
-        return own if environment is None else own.with_environment(environment)
+        return _changed(own, environment, camera)
     read: Callable[..., Draft] = import_module(reader).read
     for folder in folders:
         if not folder.is_dir():
@@ -134,5 +138,18 @@ def load(
     upright = up or ("z" if ending == ".stl" else "y")
     draft = read(path, files, choices) if ending in _CHOOSING else read(path, files)
     scene = completed(draft, files, upright, surrounded=environment is not None)
-    scene = scene.with_origin(origin)
-    return scene if environment is None else scene.with_environment(environment)
+    return _changed(scene.with_origin(origin), environment, camera)
+
+
+def _changed(scene: Scene, environment: Any, camera: Any) -> Scene:
+    """The scene in an environment, with another camera."""
+    if environment is not None:
+        scene = scene.with_environment(environment)
+    if camera is None:
+        return scene
+    scene = with_camera(scene, camera)
+    said = scene.camera.model_dump(mode="json", exclude_unset=True)
+    scene = scene.with_origin({**(scene.origin or {}), "camera": said})
+    file = camera_file(camera)[0] if isinstance(camera, str | Path) else None
+    kept = [note for note in scene.notes if FRAMED not in note]
+    return scene.with_notes(kept, [file] if file is not None and file.is_file() else [])

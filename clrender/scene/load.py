@@ -24,7 +24,7 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-__all__ = ["SCENE_FILE_LIMIT", "builtin_names", "load"]
+__all__ = ["SCENE_FILE_LIMIT", "builtin_names", "load", "parsed_file"]
 
 SCENE_FILE_LIMIT: Final = 2**28
 """Largest scene file, bytes; larger geometry belongs in mesh files."""
@@ -61,7 +61,7 @@ def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) ->
         if not folder.is_dir():
             raise SceneError(f"{quoted(str(folder))} is no folder, so nothing in it can be allowed")
     source = ascii(str(path))[1:-1]
-    content = _parsed(path, source)
+    content = parsed_file(path, source)
     try:
         scene = Scene.model_validate(content)
     except ValidationError as error:
@@ -107,9 +107,24 @@ def _located(path_or_name: str | Path) -> Path:
     raise SceneError(f"{quoted(text)} is no scene: name a .toml or .json file, or a built-in scene (`clrender scenes`)")
 
 
-def _parsed(path: Path, source: str) -> Any:
-    """Content of the file, as Python's built-in types."""
-    file, size = open_scene_file(path, f"{source}: the scene file", SCENE_FILE_LIMIT)
+def parsed_file(path: Path, source: str, what: str = "the scene file") -> Any:
+    """Content of a TOML or JSON file, as Python's built-in types.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        JSON if it ends in ``.json``.
+    source : str
+        Its name in messages.
+    what : str
+        What it is, in messages.
+
+    Raises
+    ------
+    SceneError
+        It cannot be read, or its syntax is wrong.
+    """
+    file, size = open_scene_file(path, f"{source}: {what}", SCENE_FILE_LIMIT)
     with file:
         data = file.read(size)
     try:

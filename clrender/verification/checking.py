@@ -230,6 +230,7 @@ def _scene(
         up=origin.get("up"),
         define=origin.get("define"),
         environment=around,
+        camera=origin.get("camera"),
     )
 
 
@@ -243,6 +244,7 @@ def _origin(claim: Claim) -> dict[str, Any]:
         "up": (str,),
         "define": (dict,),
         "environment": (str, int, float),
+        "camera": (dict,),
     }
     if not isinstance(said, Mapping):
         return {}

@@ -1,43 +1,105 @@
-"""The camera of a glTF scene: the first one in it."""
+"""The cameras of a glTF scene."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
+from clrender.importers.asset_files import AssetFiles
+from clrender.importers.choices import Choices
+from clrender.importers.draft import Draft
+from clrender.importers.gltf.accessors import Accessors
+from clrender.importers.gltf.animation import moved_at
+from clrender.importers.gltf.container import opened
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.matrices import Matrix
 from clrender.importers.gltf.nodes import Nodes
+from clrender.importers.gltf.validator import validate
 from clrender.wording import quoted
 
-__all__ = ["add_camera"]
+__all__ = ["NodeCamera", "add_camera", "read_cameras"]
 
 _LONG_SIDE: Final = 800
 """Longer side of an image whose aspect ratio the camera gives, pixels."""
 
 
+@dataclass(frozen=True)
+class NodeCamera:
+    """A camera where a node places it.
+
+    Attributes
+    ----------
+    name : str
+        Of the camera, else of the node, else its JSON pointer.
+    keys : dict
+        Table `camera` of a scene file.
+    image : dict
+        Table `image`; empty if the camera does not give the shape of its image.
+    """
+
+    name: str
+    keys: dict[str, Any]
+    image: dict[str, int]
+
+
 def add_camera(document: Document, nodes: Nodes) -> None:
-    """Add the camera and the size of its image to the draft's description, if there is a camera."""
-    cameras = [index for index in nodes.shown if "camera" in document.items("nodes")[index]]
-    usable: list[tuple[int, dict[str, Any], float]] = []
-    for index in cameras:
-        number = document.items("nodes")[index]["camera"]
-        made = _made(document, number, nodes.world[index], index)
-        if made is not None:
-            usable.append((number, *made))
+    """Add the first camera and the size of its image to the draft's description, if there is a camera."""
+    usable = _cameras(document, nodes)
     if not usable:
         return
-    number, camera, aspect = usable[0]
+    first = usable[0]
     if len(usable) > 1:
-        name = document.items("cameras")[number].get("name", f"/cameras/{number}")
-        document.note(f"it has {len(usable)} cameras; the image is of the first, {quoted(name)}")
-    document.draft.description["camera"] = camera
-    if aspect > 0.0:
-        aspect = min(max(aspect, 1.0 / 16.0), 16.0)
-        document.draft.description["image"] = {
-            "width": round(_LONG_SIDE * min(aspect, 1.0)),
-            "height": round(_LONG_SIDE / max(aspect, 1.0)),
-        }
+        document.note(f"it has {len(usable)} cameras; the image is of the first, {quoted(first.name)}")
+    document.draft.description["camera"] = first.keys
+    if first.image:
+        document.draft.description["image"] = first.image
+
+
+def read_cameras(path: Path, files: AssetFiles, choices: Choices) -> list[NodeCamera]:
+    """The cameras of a glTF file, without the rest of its scene.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    files : AssetFiles
+    choices : Choices
+        Moment of its animation.
+
+    Raises
+    ------
+    SceneError
+        With the JSON pointer of the fault.
+    """
+    document = opened(path, files, Draft())
+    validate(document)
+    accessors = Accessors(document)
+    accessors.check()
+    return _cameras(document, Nodes(document, moved_at(document, accessors, choices.time_at)))
+
+
+def _cameras(document: Document, nodes: Nodes) -> list[NodeCamera]:
+    """The cameras that can be used, in the order of the nodes."""
+    usable = []
+    for index in nodes.shown:
+        node = document.items("nodes")[index]
+        if "camera" not in node:
+            continue
+        made = _made(document, node["camera"], nodes.world[index], index)
+        if made is not None:
+            keys, aspect = made
+            name = document.items("cameras")[node["camera"]].get("name") or node.get("name")
+            usable.append(NodeCamera(name or f"/cameras/{node['camera']}", keys, _image(aspect)))
+    return usable
+
+
+def _image(aspect: float) -> dict[str, int]:
+    """Size of an image with this aspect ratio; empty for 0."""
+    if aspect <= 0.0:
+        return {}
+    aspect = min(max(aspect, 1.0 / 16.0), 16.0)
+    return {"width": round(_LONG_SIDE * min(aspect, 1.0)), "height": round(_LONG_SIDE / max(aspect, 1.0))}
 
 
 def _made(document: Document, number: int, world: Matrix, node: int) -> tuple[dict[str, Any], float] | None:
