@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from clrender.exact.angles import tan_degrees
 from clrender.exact.matrices import length
 from clrender.exporters.target import Target
-from clrender.exporters.views import check_camera, clip_distances, path_depth
+from clrender.exporters.views import check_camera, clip_distances, flat_view, path_depth
 from clrender.importers.shared.matrices import look_at
 
 __all__ = ["along", "camera", "settings"]
@@ -56,17 +56,19 @@ def camera(target: Target) -> dict[str, Any]:
     if given.mirrored:
         target.leave_out("the mirroring of the image", "camera", "mirrored")
     values: dict[str, Any] = {"sensor_fit": "VERTICAL", "sensor_height": _SENSOR}
+    view, image = flat_view(target), target.scene.image
+    if any(view.shift):  # in units of the side that the sensor fits
+        values |= {"shift_x": view.shift[0] * image.width / image.height, "shift_y": view.shift[1]}
     if given.type == "orthographic":
         values |= {"type": "ORTHO", "ortho_scale": given.height}
     else:
-        tangent = tan_degrees(given.vertical_fov / 2.0)
+        tangent = tan_degrees(view.vertical_fov / 2.0)
         sensor = max(_SENSOR, 2.0 * tangent)  # Blender has no lens below 1 mm
         lens = sensor / 2.0 / tangent
         values |= {"type": "PERSP", "lens": lens, "sensor_height": sensor}
         if given.aperture_radius:
-            distance = given.focus_distance or length(np.subtract(given.target, given.position))
             stop = 1e-3 * lens / (2.0 * given.aperture_radius)
-            values |= {"dof.use_dof": True, "dof.focus_distance": distance, "dof.aperture_fstop": stop}
+            values |= {"dof.use_dof": True, "dof.focus_distance": given.focus, "dof.aperture_fstop": stop}
     distances = clip_distances(target.scene)
     if distances is not None:
         values |= dict(zip(("clip_start", "clip_end"), distances, strict=True))

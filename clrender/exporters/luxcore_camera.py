@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-import numpy as np
-
-from clrender.exact.matrices import length
 from clrender.exporters.luxcore_text import Properties
 from clrender.exporters.target import Target
-from clrender.exporters.views import check_camera, clip_distances, hides_lights, path_depth
+from clrender.exporters.views import check_camera, clip_distances, flat_view, hides_lights, path_depth
 
 __all__ = ["camera_properties", "settings"]
 
@@ -39,19 +36,20 @@ def camera_properties(target: Target) -> Properties:
     # LuxCore's film has its rows one pixel lower than its window says
     shift = -2.0 * side / image.height
     across = -side * aspect if camera.mirrored else side * aspect
+    view = flat_view(target)
+    right, up = 2.0 * view.shift[0] * across, 2.0 * view.shift[1] * side
     values: Properties = {
-        "type": camera.type,
+        "type": "orthographic" if camera.type == "orthographic" else "perspective",
         "lookat.orig": camera.position,
         "lookat.target": camera.target,
         "up": camera.up,
-        "screenwindow": [-across, across, shift - side, shift + side],
+        "screenwindow": [right - across, right + across, up + shift - side, up + shift + side],
         "autofocus.enable": False,
     }
-    if camera.type == "perspective":
-        values |= {"fieldofview": camera.vertical_fov, "lensradius": camera.aperture_radius}
+    if camera.type != "orthographic":
+        values |= {"fieldofview": view.vertical_fov, "lensradius": camera.aperture_radius}
         if camera.aperture_radius:
-            distance = camera.focus_distance or length(np.subtract(camera.target, camera.position))
-            values["focaldistance"] = distance
+            values["focaldistance"] = camera.focus
     distances = clip_distances(scene)
     if distances is not None:
         values |= dict(zip(("cliphither", "clipyon"), distances, strict=True))

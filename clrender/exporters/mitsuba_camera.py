@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
-import numpy as np
-
-from clrender.exact.matrices import length, product
+from clrender.exact.matrices import product
 from clrender.exporters.mitsuba_xml import Element, element, transform, value
 from clrender.exporters.target import Target
-from clrender.exporters.views import check_camera, clip_distances, hides_lights, path_depth
-from clrender.importers.shared.matrices import look_at, scaling
+from clrender.exporters.views import check_camera, clip_distances, flat_view, hides_lights, path_depth
+from clrender.importers.shared.matrices import look_at, scaling, translation
 
 __all__ = ["integrator", "sensor"]
 
@@ -38,18 +36,22 @@ def sensor(target: Target, medium: str | None) -> Element:
     if camera.mirrored:
         matrix = product(matrix, scaling(-1.0, 1.0, 1.0))
     inside = []
-    kind: str = camera.type
+    kind: str = "perspective" if camera.type == "intrinsics" else camera.type
+    view = flat_view(target)
     if kind == "orthographic":
         # The image is 2 wide before the transform
         half = camera.height / 2.0 * scene.image.width / scene.image.height
-        matrix = product(matrix, scaling(half, half, 1.0))
+        # Its +x points to the left
+        aside = translation(-2.0 * half * view.shift[0], camera.height * view.shift[1], 0.0)
+        matrix = product(product(matrix, aside), scaling(half, half, 1.0))
     else:
-        inside += [value("string", "fov_axis", "y"), value("float", "fov", camera.vertical_fov)]
+        offsets = (("x", view.shift[0]), ("y", -view.shift[1]))
+        inside += [value("float", f"principal_point_offset_{axis}", each) for axis, each in offsets if each]
+        inside += [value("string", "fov_axis", "y"), value("float", "fov", view.vertical_fov)]
         if camera.aperture_radius:
             kind = "thinlens"
-            distance = camera.focus_distance or length(np.subtract(camera.target, camera.position))
             inside += [value("float", "aperture_radius", camera.aperture_radius)]
-            inside += [value("float", "focus_distance", distance)]
+            inside += [value("float", "focus_distance", camera.focus)]
     inside += [transform(matrix), *_clipping(target), *_film(target)]
     inside += [] if medium is None else [element("ref", name="medium", id=medium)]
     return element("sensor", *inside, type=kind)

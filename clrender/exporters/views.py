@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from clrender.cameras.projection import Rectilinear
 from clrender.errors import SceneError
+from clrender.exact.angles import angle_of
 from clrender.exact.matrices import length
 from clrender.exporters.target import Target
 from clrender.flatten.bounds import scene_bounds
 from clrender.flatten.emission import emits
 from clrender.scene import EnvironmentLight, Scene, SunSkyLight
 
-__all__ = ["check_camera", "clip_distances", "hides_lights", "path_depth"]
+__all__ = ["FlatView", "check_camera", "clip_distances", "flat_view", "hides_lights", "path_depth"]
 
 _NEAR, _FAR = 1e-2, 1e4
 """Metres at which cameras of other programs clip unless told otherwise."""
 _PATHS: Final = ("path", "reuse")
+_SQUARE: Final = 1e-6
+"""Relative difference of the sides of a pixel that counts as square."""
 
 
 def check_camera(target: Target, program: str) -> None:
@@ -26,18 +32,57 @@ def check_camera(target: Target, program: str) -> None:
     Raises
     ------
     SceneError
-        It is neither a perspective nor an orthographic camera.
+        It is a panoramic camera or a fisheye.
     """
     camera = target.scene.camera
-    if camera.type not in ("perspective", "orthographic"):
+    if camera.type not in ("perspective", "orthographic", "intrinsics"):
         text = f"is of type {camera.type}, which {program} has not; make it perspective or orthographic"
         raise SceneError(f"{target.scene.source}: camera {text}")
+    if camera.distortion is not None:
+        target.leave_out("the distortion of the lens", "camera", "distortion")
+    if camera.skew:
+        target.leave_out("the skew of the camera matrix", "camera", "skew")
     if camera.aperture_radius and camera.type == "orthographic":
         target.leave_out("the lens of an orthographic camera", "camera", "aperture_radius")
     elif camera.aperture_radius and camera.blades:
         target.leave_out("the blades of the aperture, which is round", "camera", "blades")
     if camera.exposure is not None:
         target.leave_out("the exposure of display images", "camera", next(iter(camera.exposure)))
+
+
+@dataclass(frozen=True)
+class FlatView:
+    """What a camera without distortion shows, where pixels are square.
+
+    Attributes
+    ----------
+    vertical_fov : float
+        Degrees, of a view that is not shifted; of orthographic cameras it means nothing.
+    shift : (float, float)
+        Of the view to its right, in widths, and up, in heights.
+    """
+
+    vertical_fov: float
+    shift: tuple[float, float]
+
+
+def flat_view(target: Target) -> FlatView:
+    """The view of a perspective, orthographic or calibrated camera.
+
+    Parameters
+    ----------
+    target : Target
+    """
+    camera, image = target.scene.camera, target.scene.image
+    if camera.type != "intrinsics":
+        return FlatView(camera.vertical_fov, camera.lens_shift)
+    plain = camera.with_checked(distortion=None, skew=0.0)
+    seen = plain.projection(image.width, image.height)
+    assert isinstance(seen, Rectilinear)
+    if abs(seen.width * image.height - seen.height * image.width) > _SQUARE * seen.width * image.height:
+        target.leave_out("pixels that are not square: those of their height", "camera", "fy")
+    shift = seen.left / seen.width + 0.5, -(seen.top / seen.height + 0.5)
+    return FlatView(math.degrees(2.0 * angle_of(seen.height / 2.0, 1.0)), shift)
 
 
 def clip_distances(scene: Scene) -> tuple[float, float] | None:

@@ -227,6 +227,11 @@ class Camera(Part):
         return length(tuple(t - p for t, p in zip(self.target, self.position, strict=True)))  # type: ignore[arg-type]
 
     @property
+    def own_keys(self) -> set[str]:
+        """Keys that cameras of its type have."""
+        return {key for key in type(self).model_fields if self.type in _OF_CAMERAS.get(key, (self.type,))}
+
+    @property
     def is_distorted(self) -> bool:
         """Whether its image is more than a rectangle on a plane: it has lens distortion, or skewed axes."""
         return self.distortion is not None or self.skew != 0.0

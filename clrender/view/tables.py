@@ -108,7 +108,7 @@ def state(edited: EditedScene) -> dict[str, Any]:
     return {
         "width": settings.width,
         "height": settings.height,
-        "camera": edited.camera.model_dump(mode="json"),
+        "camera": edited.camera.model_dump(mode="json", include=edited.camera.own_keys),
         "camera_toml": camera_toml(edited.camera),
         "camera_stops": photographic_stops(**(edited.camera.exposure or {})),
         "settings": {name: getattr(settings, name) for name in SETTINGS if name not in NOT_LIVE},

@@ -429,6 +429,13 @@ def test_any_affine_map_of_a_texture(picture: Path) -> None:
     assert near(rows, [[2.0 * cosine, -2.0 * sine, 0.0], [4.0 * sine, 4.0 * cosine, 0.0]]) and notes == ()
 
 
+def test_a_shifted_lens(tmp_path: Path) -> None:
+    """In units of the image's height."""
+    image = {"width": 40, "height": 20}
+    values = exported(tmp_path, camera={**CAMERA, "lens_shift": [0.25, 0.1]}, image=image)[0]["camera"]["values"]
+    assert near([values["shift_x"], values["shift_y"]], [0.5, 0.1])
+
+
 def test_a_wide_camera_has_a_large_sensor(tmp_path: Path) -> None:
     """Blender has no lens below a millimetre."""
     values = exported(tmp_path, camera={**CAMERA, "vertical_fov": 175.0})[0]["camera"]["values"]

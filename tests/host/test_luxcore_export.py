@@ -112,6 +112,8 @@ def test_the_window_of_the_camera_is_one_pixel_lower(tmp_path: Path) -> None:
     parallel = {**CAMERA, "type": "orthographic", "height": 3.0}
     found, _ = exported(tmp_path, camera=parallel, image={"width": 40, "height": 20})
     assert near(found["scene.camera.screenwindow"], [-3.0, 3.0, -1.65, 1.35])
+    shifted, _ = exported(tmp_path, camera={**CAMERA, "lens_shift": [0.25, 0.1]}, image={"width": 40, "height": 20})
+    assert near(shifted["scene.camera.screenwindow"], [-1.0, 3.0, -0.9, 1.1])
     with pytest.raises(SceneError, match="camera is of type fisheye, which LuxCore has not"):
         exported(tmp_path, camera={**CAMERA, "type": "fisheye", "vertical_fov": 180.0})
 

@@ -500,6 +500,7 @@ def test_names(tmp_path: Path) -> None:
         {"aperture_radius": 0.1, "focus_distance": 3.3},
         {"aperture_radius": 0.1},
         {"type": "orthographic", "height": 3.0},
+        {"vertical_fov": 30.0, "lens_shift": [0.2, -0.3]},
     ],
 )
 def test_cameras(tmp_path: Path, camera: dict[str, Any]) -> None:
@@ -510,10 +511,40 @@ def test_cameras(tmp_path: Path, camera: dict[str, Any]) -> None:
     assert near(other.position, one.position)
     ahead, wanted = (np.subtract(each.target, each.position) for each in (other, one))
     assert near(ahead / np.linalg.norm(ahead), wanted / np.linalg.norm(wanted))
-    for key in ("vertical_fov", "height", "aperture_radius"):
+    for key in ("vertical_fov", "height", "aperture_radius", "lens_shift"):
         assert near(getattr(other, key), getattr(one, key)), key
     if "aperture_radius" in camera:
         assert near(other.focus_distance, one.focus_distance or float(np.linalg.norm(wanted)))
+
+
+@for_each(
+    "camera",
+    [
+        {"type": "orthographic", "height": 3.0, "lens_shift": [0.2, -0.3]},
+        {"type": "intrinsics", "fx": 90.0, "fy": 90.0, "cx": 22.0, "cy": 12.0},
+    ],
+)
+def test_cameras_that_are_others_there(tmp_path: Path, camera: dict[str, Any]) -> None:
+    """A shift of parallel rays moves the camera; an undistorted calibrated camera has a shifted lens. Pixels stay."""
+    scene = described(camera={**CAMERA, **camera}, image={"width": 60, "height": 20}, shapes=[BALL])
+    again, notes = written(scene, tmp_path)
+    points = np.random.default_rng(1).normal(0.0, 1.0, (20, 3))
+    assert notes == ()
+    assert near(again.camera.project(points, size=(60, 20)), scene.camera.project(points, size=(60, 20)))
+
+
+@for_each(
+    ("camera", "words"),
+    [
+        ({"skew": 3.0}, "the skew of the camera matrix"),
+        ({"fy": 99.0}, "pixels that are not square"),
+        ({"distortion": {"model": "brown-conrady", "k": [0.1]}}, "the distortion of the lens"),
+    ],
+)
+def test_what_calibrated_cameras_lose(tmp_path: Path, camera: dict[str, Any], words: str) -> None:
+    calibrated = {**CAMERA, "type": "intrinsics", "fx": 90.0, **camera}
+    _, notes = written(described(camera=calibrated, shapes=[BALL]), tmp_path)
+    assert len(notes) == 1 and words in notes[0]
 
 
 def test_cameras_that_mitsuba_lacks(tmp_path: Path) -> None:

@@ -371,3 +371,17 @@ def test_inverted_pictures(tmp_path: Path) -> None:
     (band,) = open_picture(io.BytesIO(data), ending).bands()
     np.testing.assert_allclose(band.view(np.float16)[0, :, :3], 1.0 - pixels[0] / 2.0, rtol=1e-3)
     assert made["subsurface"]["albedo"] == pytest.approx([0.85, 0.75, 0.65], rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
+def test_screen_windows_off_the_middle_shift_the_lens(tmp_path: Path, kind: str) -> None:
+    """The window's edges are those of the image, where pbrt's screen has its units."""
+    window = 'Film "rgb" "integer xresolution" 60 "integer yresolution" 40\n'
+    camera = f'Camera "{kind}" "float screenwindow" [-0.5 2.5 -1.5 0.5]'
+    scene = pbrt(tmp_path, BALL, f"{window}{camera}" + (' "float fov" 90' if kind == "perspective" else ""))
+    assert scene.camera.lens_shift == pytest.approx((1.0 / 3.0, -0.25))
+    right, upward, forward = (np.array(each) for each in scene.camera.axes)
+    position = np.array(scene.camera.position)
+    for x, y, pixel in ((-0.5, 0.5, (0.0, 0.0)), (2.5, -1.5, (60.0, 40.0)), (0.0, 0.0, (10.0, 10.0))):
+        place = position + 1.0 * forward + x * right + y * upward
+        np.testing.assert_allclose(scene.camera.project(place, size=(60, 40)), pixel, atol=1e-9)

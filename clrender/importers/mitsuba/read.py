@@ -125,6 +125,9 @@ class _Settings:
             camera |= {"type": "orthographic", "height": size}
         else:
             camera["vertical_fov"] = vertical_field(plugin, width, height)
+        shift = [plugin.number("principal_point_offset_x", 0.0), -plugin.number("principal_point_offset_y", 0.0)]
+        if any(shift):
+            camera["lens_shift"] = shift
         if plugin.type == "thinlens":
             camera["aperture_radius"] = plugin.number("aperture_radius", 0.1)
             camera["focus_distance"] = distance if distance is not None else 1.0

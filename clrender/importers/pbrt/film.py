@@ -214,20 +214,24 @@ class Settings:
         if abs(aspect - width / height) > 1e-6 * aspect:
             self._staging.note('"frameaspectratio" is left out: pixels are square')
         window = parameters.numbers("screenwindow")
-        upward = 1.0 if width >= height else height / width
+        upward, shift = (1.0 if width >= height else height / width), [0.0, 0.0]
         if window is not None:
-            if len(window) != 4 or not window[3] > window[2]:
+            if len(window) != 4 or not (window[1] > window[0] and window[3] > window[2]):
                 raise parameters.fault(
                     '"screenwindow" must have four numbers: two along x, two along y, that grow', "screenwindow"
                 )
             upward = float(window[3] - window[2]) / 2.0
-            if abs(window[3] + window[2]) > 1e-6 or abs(window[1] + window[0]) > 1e-6:
-                self._staging.note("a screen window off the middle is read as one around it")
+            shift = [float(0.5 * (window[n] + window[n + 1]) / (window[n + 1] - window[n])) for n in (0, 2)]
+            across = float(window[1] - window[0]) / 2.0
+            if abs(across * height - upward * width) > 1e-6 * upward * width:
+                self._staging.note('"screenwindow" has another shape than the image: its height is taken')
         lens = parameters.number("lensradius", 0.0)
         distance = parameters.number("focaldistance", 1e6)
         keys = camera_keys(camera.matrix, rightward=True)
         if lens > 0.0:
             keys |= {"aperture_radius": lens, "focus_distance": distance}
+        if any(abs(each) > 1e-9 for each in shift):
+            keys["lens_shift"] = shift
         if kind == "orthographic":
             keys |= {"type": "orthographic", "height": 2.0 * upward}
         else:

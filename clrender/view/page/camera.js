@@ -21,6 +21,12 @@ export function directions(camera) {
 
 const isOrthographic = (camera) => camera.type === "orthographic";
 
+// Vertical, radians; of calibrated cameras it is that without distortion.
+function fieldOfView(camera) {
+  if (camera.type === "intrinsics" && camera.resolution) return 2 * Math.atan2(camera.resolution[1], 2 * (camera.fy ?? camera.fx));
+  return ((camera.vertical_fov ?? 60) * Math.PI) / 180;
+}
+
 export function distanceToTarget(camera) {
   return length(minus(camera.target, camera.position));
 }
@@ -52,14 +58,14 @@ export function orbit(camera, across, down) {
 /** The head is turned: the position stays. */
 export function look(camera, across, down) {
   const ahead = minus(camera.target, camera.position);
-  const angle = ((camera.vertical_fov ?? 60) * Math.PI) / 180;
+  const angle = fieldOfView(camera);
   return { ...camera, target: add(camera.position, swung(ahead, camera, -angle * across, -angle * down)) };
 }
 
 /** Sideways, so that what lies at the target's distance stays under the pointer. */
 export function pan(camera, across, down) {
   const { right, above } = directions(camera);
-  const height = isOrthographic(camera) ? camera.height : 2 * distanceToTarget(camera) * Math.tan(((camera.vertical_fov ?? 60) * Math.PI) / 360);
+  const height = isOrthographic(camera) ? camera.height : 2 * distanceToTarget(camera) * Math.tan(fieldOfView(camera) / 2);
   const move = add(right.map((x) => -across * height * x), above, down * height);
   return { ...camera, position: add(camera.position, move), target: add(camera.target, move) };
 }
