@@ -345,6 +345,10 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("filter_radius", "float", "pixels"),
         ("specular_chains", "uint", "1: light over chains of deltas is sampled"),
         ("has", "uint", "HAS_*: what of the features that kernels are compiled for this scene has"),
+        ("left", "uint", "first column of the image that is rendered"),
+        ("top", "uint", "first row"),
+        ("less_width", "uint", "columns of the image that are not rendered"),
+        ("less_height", "uint", "rows"),
     ),
 }
 

@@ -7,7 +7,7 @@ import math
 import numbers
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 from clrender.errors import UsageError
 
-__all__ = ["Bytes", "Choice", "Domain", "NotAllowed", "Range", "checked_path", "given_too", "nearest", "shown"]
+__all__ = ["Bytes", "Choice", "Domain", "NotAllowed", "Range", "Region", "checked_path", "given_too", "nearest", "shown"]
 
 _DIGITS = 400
 """Longest text that is parsed as a number: longer ones are surely mistakes, and slow to convert."""
@@ -207,6 +207,51 @@ class Choice:
 
     def _refused(self, value: object) -> NotAllowed:
         return NotAllowed(f"is {shown(value)}, but must be {self.words}{nearest(value, self.members)}")
+
+
+@dataclass(frozen=True)
+class Region:
+    """Rectangles of pixels: the left and upper edge, the width and the height; on the command line ``X,Y,WxH``.
+
+    Attributes
+    ----------
+    most : int
+        The largest number.
+    """
+
+    most: int
+
+    @property
+    def words(self) -> str:
+        return f"four whole numbers up to {self.most}, x, y, width and height (as an option: X,Y,WxH)"
+
+    @property
+    def metavar(self) -> str:
+        return "X,Y,WxH"
+
+    def accept(self, value: object) -> tuple[int, int, int, int]:
+        given = tuple(value) if isinstance(value, list | tuple) or hasattr(value, "__array__") else ()  # type: ignore[arg-type]
+        if len(given) != 4 or not all(isinstance(each, numbers.Integral) and not isinstance(each, bool) for each in given):
+            raise NotAllowed(f"is {shown(value)}, but must be {self.words}")
+        x, y, width, height = (int(each) for each in given)
+        if not (0 <= x <= self.most and 0 <= y <= self.most and 1 <= width <= self.most and 1 <= height <= self.most):
+            raise NotAllowed(f"is {shown(value)}, but must be {self.words}, the last two at least 1")
+        return x, y, width, height
+
+    def parse(self, text: str) -> tuple[int, int, int, int]:
+        match = re.fullmatch(r"(\d{1,9}),(\d{1,9}),(\d{1,9})x(\d{1,9})", text.strip(), re.ASCII)
+        if match is None:
+            raise NotAllowed(f"is {shown(text)}, but must be X,Y,WxH: the left and upper edge, width and height, pixels")
+        return self.accept([int(each) for each in match.groups()])
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "array", "items": {"type": "integer"}, "minItems": 4, "maxItems": 4}
+
+    @staticmethod
+    def text(value: Sequence[int]) -> str:
+        """A value as `parse` reads it."""
+        x, y, width, height = value
+        return f"{x},{y},{width}x{height}"
 
 
 def checked_path(value: object, what: str) -> Path:

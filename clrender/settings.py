@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from clrender.errors import UsageError
 from clrender.integrators import INTEGRATORS
-from clrender.limits import Bytes, Choice, Domain, NotAllowed, Range, given_too, nearest, shown
+from clrender.limits import Bytes, Choice, Domain, NotAllowed, Range, Region, given_too, nearest, shown
 from clrender.process.memory import check_image, film_bytes
 
 if TYPE_CHECKING:
@@ -161,6 +161,8 @@ def _work(domain: Domain, help: str, default: Any = None, **more: Any) -> Any:
 
 
 _SIDE: Final = Range(1, 65536, whole=True)
+_BLOCK: Final = 4
+"""Side of a block of pixels, pixels."""
 
 
 @dataclass(frozen=True)
@@ -178,6 +180,15 @@ class RenderSettings:
     spp: int = _setting(64, Range(1, SPP_LIMIT, whole=True), "Samples per pixel", group=STOP)
     width: int = _setting(800, _SIDE, "Image width, pixels", section="image", option=None)
     height: int = _setting(800, _SIDE, "Image height, pixels", section="image", option=None)
+    crop: tuple[int, int, int, int] | None = _setting(
+        None,
+        Region(65536),
+        "Part of the image to render: left and upper edge, width and height, pixels; its pixels have the bits of the "
+        "whole image's",
+        "the whole image",
+        section=None,
+        late=True,
+    )
     seed: int = _setting(0, Range(0, 2**32 - 1, whole=True), "Seed of the random numbers")
     integrator: str = _setting("path", Choice(tuple(INTEGRATORS)), "Light transport algorithm")
     filter: str = _setting(
@@ -376,6 +387,8 @@ class RenderSettings:
             object.__setattr__(self, name, value)
         if (pixels := self.width * self.height) > PIXEL_LIMIT:
             raise UsageError(f"an image of {self.width} x {self.height} has {pixels} pixels; at most {PIXEL_LIMIT} fit")
+        if self.crop is not None:
+            self._check_crop(*self.crop)
         if self.kernels == "staged" and (self.lanes or 1) > 1:
             raise UsageError(f"lanes is {self.lanes}, but staged kernels take one path per work-item; leave it out")
         for name, allowed in INTEGRATORS[self.integrator].takes.items():
@@ -385,6 +398,25 @@ class RenderSettings:
             object.__setattr__(self, "replicate_spp", REPLICATE_SPP)
         if self.replicate_spp is not None:
             self._check_replicates(self.replicate_spp)
+
+    def _check_crop(self, x: int, y: int, width: int, height: int) -> None:
+        if x + width > self.width or y + height > self.height:
+            raise UsageError(
+                f"crop is {Region.text((x, y, width, height))}, which is not within the image of {self.width} x {self.height}"
+            )
+        ends = ((x, 0), (y, 0), (x + width, self.width), (y + height, self.height))
+        if INTEGRATORS[self.integrator].shares == "block" and any(n % _BLOCK and n != end for n, end in ends):
+            raise UsageError(
+                f"crop is {Region.text((x, y, width, height))}, but pixels of the integrator {self.integrator} share light "
+                f"in blocks of {_BLOCK} x {_BLOCK}: its edges must be multiples of {_BLOCK}, or those of the image"
+            )
+        if self.crop == (0, 0, self.width, self.height):
+            object.__setattr__(self, "crop", None)
+
+    @property
+    def film_size(self) -> tuple[int, int]:
+        """Width and height of what is rendered, pixels: of the crop, or of the whole image."""
+        return (self.width, self.height) if self.crop is None else self.crop[2:]
 
     def _check_replicates(self, size: int) -> None:
         if not INTEGRATORS[self.integrator].has_errors:
@@ -415,6 +447,12 @@ class RenderSettings:
             if setting.group == IMAGE and setting.integrator in (None, self.integrator)
             if not (setting.late and getattr(self, name) == setting.default)
         }
+
+    def _crop_values(self) -> dict[str, int]:
+        if self.crop is None:
+            return {}
+        x, y, width, height = self.crop
+        return {"left": x, "top": y, "less_width": self.width - width, "less_height": self.height - height}
 
     @property
     def _has_chains(self) -> bool:
@@ -457,6 +495,7 @@ class RenderSettings:
             "replicate_spp": self.replicate_spp or 0,
             "light_paths": self.light_paths or self.width * self.height,
             "specular_chains": int(self.specular_chains == "on" and self._has_chains and indirect == 1),
+            **self._crop_values(),
             **(fixed or {}),
         }
         if self.filter != "box" or self.filter_radius not in (None, 0.5):  # which random numbers are in any case
@@ -617,4 +656,4 @@ def check_memory(wanted: RenderSettings) -> None:
     UsageError
         When it does not fit.
     """
-    check_image(wanted.width, wanted.height, wanted.max_memory, film_bytes(wanted.replicate_spp is not None))
+    check_image(*wanted.film_size, wanted.max_memory, film_bytes(wanted.replicate_spp is not None))

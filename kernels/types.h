@@ -244,6 +244,10 @@ typedef struct {
     float filter_radius;        // pixels
     uint specular_chains;       // 1: light over chains of deltas is sampled
     uint has;                   // HAS_*: what of the features that kernels are compiled for this scene has
+    uint left;                  // first column of the image that is rendered
+    uint top;                   // first row
+    uint less_width;            // columns of the image that are not rendered
+    uint less_height;           // rows
 } Settings;
 
 #define FIELD_ROW_BINS 0                // bits: the bin of each of FIELD_BINS equal shares of the directions, four in a word

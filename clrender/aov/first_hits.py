@@ -129,12 +129,12 @@ class _Passes:
 
     def __post_init__(self) -> None:
         settings = self.settings
-        self.tile = tile_side(largest_tile(settings.max_memory, settings.tile), settings.width, settings.height)
+        self.tile = tile_side(largest_tile(settings.max_memory, settings.tile), *settings.film_size)
 
     def run(self, what: str, samples: int, receiver: Receiver, rows: tuple[int, int] | None = None) -> None:
         """Render one quantity of first hits, for the whole image, or for some rows of tiles sample by sample."""
         self.asked.kind = LAYER_KINDS[what]
-        width, height = self.settings.width, self.settings.height
+        width, height = self.settings.film_size
         plan = Plan(width, height, 0, samples, self.tile, rows is not None, rows, most_slots=self.most_slots)
         tally = run(plan, self.team.candidates, receiver, None, self.should_stop, self.notify, apart_bytes=self.apart)
         tally.raise_failure()
@@ -143,7 +143,7 @@ class _Passes:
 
     def mean(self, what: str, samples: int) -> tuple[_Array, npt.NDArray[np.bool_]]:
         """The mean of each pixel, and which pixels have one. The film's sums are freed immediately."""
-        film = Film(self.settings.width, self.settings.height)
+        film = Film(*self.settings.film_size)
         self.run(what, samples, film)
         return film.develop(), film.counts > 0
 
@@ -268,7 +268,7 @@ def _numbers(name: str, seen: npt.NDArray[np.int64], scene: Scene) -> _Array:
 
 def _mattes(names: Sequence[str], passes: _Passes, samples: int, scene: Scene, flat: FlatScene) -> dict[str, _Array]:
     """Mattes, computed for some rows of tiles at a time: samples are kept individually until they are counted."""
-    width, height, tile = passes.settings.width, passes.settings.height, passes.tile
+    (width, height), tile = passes.settings.film_size, passes.tile
     ids = {name: _ids(each) for name, each in matte_names(scene).items()}
     planes = {name: np.zeros((2 * RANKS, height, width), np.float32) for name in names}
     all_rows = -(-height // tile)

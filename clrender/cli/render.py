@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 import time
 from collections import Counter
@@ -162,7 +163,7 @@ def render(
         if save_guiding_field is not None and job.settings.guiding == "off":
             raise UsageError("--save-guiding-field: no field guides this render; ask for one with --guiding on")
         job = job.shard(*shard) if shard else job
-        check_image_size(outputs, job.settings.width, job.settings.height)
+        check_image_size(outputs, *job.settings.film_size)
         view = None if quiet else _view(job, progress, preview, tone_map, exposure)
         called = time.perf_counter()
         failure = None
@@ -301,7 +302,7 @@ def _view(job: RenderJob, progress: str, preview: bool, tone_map: str, exposure:
 def _keeps_film(job: RenderJob, outputs: Sequence[Path]) -> bool:
     """Whether the exact sums stay in memory until all outputs are written, in case that one of them cannot be."""
     wanted = any(path.suffix.lower() == ".film" for path in outputs)
-    return wanted or job.settings.width * job.settings.height <= _FILM_PIXELS
+    return wanted or math.prod(job.settings.film_size) <= _FILM_PIXELS
 
 
 def _run(

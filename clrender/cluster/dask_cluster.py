@@ -202,7 +202,7 @@ class DaskCluster:
     def team(self, job: RenderJob, arrays_sha256: str, on_ready: Callable[[], None]) -> Iterator[DaskTeam]:
         """See `clrender.rendering.team.Cluster.team`."""
         text, assets = job.to_json()
-        payload = JobPayload(text, assets, arrays_sha256, job.settings.width, job.settings.height)
+        payload = JobPayload(text, assets, arrays_sha256, *job.settings.film_size)
         team = DaskTeam(self, payload, on_ready, len(self._peers) + self._spare)
         try:
             yield team

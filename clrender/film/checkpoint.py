@@ -22,7 +22,7 @@ from clrender.files.access import check_writable
 from clrender.film.cadence import Cadence, processors
 from clrender.film.consistency import check_consistency
 from clrender.film.lock import FileLock
-from clrender.film.request import differences, options_for
+from clrender.film.request import differences, film_size, options_for
 from clrender.film.running import RunningFilm
 from clrender.image.files import DISPLAY_ENDINGS, LINEAR_ENDINGS
 from clrender.limits import checked_path
@@ -178,7 +178,7 @@ class Checkpoint:
         """
         film = self._film
         if film is None:
-            film = self._film = RunningFilm(request["width"], request["height"], request)
+            film = self._film = RunningFilm(*film_size(request), request)
         elif found := differences(film.request, request):
             cure = options_for(film.request, found)
             raise UsageError(

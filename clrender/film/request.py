@@ -6,9 +6,10 @@ import json
 from collections.abc import Mapping
 from typing import Any, Final
 
+from clrender.limits import Region
 from clrender.settings import SETTINGS, present
 
-__all__ = ["differences", "options_for"]
+__all__ = ["differences", "film_size", "options_for"]
 
 _HASHES: Final = {
     "scene_sha256": "the scene is another one, or was changed",
@@ -43,6 +44,12 @@ def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> dict[str, 
     return found
 
 
+def film_size(request: Mapping[str, Any]) -> tuple[int, int]:
+    """Width and height of a request's film, pixels: of its crop, or of the whole image."""
+    crop = request.get("crop")
+    return (request["width"], request["height"]) if crop is None else (crop[2], crop[3])
+
+
 def options_for(request: Mapping[str, Any], keys: Mapping[str, Any]) -> str:
     """Command-line options for those settings of a request that have an option."""
     request, words = present(request), []
@@ -51,7 +58,8 @@ def options_for(request: Mapping[str, Any], keys: Mapping[str, Any]) -> str:
     for key in keys:
         option = SETTINGS[key].option if key in SETTINGS else None
         if option is not None and request.get(key) is not None:
-            words.append(f"{option} {request[key]}")
+            value = Region.text(request[key]) if key == "crop" else request[key]
+            words.append(f"{option} {value}")
     return " ".join(words)
 
 

@@ -282,6 +282,8 @@ def _training_settings(request: Request) -> tuple[npt.NDArray[np.void], int, int
     width, height = max(1, int(wanted.width * shrunk)), max(1, int(wanted.height * shrunk))
     settings = wanted.struct(tile_side(wanted.tile, width, height))
     settings["width"], settings["height"] = width, height
+    for name in ("left", "top", "less_width", "less_height"):  # of a crop, which is guided like the whole image
+        settings[name] = 0
     settings["seed"] = (wanted.seed * _SEED_FACTOR + _SEED_TERM) & 0xFFFFFFFF
     samples = wanted.guiding_paths // (width * height * sum(_ROUNDS))
     samples = 1 << max(samples.bit_length() - 1, 0)

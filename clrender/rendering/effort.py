@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -52,7 +53,7 @@ def effort_told(job: RenderJob) -> str | None:
     """
     settings = job.settings
     paths = _PATHS.get(settings.integrator)
-    camera = settings.width * settings.height * job.sample_count
+    camera = math.prod(settings.film_size) * job.sample_count
     if paths is None or not camera or (ratio := paths.count(job) / camera) < _FAR:
         return None
     return (

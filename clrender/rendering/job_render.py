@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
@@ -298,7 +299,7 @@ class JobRender:
         self._plan = dataclasses.replace(self._plan, gradual=True)
         self._launch = dataclasses.replace(self._launch, slice_seconds=_LIVE_SECONDS)
         flat, _ = self._flat()
-        film = self._begun or RunningFilm(settings.width, settings.height, {"replicate_spp": settings.replicate_spp})
+        film = self._begun or RunningFilm(*settings.film_size, {"replicate_spp": settings.replicate_spp})
         self._film, self._resumed = film, film.account()
         if film.ledger.samples:
             first = self._job.first_sample
@@ -351,7 +352,7 @@ class JobRender:
             film, self._resumed = self._begun, self._begun.account()
             film.request = request
         else:
-            return Film(settings.width, settings.height, request)
+            return Film(*self._settings.film_size, request)
         if film.ledger.samples:
             self._want(film.ledger.lacking(samples.start, samples.stop))
         return film
@@ -513,7 +514,7 @@ class JobRender:
             flat=flat,
             settings=self._settings.struct(self._plan.tile),
             launch=dataclasses.replace(
-                self._launch, samples=most * self._settings.width * self._settings.height, stand_ins=STAND_INS
+                self._launch, samples=most * math.prod(self._settings.film_size), stand_ins=STAND_INS
             ),
         )
         return first_hits(
@@ -602,11 +603,10 @@ def _plan_of(job: RenderJob) -> Plan:
     settings = job.settings
     tile = largest_tile(settings.max_memory, settings.tile, settings.replicate_spp is not None)
     return Plan(
-        settings.width,
-        settings.height,
+        *settings.film_size,
         job.first_sample,
         job.sample_count,
-        tile_side(tile, settings.width, settings.height),
+        tile_side(tile, *settings.film_size),
         job.integrator.pipeline.sample_by_sample,
         whole=settings.replicate_spp or 1,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
@@ -39,9 +40,9 @@ def needs(job: RenderJob, devices: int, *, checkpoint: bool, resumed: bool, held
     """
     settings = job.settings
     replicates = settings.replicate_spp is not None
-    pixels, pixel_bytes = settings.width * settings.height, film_bytes(replicates)
-    side = tile_side(settings.tile, settings.width, settings.height)
-    slots = min(unit_slots(settings.max_memory, replicates) or 0, slot_count(settings.width, settings.height, side))
+    pixels, pixel_bytes = math.prod(settings.film_size), film_bytes(replicates)
+    side = tile_side(settings.tile, *settings.film_size)
+    slots = min(unit_slots(settings.max_memory, replicates) or 0, slot_count(*settings.film_size, side))
     layers = channel_count({*job.aov, *(GUIDES if job.denoise else ())})
     return {
         "this program and the scene": process_bytes(),
@@ -93,11 +94,12 @@ def limited(devices: Sequence[Device], limit: int | None, wanted: Mapping[str, i
 
 def told(job: RenderJob) -> str | None:
     """A message about the memory that a large image will take; None for smaller images."""
-    pixels = job.settings.width * job.settings.height
+    width, height = job.settings.film_size
+    pixels = width * height
     wanted = film_bytes(job.settings.replicate_spp is not None) * pixels
     if wanted < _WORTH_TELLING:
         return None
     return (
-        f"the exact sums of {job.settings.width} x {job.settings.height} pixels take {amount(wanted)} of "
+        f"the exact sums of {width} x {height} pixels take {amount(wanted)} of "
         f"memory, also of a device that adds them up, and the image {amount(IMAGE_BYTES * pixels)} more"
     )

@@ -15,6 +15,7 @@ from clrender.errors import UsageError
 from clrender.film import Film
 from clrender.film.consistency import contradictions
 from clrender.film.ledger import Ledger
+from clrender.film.request import film_size
 from clrender.image.exr_write import COMPRESSIONS, half_of
 from clrender.image.files import DISPLAY_ENDINGS, FILM_ENDINGS, image_sha256, read_image, read_provenance
 from clrender.image.tone_map import EXPOSURE_LIMIT, TONE_MAPS, srgb_decode, to_display
@@ -49,6 +50,11 @@ class Claim(ABC):
         self.faults: list[str] = []
         said = {name: provenance[name] for name in _NAMED_TWICE if name in provenance}
         settings = provenance.get("settings", {})
+        if crop := self.request.get("crop"):
+            # Statistics have the size of the crop, requests that of the whole image
+            for name, size in zip(("width", "height"), crop[2:], strict=True):
+                if said.pop(name, size) != size:
+                    self.faults.append(f"it contains contradictory values of {name}: {size} and {provenance[name]}")
         for name, value in self.request.items():
             for other in (said.get(name, value), settings.get(name, value)):
                 if other != value:
@@ -114,7 +120,7 @@ class ImageClaim(Claim):
         self._image = read_image(path)
         height, width = self._image.shape[:2]
         settings = {name: value for name, value in provenance["settings"].items() if name != "spp"}
-        if (settings.get("width"), settings.get("height")) != (width, height):
+        if film_size({"width": None, "height": None, **settings}) != (width, height):
             raise UsageError(
                 f"{path}: has {width} x {height} pixels, but was rendered in another size; verify the original file"
             )

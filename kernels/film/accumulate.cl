@@ -177,7 +177,7 @@ __kernel void film_add_unit(__global const Settings* settings, uint first_slot, 
     uint x, y;
     if (slot >= slot_count || !slot_pixel(settings, slot_block(settings, first_slot + slot), first_slot + slot, &x, &y)) return;
     if (y - top >= rows) return;        // also above them
-    const size_t pixel = (size_t)(y - top) * settings->width + x;
+    const size_t pixel = (size_t)(y - top) * slot_columns(settings) + x;
     const uint count = film_counts[pixel] + counts[slot];
     if (count < counts[slot]) beyond[0] = 1;
     for (int c = 0; c < 3; ++c) {
@@ -195,7 +195,7 @@ __kernel void film_add_squares(__global const Settings* settings, uint first_slo
     uint x, y;
     if (slot >= slot_count || !slot_pixel(settings, slot_block(settings, first_slot + slot), first_slot + slot, &x, &y)) return;
     if (y - top >= rows) return;
-    const size_t pixel = (size_t)(y - top) * settings->width + x;
+    const size_t pixel = (size_t)(y - top) * slot_columns(settings) + x;
     for (int c = 0; c < 3; ++c) {
         ulong carry = 0;
         for (int k = 0; k < 4; ++k) {

@@ -83,7 +83,8 @@ static vmask pool_take(__global const Settings* settings, Pool* pool, PoolSample
     const vmask inside = slot_pixel(settings, pool->block, pool->first_slot + sample->slot, &x, &y);
     const uint number = pool->first_sample + pool->next, replicate = sampler_replicate(number, settings->replicate_spp);
     const uint index = sampler_within(number, settings->replicate_spp);
-    sample->sampler = sampler_start_in(settings->seed, replicate, y * settings->width + x, splat_uint(index));
+    const vuint column = x + settings->left, row = y + settings->top;
+    sample->sampler = sampler_start_in(settings->seed, replicate, row * settings->width + column, splat_uint(index));
     sampler_get(sample->sampler, SET_PIXEL, &u, &v);
 #ifdef PIXEL_FILTER
     const vmask negative = filter_place(settings, &u, &v);
@@ -91,8 +92,8 @@ static vmask pool_take(__global const Settings* settings, Pool* pool, PoolSample
 #ifdef PIXEL_FILTER_NEGATIVE
     sample->number = negative ? sample->number | POOL_NEGATIVE : sample->number;
 #endif
-    *film_x = quotient(vfloat_of(vint_from_uint(x)) + u, splat((float)settings->width));
-    *film_y = quotient(vfloat_of(vint_from_uint(y)) + v, splat((float)settings->height));
+    *film_x = quotient(vfloat_of(vint_from_uint(column)) + u, splat((float)settings->width));
+    *film_y = quotient(vfloat_of(vint_from_uint(row)) + v, splat((float)settings->height));
     if (++pool->next == pool->sample_count) {
         pool->next = 0;
         pool->base += LANES;

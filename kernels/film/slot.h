@@ -7,10 +7,14 @@
 #include "core/lane.h"
 #include "types.h"
 
+// The part of the image that is rendered, which is all of it but for a crop; pixels of a slot are counted from its corner.
+static uint slot_columns(__global const Settings* settings) { return settings->width - settings->less_width; }
+static uint slot_rows(__global const Settings* settings) { return settings->height - settings->less_height; }
+
 // Where the block of 16 slots that holds `slot` begins: its top left pixel.
 static uint2 slot_block(__global const Settings* settings, uint slot) {
     const uint tile = settings->tile;
-    const uint tiles_across = (settings->width + tile - 1) / tile, blocks_across = tile / 4;
+    const uint tiles_across = (slot_columns(settings) + tile - 1) / tile, blocks_across = tile / 4;
     const uint number = slot / (tile * tile), block = (slot - number * (tile * tile)) / 16;
     const uint row = number / tiles_across, block_row = block / blocks_across;
     return (uint2)((number - row * tiles_across) * tile + (block - block_row * blocks_across) * 4, row * tile + block_row * 4);
@@ -18,7 +22,7 @@ static uint2 slot_block(__global const Settings* settings, uint slot) {
 
 // The slot of a pixel.
 static vuint slot_of(__global const Settings* settings, vuint x, vuint y) {
-    const uint tile = settings->tile, tiles_across = (settings->width + tile - 1) / tile;
+    const uint tile = settings->tile, tiles_across = (slot_columns(settings) + tile - 1) / tile;
     const vuint column = x / tile, row = y / tile, in_x = x - column * tile, in_y = y - row * tile;
     const vuint block = (in_y >> 2) * (tile / 4) + (in_x >> 2);
     return (row * tiles_across + column) * (tile * tile) + block * 16u + (in_y & 3u) * 4u + (in_x & 3u);
@@ -28,7 +32,7 @@ static vuint slot_of(__global const Settings* settings, vuint x, vuint y) {
 static vmask slot_pixel(__global const Settings* settings, uint2 block, vuint slot, vuint* x, vuint* y) {
     *x = block.x + (slot & 3u);
     *y = block.y + ((slot >> 2) & 3u);
-    return (*x < settings->width) & (*y < settings->height);
+    return (*x < slot_columns(settings)) & (*y < slot_rows(settings));
 }
 
 #endif

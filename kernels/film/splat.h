@@ -74,8 +74,9 @@ static SplatPlace splat_place(__global const Settings* settings, const Splats* s
     const vint column = vint_of(floor(at_x)), row = vint_of(floor(at_y));
     place.weight = splat(1.0f);
 #endif
-    const vmask inside = near & (column >= 0) & (row >= 0) & (column < (int)settings->width) & (row < (int)settings->height);
-    const vuint slot = slot_of(settings, inside ? vuint_from_int(column) : splat_uint(0u), inside ? vuint_from_int(row) : splat_uint(0u));
+    const vint crop_column = column - (vint)((int)settings->left), crop_row = row - (vint)((int)settings->top);
+    const vmask inside = near & (crop_column >= 0) & (crop_row >= 0) & (crop_column < (int)slot_columns(settings)) & (crop_row < (int)slot_rows(settings));
+    const vuint slot = slot_of(settings, inside ? vuint_from_int(crop_column) : splat_uint(0u), inside ? vuint_from_int(crop_row) : splat_uint(0u));
     const vuint of_these = slot - splats->first_slot;
     place.slot = inside & (slot >= splats->first_slot) ? of_these : splat_uint(NONE);
     return place;

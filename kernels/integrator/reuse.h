@@ -209,7 +209,7 @@ static void reuse_trace(const Scene* scene, Pool* pool, __global float* records,
 // The pixels of a group: their places in the block of 4 × 4 differ by these. Sixteen are the block, one is the pixel alone; in between
 // the groups are the cosets of a space of bits spanned by random vectors, new for every block and sample.
 static void reuse_group(__global const Settings* settings, uint2 block, uint sample, uint partners[16]) {
-    const uint number = block.y / 4 * ((settings->width + 3) / 4) + block.x / 4;
+    const uint number = (block.y + settings->top) / 4 * ((settings->width + 3) / 4) + (block.x + settings->left) / 4;
     uint random[LANES], span = 1;
     lane_store(hash_pair(hash_pair(splat_uint(number), splat_uint(sample)), splat_uint(settings->seed ^ 0x1f83d9abu)), random);
     partners[0] = 0;
@@ -256,7 +256,7 @@ static vuint reuse_partners(__global const Settings* settings, const Pool* pool,
 static vfloat reuse_chance(__global const Settings* settings, const Pool* pool, uint number, uint m) {
     vuint x, y;
     slot_pixel(settings, pool->block, pool->first_slot + pool->base + lane_index(), &x, &y);
-    const vuint sample = hash_pair(y * settings->width + x, splat_uint(pool->first_sample + number));
+    const vuint sample = hash_pair((y + settings->top) * settings->width + (x + settings->left), splat_uint(pool->first_sample + number));
     return unit_interval(hash_pair(sample, splat_uint((settings->seed ^ 0x5be0cd19u) + m)));
 }
 
