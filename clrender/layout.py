@@ -231,6 +231,7 @@ FIRST_HIT_PRIMITIVE: Final = 4
 FIRST_HIT_EMISSION: Final = 5
 FIRST_HIT_UV: Final = 6
 FIRST_HIT_TANGENT: Final = 7
+FIRST_HIT_ALPHA: Final = 8
 """Attributes of a camera ray's first hit."""
 
 CONSTANTS: Final[Mapping[str, int]] = {

@@ -15,7 +15,18 @@ from typing import Any, Protocol
 
 from clrender.errors import UsageError
 
-__all__ = ["Bytes", "Choice", "Domain", "NotAllowed", "Range", "Region", "checked_path", "given_too", "nearest", "shown"]
+__all__ = [
+    "Bytes",
+    "Choice",
+    "Domain",
+    "NotAllowed",
+    "Range",
+    "Region",
+    "checked_path",
+    "given_too",
+    "nearest",
+    "shown",
+]
 
 _DIGITS = 400
 """Longest text that is parsed as a number: longer ones are surely mistakes, and slow to convert."""
@@ -230,8 +241,11 @@ class Region:
         return "X,Y,WxH"
 
     def accept(self, value: object) -> tuple[int, int, int, int]:
-        given = tuple(value) if isinstance(value, list | tuple) or hasattr(value, "__array__") else ()  # type: ignore[arg-type]
-        if len(given) != 4 or not all(isinstance(each, numbers.Integral) and not isinstance(each, bool) for each in given):
+        listed = value.tolist() if hasattr(value, "tolist") else value
+        given = tuple(listed) if isinstance(listed, list | tuple) else ()
+        if len(given) != 4 or not all(
+            isinstance(each, numbers.Integral) and not isinstance(each, bool) for each in given
+        ):
             raise NotAllowed(f"is {shown(value)}, but must be {self.words}")
         x, y, width, height = (int(each) for each in given)
         if not (0 <= x <= self.most and 0 <= y <= self.most and 1 <= width <= self.most and 1 <= height <= self.most):
@@ -241,11 +255,14 @@ class Region:
     def parse(self, text: str) -> tuple[int, int, int, int]:
         match = re.fullmatch(r"(\d{1,9}),(\d{1,9}),(\d{1,9})x(\d{1,9})", text.strip(), re.ASCII)
         if match is None:
-            raise NotAllowed(f"is {shown(text)}, but must be X,Y,WxH: the left and upper edge, width and height, pixels")
+            raise NotAllowed(
+                f"is {shown(text)}, but must be X,Y,WxH: the left and upper edge, width and height, pixels"
+            )
         return self.accept([int(each) for each in match.groups()])
 
     def schema(self) -> dict[str, Any]:
-        return {"type": "array", "items": {"type": "integer"}, "minItems": 4, "maxItems": 4}
+        sides = [{"type": "integer", "minimum": low, "maximum": self.most} for low in (0, 0, 1, 1)]
+        return {"type": "array", "prefixItems": sides, "minItems": 4, "maxItems": 4}
 
     @staticmethod
     def text(value: Sequence[int]) -> str:

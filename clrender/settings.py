@@ -119,8 +119,9 @@ class Setting:
         return self.domain.former if isinstance(self.domain, Choice) else {}
 
     def recorded(self, value: Any) -> Any:
-        """The value as requests have it: in the former spelling, if there is one."""
-        return next((old for old, new in self.former_values.items() if new == value), value)
+        """The value as requests have it: in the former spelling, if there is one, and lists as in JSON."""
+        plain = list(value) if isinstance(value, tuple) else value
+        return next((old for old, new in self.former_values.items() if new == value), plain)
 
     @property
     def default_words(self) -> str:
@@ -400,15 +401,14 @@ class RenderSettings:
             self._check_replicates(self.replicate_spp)
 
     def _check_crop(self, x: int, y: int, width: int, height: int) -> None:
+        crop = f"crop is {Region.text((x, y, width, height))}"
         if x + width > self.width or y + height > self.height:
-            raise UsageError(
-                f"crop is {Region.text((x, y, width, height))}, which is not within the image of {self.width} x {self.height}"
-            )
+            raise UsageError(f"{crop}, which is not within the image of {self.width} x {self.height}")
         ends = ((x, 0), (y, 0), (x + width, self.width), (y + height, self.height))
         if INTEGRATORS[self.integrator].shares == "block" and any(n % _BLOCK and n != end for n, end in ends):
             raise UsageError(
-                f"crop is {Region.text((x, y, width, height))}, but pixels of the integrator {self.integrator} share light "
-                f"in blocks of {_BLOCK} x {_BLOCK}: its edges must be multiples of {_BLOCK}, or those of the image"
+                f"{crop}, but pixels of the integrator {self.integrator} share light in blocks of {_BLOCK} x {_BLOCK}: "
+                f"its edges must be multiples of {_BLOCK}, or those of the image"
             )
         if self.crop == (0, 0, self.width, self.height):
             object.__setattr__(self, "crop", None)

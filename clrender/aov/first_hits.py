@@ -67,11 +67,12 @@ LAYER_KINDS: Final[Mapping[str, int]] = {
     "emission": layout.FIRST_HIT_EMISSION,
     "uv": layout.FIRST_HIT_UV,
     "tangent": layout.FIRST_HIT_TANGENT,
+    "alpha": layout.FIRST_HIT_ALPHA,
 }
 
 _COORDINATES: Final = ("uv", "tangent")
 _NUMBERS: Final = ("object", "material")
-_CHANNELS: Final[Mapping[str, int]] = {"depth": 1, "uv": 2}
+_CHANNELS: Final[Mapping[str, int]] = {"depth": 1, "uv": 2, "alpha": 1}
 """Number of channels of layers that do not have three."""
 
 _SAMPLES_BYTES: Final = 128 << 20
@@ -184,6 +185,8 @@ def first_hits(
     -------
     dict of str to (H, W, C) float32
         Each channel is contiguous in memory.
+        ``alpha`` : share of light from behind the scene that does not reach the pixel, 0 to 1, weighted as the image's
+        samples are: composited over a background C, the image, which lacks the environment, is L + (1 - alpha) C.
         ``albedo`` : reflectance, and radiance of emitters, 0 to 1, of the first surface that is neither mirror nor
         glass, times the colour of the mirrors on the way. ``emission`` : radiance, W/(sr m2), that the first surface
         emits towards the camera. ``normal`` : shading normal on the visible side, world space; zero where nothing is
@@ -223,7 +226,8 @@ def first_hits(
         passes = _Passes(team, asked, settings, should_stop, notify or (lambda line: None), apart, most)
         for name in wanted:
             if name not in (*_NUMBERS, *MATTES):
-                found[name] = _layer(name, *passes.mean(name, samples))
+                # As many samples as the image has, so that both have the same edges
+                found[name] = _layer(name, *passes.mean(name, settings.spp if name == "alpha" else samples))
         if any(name in _NUMBERS for name in wanted):
             seen = _seen(*passes.mean("primitive", 1), flat)
             found |= {name: _numbers(name, seen, scene) for name in _NUMBERS if name in wanted}
@@ -239,6 +243,10 @@ def _layer(name: str, mean: _Array, hit: npt.NDArray[np.bool_]) -> _Array:
         mean[~hit] = np.nan
     elif name == "depth":
         mean[~hit] = np.inf
+    elif name == "alpha":
+        share, weight = mean[..., 0].astype(np.float64), mean[..., 1].astype(np.float64)
+        through = np.divide(share, weight, out=np.zeros_like(share), where=weight != 0.0)
+        mean = np.clip(1.0 - through, 0.0, 1.0).astype(np.float32)[..., None]
     return _planar(mean[..., : _CHANNELS.get(name, 3)])
 
 

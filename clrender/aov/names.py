@@ -29,6 +29,7 @@ RANKS: Final = 6
 """Number of ids that a matte stores per pixel, by descending coverage; two of them form a layer of a file."""
 
 AOVS: Final[Mapping[str, str]] = {
+    "alpha": "A",
     "albedo": "RGB",
     "emission": "RGB",
     "normal": "XYZ",
@@ -55,8 +56,8 @@ OF_FILM: Final = frozenset(("samples", *ERRORS))
 MATTES: Final[Mapping[str, str]] = {"crypto_object": "CryptoObject", "crypto_material": "CryptoMaterial"}
 """The layers that are mattes, and their names in files."""
 
-_HALF: Final = ("albedo", "emission", "normal", "tangent")
-"""Colours and directions, for which half precision suffices."""
+_HALF: Final = ("alpha", "albedo", "emission", "normal", "tangent")
+"""Shares, colours and directions, for which half precision suffices."""
 
 
 def check_aovs(names: Iterable[str]) -> tuple[str, ...]:
@@ -107,6 +108,8 @@ def channel_count(layers: Iterable[str]) -> int:
 
 
 def _channel_names(layer: str) -> list[str]:
+    if layer == "alpha":
+        return [AOVS[layer]]  # the fourth channel of the image
     if layer not in MATTES:
         return [f"{layer}.{letter}" for letter in AOVS[layer]]
     return [f"{MATTES[layer]}{number:02}.{letter}" for number in range(RANKS // 2) for letter in AOVS[layer]]

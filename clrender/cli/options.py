@@ -292,7 +292,7 @@ def allow_path_option(command: Any) -> Any:
 
 def load_options(command: Any) -> Any:
     """Decorator: the options of `clrender.importers.load`, which the command gets together as `reading`."""
-    names = ("allow_paths", "time_at", "variant", "up", "define", "camera", "strict")
+    names = ("allow_paths", "time_at", "variant", "up", "define", "camera", "hide_environment", "strict")
 
     @functools.wraps(command)
     def run(*arguments: Any, **options: Any) -> Any:
@@ -320,6 +320,11 @@ def _choice_options(command: Any) -> Any:
         "--up",
         type=click.Choice(["y", "z"]),
         help="Upward axis of a model in .obj, .ply or .stl, which has no camera; default: z for .stl, else y.",
+    )(command)
+    command = click.option(
+        "--hide-environment",
+        is_flag=True,
+        help="The camera does not see the environment, which lights the scene all the same.",
     )(command)
     command = click.option(
         "--camera",

@@ -57,8 +57,13 @@ _FILM_PIXELS: Final = 1 << 24
     "--aov",
     metavar="LIST",
     shell_complete=complete_layers,
-    help="Layers of the .exr: albedo,emission,normal,tangent,depth,position,uv,object,material,samples,crypto_object,"
-    "crypto_material,stderr,unconverged.",
+    help="Layers of the .exr: alpha,albedo,emission,normal,tangent,depth,position,uv,object,material,samples,"
+    "crypto_object,crypto_material,stderr,unconverged.",
+)
+@click.option(
+    "--alpha",
+    is_flag=True,
+    help="Coverage as fourth channel of .png and .exr; the camera does not see the environment.",
 )
 @exr_options
 @click.option(
@@ -111,6 +116,7 @@ def render(
     shutter: float | None,
     iso: float | None,
     aov: str | None,
+    alpha: bool,
     exr_type: str,
     exr_compression: str,
     exr_tile: int | None,
@@ -144,6 +150,8 @@ def render(
     how = {**_saving(checkpoint, resume), **_on_cluster(cluster)}
     check_distinct(written, [Path(scene), *([guiding_field] if guiding_field else [])])
     layers = _layers(aov, outputs)
+    if alpha:
+        layers, reading["hide_environment"] = _with_alpha(layers, outputs), True
     exr = {"exr_type": exr_type, "exr_compression": exr_compression, "exr_tile": exr_tile}
     _check_exr(layers, exr)
     with interruptible() as interrupt, ExitStack() as stack:
@@ -240,6 +248,15 @@ def _layers(aov: str | None, outputs: Sequence[Path]) -> tuple[str, ...]:
     if not any(path.suffix.lower() == ".exr" for path in outputs):
         raise UsageError("--aov: only .exr files hold layers; name one with -o, such as -o image.exr")
     return layers
+
+
+def _with_alpha(layers: Sequence[str], outputs: Sequence[Path]) -> tuple[str, ...]:
+    """The layers and alpha, after checking that an output can hold it."""
+    if not any(path.suffix.lower() in (".png", ".exr") for path in outputs):
+        raise UsageError(
+            "--alpha: only .png and .exr files hold a fourth channel; name one with -o, such as -o image.png"
+        )
+    return tuple(dict.fromkeys((*layers, "alpha")))
 
 
 def _check_exr(layers: Sequence[str], exr: Mapping[str, Any]) -> None:

@@ -310,7 +310,9 @@ class DeviceWorker:
             self._launch(self._accumulate, "film_clear_splats", slots, [splats, np.uint32(slots)])
             self._preparation.begin_unit(unit, splats)
             self._splats = [splats]
-        columns, rows = (int(self._settings[side][0] - self._settings[f"less_{side}"][0]) for side in ("width", "height"))
+        columns, rows = (
+            int(self._settings[side][0] - self._settings[f"less_{side}"][0]) for side in ("width", "height")
+        )
         pixels = unit.pixels(columns, rows)
         done = np.zeros(slots // BLOCK_SLOTS, np.uint32)
         counted = np.zeros(3, np.int64)

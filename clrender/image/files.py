@@ -82,6 +82,7 @@ def write_image(
     exr: ExrFormat | None = None,
     exact: Set[str] = frozenset(),
     attributes: Mapping[str, str] | None = None,
+    alpha: npt.NDArray[np.float32] | None = None,
 ) -> None:
     """Write an image atomically, in the format of the extension of `path`.
 
@@ -104,6 +105,8 @@ def write_image(
         Channels that are always 32-bit floats in `.exr` files.
     attributes : mapping of str to str, optional
         Additional texts for the header of `.exr` files.
+    alpha : (H, W) float32, optional
+        Coverage, 0 to 1, as fourth channel of `.png` files, whose colours are then divided by it.
 
     Raises
     ------
@@ -117,7 +120,8 @@ def write_image(
     ending = path.suffix.lower()
     with atomic_write(path) as file:
         if ending == ".png":
-            file.write(png_bytes(image, provenance, tone_map, exposure))
+            covered = None if alpha is None else np.rint(alpha * np.float32(255.0)).astype(np.uint8)
+            file.write(png_bytes(image, provenance, tone_map, exposure, covered))
         elif ending in (".jpg", ".jpeg"):
             file.write(jpeg_bytes(to_display(image, tone_map, exposure)))
         elif ending == ".exr":
@@ -228,10 +232,52 @@ def png_bytes(
     provenance: Mapping[str, Any] | None = None,
     tone_map: str = "srgb",
     exposure: float = 0.0,
+    alpha: npt.NDArray[np.uint8] | None = None,
 ) -> bytes:
     """PNG file of a linear image, tone-mapped for display; for the parameters see `write_image`."""
     notes = {} if provenance is None else {_NOTE: json.dumps(provenance, sort_keys=True)}
-    return display_png(to_display(_as_image(linear), tone_map, exposure), notes)
+    image = _as_image(linear)
+    if alpha is None:
+        return display_png(to_display(image, tone_map, exposure), notes)
+    shown = to_display(uncovered(image, alpha), tone_map, exposure)
+    return display_png(np.concatenate([shown, alpha[..., None]], axis=2), notes)
+
+
+def uncovered(linear: npt.NDArray[np.float32], alpha: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
+    """Colours of a premultiplied image, as files with straight alpha have them.
+
+    Parameters
+    ----------
+    linear : (H, W, 3) float32
+    alpha : (H, W) uint8
+        255: opaque.
+
+    Returns
+    -------
+    (H, W, 3) float32
+        Black where `alpha` is 0.
+    """
+    share = np.divide(255.0, alpha, out=np.zeros(alpha.shape), where=alpha > 0)
+    return (linear.astype(np.float64) * share[..., None]).astype(np.float32)
+
+
+def read_alpha(path: str | Path) -> npt.NDArray[np.uint8] | None:
+    """Alpha of a PNG with 8 bits per channel, (H, W); None if it has none.
+
+    Raises
+    ------
+    UsageError
+        It cannot be read.
+    """
+    from PIL import Image
+
+    path = Path(path)
+    with open_input(path) as file:
+        try:
+            picture = Image.open(file)
+            return np.asarray(picture.getchannel("A"), np.uint8) if "A" in picture.getbands() else None
+        except (OSError, ValueError, SyntaxError) as error:
+            raise UsageError(f"{path}: not a readable image ({error})") from None
 
 
 def _read_exr(file: IO[bytes], most: int) -> _Image:

@@ -52,6 +52,7 @@ def load(
     up: str | None = None,
     define: Mapping[str, str] | None = None,
     camera: str | Path | Camera | Mapping[str, Any] | None = None,
+    hide_environment: bool = False,
 ) -> Scene:
     """Read and validate a scene and the files it names.
 
@@ -78,6 +79,8 @@ def load(
         Values of the parameters (``$NAME``) of a Mitsuba scene, before its own defaults.
     camera : str, pathlib.Path, Camera or mapping, optional
         A camera in place of the scene's; see `clrender.importers.cameras.with_camera`.
+    hide_environment : bool
+        Whether the camera does not see the environment, which lights the scene all the same.
 
     Returns
     -------
@@ -129,7 +132,7 @@ def load(
                 "(`clrender scenes`)"
             )
         own = load_own(path_or_name, allow_paths=folders).with_origin(origin)
-        return _changed(own, environment, camera)
+        return _changed(own, environment, camera, hide_environment)
     read: Callable[..., Draft] = import_module(reader).read
     for folder in folders:
         if not folder.is_dir():
@@ -138,13 +141,15 @@ def load(
     upright = up or ("z" if ending == ".stl" else "y")
     draft = read(path, files, choices) if ending in _CHOOSING else read(path, files)
     scene = completed(draft, files, upright, surrounded=environment is not None)
-    return _changed(scene.with_origin(origin), environment, camera)
+    return _changed(scene.with_origin(origin), environment, camera, hide_environment)
 
 
-def _changed(scene: Scene, environment: Any, camera: Any) -> Scene:
-    """The scene in an environment, with another camera."""
+def _changed(scene: Scene, environment: Any, camera: Any, hide_environment: bool) -> Scene:
+    """The scene in an environment, which may be hidden, with another camera."""
     if environment is not None:
         scene = scene.with_environment(environment)
+    if hide_environment:
+        scene = scene.with_hidden_environment()
     if camera is None:
         return scene
     scene = with_camera(scene, camera)

@@ -341,7 +341,7 @@ class JobRender:
 
     def _new_film(self, flat: FlatScene) -> Film:
         """The film that receives the samples: the checkpoint's, the one that was begun, or an empty one."""
-        job, settings = self._job, self._settings
+        job = self._job
         request = self._request(flat)
         samples = range(job.first_sample, job.first_sample + job.sample_count)
         if self._checkpoint is not None:

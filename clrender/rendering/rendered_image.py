@@ -116,6 +116,14 @@ class RenderedImage:
         return self.linear if self.denoised is None else self.denoised
 
     @property
+    def alpha(self) -> npt.NDArray[np.float32] | None:
+        """The layer ``alpha``, (height, width) float32, 0 to 1: the fourth channel of `.png` and `.exr` files.
+
+        `linear` is premultiplied: over a background C it is linear + (1 - alpha) C. None without that layer.
+        """
+        return self.aovs["alpha"][..., 0] if "alpha" in self.aovs else None
+
+    @property
     def camera_stops(self) -> float:
         """Exposure of display images, in stops, from the camera's f-stop, shutter and iso; 0 without them."""
         return photographic_stops(**camera_exposure(self.stats, {}))
@@ -169,7 +177,7 @@ class RenderedImage:
         else:
             exposure += self.camera_stops
             told = {**self.stats, "stored": {"tone_map": tone_map, "exposure": exposure}}
-            write_image(path, self.picture, told, tone_map, exposure)
+            write_image(path, self.picture, told, tone_map, exposure, alpha=self.alpha)
 
     def _repr_html_(self) -> str:
         from clrender.rendering.image_html import image_html

@@ -185,7 +185,7 @@ class Camera(Part):
         """Turn a matrix into position, target and up, which is how all else knows a pose."""
         given = [key for key in _POSES if getattr(self, key) is not None]
         if not given:
-            if "convention" in self.model_fields_set:
+            if self.convention != "opencv":
                 raise fault("camera", f"is for {' and '.join(_POSES)} only; leave it out", "convention")
             return
         others = [key for key in (*given[1:], *_FRAME) if key in self.model_fields_set]

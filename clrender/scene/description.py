@@ -343,6 +343,20 @@ class Scene(SceneContents):
         scene._default_light = None, ""
         return scene.with_notes(each for each in self._notes if default is None or not each.endswith(note))
 
+    def with_hidden_environment(self) -> Scene:
+        """A copy of the scene whose environment lights it, but is not seen by the camera; the same if it has none.
+
+        Returns
+        -------
+        Scene
+        """
+        around = (self.environment, self.sky)
+        lights = tuple(
+            light.changed(visible_to_camera=False) if any(light is each for each in around) else light
+            for light in self.lights
+        )
+        return self.with_checked(lights=lights).with_origin({**(self.origin or {}), "hide_environment": True})
+
     def shares_contents(self, other: Scene) -> bool:
         """Whether another scene has the very same objects, except for its camera, title and defaults.
 

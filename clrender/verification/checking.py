@@ -231,6 +231,7 @@ def _scene(
         define=origin.get("define"),
         environment=around,
         camera=origin.get("camera"),
+        hide_environment=origin.get("hide_environment", False),
     )
 
 
@@ -245,6 +246,7 @@ def _origin(claim: Claim) -> dict[str, Any]:
         "define": (dict,),
         "environment": (str, int, float),
         "camera": (dict,),
+        "hide_environment": (bool,),
     }
     if not isinstance(said, Mapping):
         return {}

@@ -17,7 +17,15 @@ from clrender.film.consistency import contradictions
 from clrender.film.ledger import Ledger
 from clrender.film.request import film_size
 from clrender.image.exr_write import COMPRESSIONS, half_of
-from clrender.image.files import DISPLAY_ENDINGS, FILM_ENDINGS, image_sha256, read_image, read_provenance
+from clrender.image.files import (
+    DISPLAY_ENDINGS,
+    FILM_ENDINGS,
+    image_sha256,
+    read_alpha,
+    read_image,
+    read_provenance,
+    uncovered,
+)
 from clrender.image.tone_map import EXPOSURE_LIMIT, TONE_MAPS, srgb_decode, to_display
 
 __all__ = ["Claim", "FilmClaim", "ImageClaim", "claim_of"]
@@ -136,6 +144,7 @@ class ImageClaim(Claim):
             )
         self._stored = provenance.get("stored", {})
         self._display = path.suffix.lower() in DISPLAY_ENDINGS
+        self._alpha = read_alpha(path) if self._display else None
         self._check_stored(path)
         ledger = Ledger(width, height)
         blocks = np.arange(len(ledger.taken()))
@@ -171,6 +180,8 @@ class ImageClaim(Claim):
         if self._stored.get("exr_type") == "half":
             here = half_of(here).astype(np.float32)
         if self._display:
+            if self._alpha is not None:
+                here = uncovered(here, self._alpha[rows, columns])
             shown = to_display(here, self._stored["tone_map"], self._stored["exposure"])
             here = srgb_decode(np.arange(256) / 255).astype(np.float32)[shown]
         differs: _Mask = (there.view(np.uint32) != np.ascontiguousarray(here).view(np.uint32)).any(axis=2)

@@ -1,6 +1,7 @@
 // What is seen first, as layers beside an image: its colour, light, normal, place, distance, texture coordinates and primitive. Each sample is the image's own,
 // through the same point of the film and of the lens, so that the layers lie on the image exactly; one number or vector a launch. All samples
-// count alike, also where a pixel filter is negative: a mean of distances or of reflectances is then one, too.
+// count alike, also where a pixel filter is negative: a mean of distances or of reflectances is then one, too. What is let through to behind the scene
+// counts as radiance does, so that an image over another one is what it would be before it.
 //
 // The albedo is that of the first surface that is neither mirror nor glass, on the way that the image's path takes, as Open Image
 // Denoise advises (documentation of version 2, "Albedos"); all else is of the first surface of any kind. What is rough scatters too widely
@@ -114,8 +115,15 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
         const vmask found = path.alive & (hit.primitive != NONE);
         Surface surface = surface_at(scene, &path.ray, hit, found);
         const Crossing crossing = interior_meet(scene, &path.interior, &surface, found);
-        path.throughput = choose(found, interior_absorb(scene, &path.interior, hit, path.throughput), path.throughput);
+        if (wanted == FIRST_HIT_ALPHA) {
+            // What is scattered away, too, is not what lies behind
+            const vec3 passed = interior_transmittance(scene, &path.interior, hit.distance, !found);
+            path.throughput = choose(path.alive, mul(path.throughput, passed), path.throughput);
+        } else {
+            path.throughput = choose(found, interior_absorb(scene, &path.interior, hit, path.throughput), path.throughput);
+        }
         const vmask straight = interior_straight(&crossing);
+        const vec3 through = path.throughput;
         vec3 outside = vec3_all(0.0f);
         const vmask escapes = path.alive & !found & !environment_hidden(scene, path.depth);
         if (lane_any(escapes)) {
@@ -142,7 +150,11 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
         const vec3 color = choose(looks_on, first_hit_tint(&bsdf, &next), albedo);
         path.throughput = choose(found, mul(path.throughput, color), path.throughput);
         path.radiance = choose(ended & found, add(path.radiance, path.throughput), path.radiance);
-        if (lane_any(ended)) {
+        if (wanted == FIRST_HIT_ALPHA) {
+            // The share that passes, and the weight of the sample
+            const vfloat share = found ? splat(0.0f) : (through.x + through.y + through.z) * (1.0f / 3.0f);
+            if (lane_any(ended)) pool_deliver(pool, &path.sample, vec3_of(share, splat(1.0f), splat(0.0f)), ended);
+        } else if (lane_any(ended)) {
             const vec3 value = first_hit_value(scene, wanted, coordinates, &surface, &bsdf, path.radiance, found);
             pool_put(pool, &path.sample, value, ended);
         }

@@ -20,7 +20,7 @@ from clrender.cli import main
 from clrender.cli.render import render as render_command
 from clrender.errors import ClrenderError, SceneError, UsageError
 from clrender.integrators import INTEGRATORS
-from clrender.limits import Bytes, Choice, Range
+from clrender.limits import Bytes, Choice, Range, Region
 from clrender.scene import Scene
 from clrender.scene.load import load
 from clrender.settings import (
@@ -101,6 +101,8 @@ def allowed(name: str) -> st.SearchStrategy[Any]:
         return st.sampled_from([*domain.members, *(np.int64(m) for m in domain.members if isinstance(m, int))])
     if isinstance(domain, Bytes):
         return st.integers(domain.low, domain.high)
+    if isinstance(domain, Region):
+        return st.tuples(*(st.integers(low, domain.most) for low in (0, 0, 1, 1)))
     assert isinstance(domain, Range)
     high = min(domain.high, 1e9)
     if domain.whole:
@@ -126,6 +128,8 @@ def fits(name: str, value: Any) -> bool:
         return False  # JSON Schema's library cannot compare them
     if isinstance(value, np.generic):
         value = value.item()
+    if isinstance(value, tuple):
+        value = list(value)
     if isinstance(value, Fraction):
         value = float(value)
     # What JSON Schema does not know: that 8.0 is not written as a whole number, and numbers that are not finite
@@ -167,6 +171,8 @@ def test_a_call_takes_what_the_table_allows_and_refuses_the_rest(chosen: dict[st
             "a multiple of replicate_spp",
             "cannot be estimated from the spread of its",
             "first test needs",
+            "not within the image",
+            "share light in blocks",
         )
         bad = [name for name, value in chosen.items() if not fits(name, value)]
         assert any(name in str(error) for name in bad) if bad else any(word in str(error) for word in together)
@@ -181,6 +187,7 @@ def test_a_call_takes_what_the_table_allows_and_refuses_the_rest(chosen: dict[st
             int,
             float,
             str,
+            tuple,
             type(None),
         )
     again = json.loads(json.dumps(made.request()))
@@ -221,7 +228,8 @@ def test_the_command_line_takes_what_a_call_takes(data: st.DataObject) -> None:
     words = isinstance(domain, Choice) and isinstance(domain.members[0], str)
     value = data.draw(st.sampled_from([*NAMES, "packt", "PATH", ""]) if words else st.one_of(NUMBERS, allowed(name)))
     value = value.item() if isinstance(value, np.generic) else value
-    line = ["room", "-oa.png", f"{SETTINGS[name].option}={value}"]
+    written = Region.text(value) if isinstance(value, tuple) else value
+    line = ["room", "-oa.png", f"{SETTINGS[name].option}={written}"]
     try:
         taken = render_command.make_context("render", line, main.make_context("clrender", ["render"])).params[name]
     except click.UsageError as error:

@@ -83,7 +83,8 @@ def test_errors_of_a_crop_are_those_of_the_whole(device: Device) -> None:
 
 
 def test_a_crop_is_cut_resumed_and_verified(device: Device, tmp_path: Path) -> None:
-    what, how = clrender.load("room"), {"size": SIZE, "spp": 8, "crop": (9, 3, 33, 30)}
+    what = clrender.load("room")
+    how: dict[str, Any] = {"size": SIZE, "spp": 8, "crop": (9, 3, 33, 30)}
     with clrender.Session(device.info.index) as session:
         image = session.render(what, **how)
         cut = session.render(what, **how, tile=8, samples_per_pass=1)
@@ -107,7 +108,9 @@ def test_a_crop_is_cut_resumed_and_verified(device: Device, tmp_path: Path) -> N
 
 def test_a_crop_of_everything_is_the_image() -> None:
     job = clrender.RenderJob.of(clrender.load("room"), size=SIZE, crop=(0, 0, *SIZE))
-    assert job.settings.crop is None and job.sha256() == clrender.RenderJob.of(clrender.load("room"), size=SIZE).sha256()
+    assert (
+        job.settings.crop is None and job.sha256() == clrender.RenderJob.of(clrender.load("room"), size=SIZE).sha256()
+    )
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ UNUSED: Final = {
     "width": "of small images",
     "height": "of small images",
     "replicate_spp": "does not change the image",
+    "crop": "has the bits of the whole (tests/image/test_crops.py)",
     "guiding_memory": "bounds the number of cells, which the number of paths varies",
     "light_paths": "of bdpt, as many as pixels",
     "patches": "of radiosity, which takes almost none of these scenes",
