@@ -19,6 +19,7 @@ from pydantic import PrivateAttr, model_validator
 from clrender.errors import SceneError
 from clrender.image.exposure import photographic_stops
 from clrender.meshes.data import MeshData
+from clrender.scene.arrays import environment_of_array, mesh_of_arrays, picture_of_array
 from clrender.scene.camera import Camera
 from clrender.scene.changes import Changes, table_values, validated
 from clrender.scene.content_hash import content_sha256
@@ -204,6 +205,59 @@ class Scene(SceneContents):
         if contents.keys() & {"textures", "encoded"}:
             scene._store = []
         return scene
+
+    def with_arrays(
+        self,
+        *,
+        meshes: Mapping[str, Mapping[str, Any]] | None = None,
+        textures: Mapping[str, npt.ArrayLike] | None = None,
+        environments: Mapping[str, npt.ArrayLike] | None = None,
+    ) -> Scene:
+        """A copy of the scene that uses arrays in the place of the files of these names.
+
+        Arrays are NumPy's, or anything that can be turned into those, such as tensors in the memory of the host. They
+        are copied unless they are read-only.
+
+        Parameters
+        ----------
+        meshes : mapping of str to mapping of str to array_like, optional
+            By the `file` of shapes of type ``mesh``: ``vertices`` (V, 3), metres; ``faces`` (T, 3), indices from 0;
+            ``normals`` (V, 3); ``uvs``, ``uvs_1``, ``colors`` (linear, 0 to 1) and ``tangents`` for each vertex,
+            (V, 2), (V, 3) and (V, 4), or for each corner, (T, 3, n). Of a mesh that was given before, arrays that are
+            not given stay as they are; None takes one away.
+        textures : mapping of str to array_like, optional
+            By the `texture` of materials: (H, W), or (H, W, 1, 3 or 4), first row on top. Of uint8 or uint16, which
+            are encoded as `color_space` says, or floats.
+        environments : mapping of str to array_like, optional
+            By the `file` of the environment: (H, W, 3) floats, latitude-longitude, radiance.
+
+        Returns
+        -------
+        Scene
+
+        Raises
+        ------
+        SceneError
+            An array is missing, or has another shape or other numbers than it may have.
+
+        Examples
+        --------
+        >>> scene = Scene(camera=camera, shapes=[{"type": "mesh", "file": "body"}])  # doctest: +SKIP
+        >>> scene = scene.with_arrays(meshes={"body": {"vertices": points, "faces": faces}})  # doctest: +SKIP
+        """
+        contents: dict[str, dict[Any, Any]] = {}
+        if meshes:
+            former = {name: mesh for (name, _), mesh in self._files.meshes.items()}
+            made = {name: mesh_of_arrays(name, given, former.get(name)) for name, given in meshes.items()}
+            assets = {shape.asset for _, shape in self.all_shapes() if isinstance(shape, Mesh) and shape.file in made}
+            names = {file for file, _ in assets}
+            contents["meshes"] = {asset: made[asset[0]] for asset in assets}
+            contents["meshes"] |= {(name, None): mesh for name, mesh in made.items() if name not in names}
+        if textures:
+            contents["textures"] = {name: picture_of_array(name, array) for name, array in textures.items()}
+        if environments:
+            contents["environments"] = {name: environment_of_array(name, each) for name, each in environments.items()}
+        return self.with_files(**contents)
 
     def remeshed(self, meshes: Sequence[MeshData], lights: Sequence[Light], emitting: bool = True) -> Scene:
         """A copy of the scene with other triangles, in world space, for each of its shapes.
