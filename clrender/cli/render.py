@@ -61,6 +61,11 @@ _FILM_PIXELS: Final = 1 << 24
     "crypto_object,crypto_material,stderr,unconverged.",
 )
 @click.option(
+    "--light-groups",
+    is_flag=True,
+    help="Layers of the .exr with the part of each group of lights; they add up to the image.",
+)
+@click.option(
     "--alpha",
     is_flag=True,
     help="Coverage as fourth channel of .png and .exr; the camera does not see the environment.",
@@ -116,6 +121,7 @@ def render(
     shutter: float | None,
     iso: float | None,
     aov: str | None,
+    light_groups: bool,
     alpha: bool,
     exr_type: str,
     exr_compression: str,
@@ -150,6 +156,7 @@ def render(
     how = {**_saving(checkpoint, resume), **_on_cluster(cluster)}
     check_distinct(written, [Path(scene), *([guiding_field] if guiding_field else [])])
     layers = _layers(aov, outputs)
+    _check_layers(light_groups, "--light-groups", outputs)
     if alpha:
         layers, reading["hide_environment"] = _with_alpha(layers, outputs), True
     exr = {"exr_type": exr_type, "exr_compression": exr_compression, "exr_tile": exr_tile}
@@ -167,7 +174,8 @@ def render(
         read_seconds = time.perf_counter() - begun
         check_distinct(written, scene_files(scene, description))
         chosen = {name: value for name, value in settings.items() if value is not None}
-        job = RenderJob.of(description, size=size, aov=layers, denoise=denoise, guiding_field=guiding_field, **chosen)
+        chosen |= {"aov": layers, "denoise": denoise, "guiding_field": guiding_field, "light_groups": light_groups}
+        job = RenderJob.of(description, size=size, **chosen)
         if save_guiding_field is not None and job.settings.guiding == "off":
             raise UsageError("--save-guiding-field: no field guides this render; ask for one with --guiding on")
         job = job.shard(*shard) if shard else job
@@ -245,9 +253,14 @@ def _layers(aov: str | None, outputs: Sequence[Path]) -> tuple[str, ...]:
     layers = check_aovs(name.strip() for name in aov.split(",") if name.strip())
     if not layers:
         raise UsageError(f"--aov is {aov!r}, but must be a list of {', '.join(AOVS)}")
-    if not any(path.suffix.lower() == ".exr" for path in outputs):
-        raise UsageError("--aov: only .exr files hold layers; name one with -o, such as -o image.exr")
+    _check_layers(True, "--aov", outputs)
     return layers
+
+
+def _check_layers(wanted: bool, option: str, outputs: Sequence[Path]) -> None:
+    """Check that an output can hold layers."""
+    if wanted and not any(path.suffix.lower() == ".exr" for path in outputs):
+        raise UsageError(f"{option}: only .exr files hold layers; name one with -o, such as -o image.exr")
 
 
 def _with_alpha(layers: Sequence[str], outputs: Sequence[Path]) -> tuple[str, ...]:

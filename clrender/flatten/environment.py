@@ -14,7 +14,7 @@ from clrender import layout
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.values import Color
 
-__all__ = ["HEAD_WORDS", "EnvironmentTable", "environment_table"]
+__all__ = ["HEAD_WORDS", "EnvironmentTable", "environment_table", "without_light"]
 
 HEAD_WORDS: Final = 16
 _CHUNK: Final = 2**19
@@ -92,6 +92,24 @@ def environment_table(
     sampled = _distribute(table, drops, np.float32(mean if compensated else 0.0)) / mean
     table.words[_HEAD["TURN"]] = np.float32(turn) % np.float32(1.0)
     return EnvironmentTable((red, green, blue), sampled if sampled > _EVEN else 0.0, table.words)
+
+
+def without_light(words: NDArray[np.float32]) -> NDArray[np.float32]:
+    """A copy of the table of an environment map that has no radiance, but samples the same directions.
+
+    Parameters
+    ----------
+    words : (n,) float32
+        See `environment_table`.
+
+    Returns
+    -------
+    (n,) float32
+    """
+    width, height = (int(words[_HEAD[name] : _HEAD[name] + 1].view(np.uint32)[0]) for name in ("WIDTH", "HEIGHT"))
+    dark = _Arrays.of(words.copy(), height, width)
+    dark.pixels[..., 1:] = 0
+    return dark.words
 
 
 def _luminance(red: _Number, green: _Number, blue: _Number) -> _Number:
@@ -172,17 +190,25 @@ class _Arrays:
 
     @classmethod
     def empty(cls, height: int, width: int) -> _Arrays:
-        band_guides, guides = _power_of_two(height + 1), _power_of_two(width)
-        shapes = (HEAD_WORDS,), (height + 1, 8), (band_guides + 1,), (height, width + 1, 3), (height, guides + 1)
-        sizes = [math.prod(shape) for shape in shapes]
-        words = np.zeros(sum(sizes), np.float32)
-        parts = np.split(words, np.cumsum(sizes[:-1]))
+        return cls.of(np.zeros(sum(map(math.prod, _shapes(height, width))), np.float32), height, width)
+
+    @classmethod
+    def of(cls, words: NDArray[np.float32], height: int, width: int) -> _Arrays:
+        """Views of a table, whose size is written into it."""
+        shapes = _shapes(height, width)
+        parts = np.split(words, np.cumsum([math.prod(shape) for shape in shapes[:-1]]))
         head, bands, band_guide, pixels, guide = (
             part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)
         )
         sizes_at = [_HEAD[name] for name in ("WIDTH", "HEIGHT", "BAND_GUIDES", "GUIDES")]
-        head.view(np.uint32)[sizes_at] = width, height, band_guides, guides
+        head.view(np.uint32)[sizes_at] = width, height, len(band_guide) - 1, guide.shape[1] - 1
         return cls(words, bands, band_guide.view(np.uint32), pixels.view(np.uint32), guide.view(np.uint32))
+
+
+def _shapes(height: int, width: int) -> tuple[tuple[int, ...], ...]:
+    """Of the parts of a table."""
+    band_guides, guides = _power_of_two(height + 1), _power_of_two(width)
+    return (HEAD_WORDS,), (height + 1, 8), (band_guides + 1,), (height, width + 1, 3), (height, guides + 1)
 
 
 def _power_of_two(count: int) -> int:

@@ -91,6 +91,8 @@ class FlatScene:
     origin : (3,) float
         World space, metres: the origin of all coordinates in the arrays and the camera. `scene_origin` chooses it. It
         changes only when the camera moves far; until then the arrays stay the same.
+    light_groups : tuple of str
+        Of each row of ``lights``, its light group; empty for none.
     camera_free : float
         Up to this `clrender.flatten.touching.camera_reach` the arrays do not depend on it.
     """
@@ -108,6 +110,7 @@ class FlatScene:
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     origin: Vector = (0.0, 0.0, 0.0)
+    light_groups: tuple[str, ...] = ()
     camera_free: float = math.inf
 
     @property
@@ -259,6 +262,7 @@ def flatten(
             *_endless(scene, arrays, media, unbounded),
         ),
         origin=origin,
+        light_groups=lights.groups,
         camera_free=surfaces.camera_free,
     )
 

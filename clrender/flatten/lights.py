@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,12 +56,15 @@ class FlatLights:
         Row of the environment light, or `layout.NONE`.
     tree : LightTree or None
         If it is used instead of the alias table.
+    groups : tuple of str
+        Light group of each row; empty for none.
     """
 
     rows: _Rows
     count: int
     environment: int
     tree: LightTree | None
+    groups: tuple[str, ...] = ()
 
 
 def flat_environment(scene: Scene, compensated: bool = False) -> EnvironmentTable:
@@ -123,6 +126,7 @@ def flat_lights(
         If more than 2**24 triangles emit light, a texture is not a valid radiance, or an IES file is too bright.
     """
     rows: list[_Rows] = []
+    groups: list[NDArray[np.str_]] = []
     unsampled: list[_Rows] = []
     powers: list[NDArray[np.float64]] = []
     total, environment = 0, layout.NONE
@@ -146,6 +150,7 @@ def flat_lights(
         some, areas = _area_lights(scene, surfaces, index)
         surfaces.shapes["first_light"][index] = total
         rows.append(some)
+        groups.append(_group(scene.shapes[index], count))
         if texture is None:
             some["radiance"][:, :3] = emission.constant
             powers.append(math.pi * areas * _luminance(emission.constant))
@@ -179,6 +184,7 @@ def flat_lights(
         if isinstance(light, SunSkyLight) and tables.sun is not None:
             solid_angle = 2.0 * math.pi * tables.sun.spread
             rows.append(_sun_row(scene, light, tables.sun))
+            groups.append(_group(light, 1))
             powers.append(np.array([math.pi * radius * radius * solid_angle * _luminance(tables.sun.mean)]))
             tables.words[_SUN_LIGHT : _SUN_LIGHT + 1].view(np.uint32)[0] = total
             total += 1
@@ -188,27 +194,36 @@ def flat_lights(
         row["alias_threshold"], row["place"] = 1.0, layout.NONE
         if kind == layout.LIGHT_ENVIRONMENT and around.sampled == 0.0:
             unsampled.append(row)
+            last = _group(light, 1)
             continue
         if kind == layout.LIGHT_ENVIRONMENT:
             environment = total
         rows.append(row)
+        groups.append(_group(light, 1))
         powers.append(np.array([factor * _luminance(color)]))
         total += 1
     if unsampled:
         environment = total
+        groups.append(last)
     lights = np.concatenate([np.zeros(0, dtype=layout.dtype("Light")), *rows, *unsampled])
+    of_groups = tuple(np.concatenate([np.zeros(0, "U1"), *groups]).tolist())
     if total == 0:
-        return FlatLights(lights, 0, environment, None)
+        return FlatLights(lights, 0, environment, None, of_groups)
     power = np.concatenate(powers)
     shares = np.ones(total) if choice == "uniform" else power
     sampled = lights[:total]
     sampled["probability"], sampled["alias_threshold"], sampled["alias"] = alias_table(shares)
     sampled["place"] = layout.NONE
     if total < 2 or choice in ("power", "uniform") or (choice == "auto" and total < _TREE_FROM):
-        return FlatLights(lights, total, environment, None)
+        return FlatLights(lights, total, environment, None, of_groups)
     tree = light_tree(_emitters(sampled, power, radius, surfaces, lamps))
     sampled["place"] = tree.place
-    return FlatLights(lights, total, environment, tree)
+    return FlatLights(lights, total, environment, tree, of_groups)
+
+
+def _group(light: Any, count: int) -> NDArray[np.str_]:
+    """The light group of rows of a shape or light; empty if it has none."""
+    return np.full(count, light.light_group or "")
 
 
 def _sky_environment(scene: Scene, light: SunSkyLight, compensated: bool) -> EnvironmentTable:

@@ -48,6 +48,10 @@ class RenderJob:
     denoise : bool
     guiding_field : GuidingField, optional
         The field that guides paths, in place of one that is trained.
+    light_groups : bool
+        Whether the part of each light group is rendered as well.
+    lit_by : str or None
+        The only light group that shines; see `clrender.flatten.light_groups.lit_by`.
     """
 
     scene: Scene
@@ -57,6 +61,8 @@ class RenderJob:
     aov: tuple[str, ...] = ()
     denoise: bool = False
     guiding_field: GuidingField | None = None
+    light_groups: bool = False
+    lit_by: str | None = None
 
     @classmethod
     def of(
@@ -68,6 +74,7 @@ class RenderJob:
         aov: Iterable[str] = (),
         denoise: bool = False,
         guiding_field: GuidingField | str | Path | None = None,
+        light_groups: bool = False,
         **settings: Any,
     ) -> RenderJob:
         """Create a job and check it.
@@ -85,6 +92,8 @@ class RenderJob:
         guiding_field : GuidingField or path, optional
             A field that was kept (`RenderedImage.guiding_field`), or its file, instead of training; `guiding` is then
             on.
+        light_groups : bool
+            Whether to render the part of each light group as well, in as many renders again.
         **settings
             Fields of `RenderSettings`; those not given come from the scene, else from the defaults.
 
@@ -102,7 +111,13 @@ class RenderJob:
         if guiding_field is not None:
             settings = {"guiding": "on", **settings}
             guiding_field = _field(guiding_field)
-        return cls._checked(scene, settings_for(scene, size, settings), samples, aov, denoise, guiding_field)
+        job = cls._checked(scene, settings_for(scene, size, settings), samples, aov, denoise, guiding_field)
+        if not light_groups:
+            return job
+        if job.integrator.bias == "discretised":
+            name = job.settings.integrator
+            raise UsageError(f"light_groups: the integrator {name} solves for all light at once; leave one of them out")
+        return dataclasses.replace(job, light_groups=True)
 
     @classmethod
     def _checked(
@@ -262,6 +277,8 @@ class RenderJob:
             "aov": list(self.aov),
             "denoise": self.denoise,
             "guiding_field": field,
+            "light_groups": self.light_groups,
+            "lit_by": self.lit_by,
             "request": self.request(),
         }
         return json.dumps(content), assets  # in the scene's own order, which numbers the materials
@@ -296,6 +313,7 @@ class RenderJob:
             first, stop = content["samples"]
             aov, denoise, request = tuple(content["aov"]), bool(content["denoise"]), dict(content["request"])
             description, field = dict(content["scene"]), content["guiding_field"]
+            groups = bool(content.get("light_groups", False)), content.get("lit_by")
         except (KeyError, TypeError, ValueError) as error:
             raise UsageError(f"this is no clrender job of the format {FORMAT!r} ({error})") from None
         scene = scene_from_portable(description, assets, "job")
@@ -306,7 +324,7 @@ class RenderJob:
                 f"the job was made for another image: {', '.join(different)} differ here; make it with this version "
                 "of clrender"
             )
-        return job
+        return dataclasses.replace(job, light_groups=groups[0], lit_by=groups[1])
 
 
 def _field(given: GuidingField | str | Path) -> GuidingField:

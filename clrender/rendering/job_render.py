@@ -32,11 +32,13 @@ from clrender.film.replicates import standard_error
 from clrender.film.running import RunningFilm
 from clrender.film.unit import tile_side
 from clrender.flatten.flat_scene import FlatScene
+from clrender.flatten.light_groups import group_names
 from clrender.image.denoise import Denoiser
 from clrender.image.files import image_sha256
 from clrender.process.memory import largest_tile, room
 from clrender.rendering.effort import effort_told
 from clrender.rendering.job import RenderJob
+from clrender.rendering.light_groups import adding_up
 from clrender.rendering.memory import limited, needs, told
 from clrender.rendering.rendered_image import IncompleteRender, Progress, RenderedImage
 from clrender.rendering.residency import Residency
@@ -153,7 +155,43 @@ class JobRender:
             if taken.tally.all_failed and not taken.tally.complete:
                 raise IncompleteRender(str(taken.tally.failures[-1]), image) from taken.tally.failures[-1]
             self._tell_outcome(flat, taken.tally, image)
+        if self._job.light_groups:
+            image.light_groups = self._groups(flat, image)
         return image
+
+    def _groups(self, flat: FlatScene, image: RenderedImage) -> _Arrays:
+        """The parts of the light groups: the same samples again, with the lights of one group at a time."""
+        if image.interrupted:
+            self._residency.tell("warning: there are no layers of light groups, as the render was stopped early")
+            return {}
+        begin, field = time.perf_counter(), image.guiding_field
+        settings = dataclasses.replace(
+            self._settings,
+            spp=self._job.first_sample + image.stats["sample_count"],
+            guiding="off" if field is None else "on",
+            error=None,
+            time_limit=None,
+        )
+        common = dataclasses.replace(
+            self._job,
+            settings=settings,
+            sample_count=image.stats["sample_count"],
+            aov=(),
+            denoise=False,
+            guiding_field=field,
+            light_groups=False,
+        )
+        parts = {}
+        for name in group_names(flat):
+            job = dataclasses.replace(common, lit_by=name)
+            part = JobRender(self._residency, job, None, self._should_stop, cluster=self._cluster).image(False)
+            if part.interrupted:
+                self._residency.tell("warning: there are no layers of light groups, as the render was stopped early")
+                return {}
+            parts[name] = part.linear
+        image.stats["light_groups"] = list(parts)
+        image.stats["light_groups_seconds"] = time.perf_counter() - begin
+        return adding_up(image.linear, parts)
 
     def developed(self) -> RenderedImage:
         """The image of the film that was begun, without further samples; see `Session.develop`."""

@@ -19,6 +19,7 @@ from clrender.image.exposure import camera_exposure, photographic_stops
 from clrender.image.exr_write import ExrFormat
 from clrender.image.files import png_bytes, write_image
 from clrender.limits import checked_path
+from clrender.rendering.light_groups import group_channels
 
 if TYPE_CHECKING:
     from clrender.guiding.field import GuidingField
@@ -99,6 +100,9 @@ class RenderedImage:
         For each layer that is a matte, the names of the scene's shapes or materials (`clrender.aov.matte_names`).
     guiding_field : GuidingField or None
         The field that guided its paths; None if none did, or if a cluster took the samples.
+    light_groups : dict of str to (height, width, 3) float32
+        The part of `linear` that each light group contributes, if they were asked for. Sums of all of them in single
+        precision, in any order, are `linear` to the bit, unless the pixel filter is negative somewhere.
     """
 
     linear: npt.NDArray[np.float32]
@@ -109,6 +113,7 @@ class RenderedImage:
     aovs: dict[str, npt.NDArray[np.float32]] = field(default_factory=dict)
     mattes: Mapping[str, Sequence[str | None]] = field(default_factory=dict)
     guiding_field: GuidingField | None = None
+    light_groups: dict[str, npt.NDArray[np.float32]] = field(default_factory=dict)
 
     @property
     def picture(self) -> npt.NDArray[np.float32]:
@@ -170,7 +175,8 @@ class RenderedImage:
         elif path.suffix.lower() == ".exr":
             check_mattes(self.aovs, exr)
             exact, attributes = exact_channels(self.aovs), matte_attributes(self.mattes)
-            channels = exr_channels(self.aovs)
+            exact |= group_channels(self.light_groups).keys()
+            channels = exr_channels(self.aovs) | group_channels(self.light_groups)
             stored = {"exr_type": exr_type, "exr_compression": exr_compression}
             told = {**self.stats, "stored": stored}
             write_image(path, self.picture, told, channels=channels, exr=exr, exact=exact, attributes=attributes)

@@ -21,6 +21,7 @@ from clrender.device.worker import DeviceWorker
 from clrender.drivers import select
 from clrender.errors import DeviceError, UsageError
 from clrender.flatten.flat_scene import FlatScene, flatten, scene_origin, seen_by
+from clrender.flatten.light_groups import lit_by
 from clrender.flatten.touching import camera_reach
 from clrender.integrators.descriptor import Pipeline
 from clrender.process.stages import Stages
@@ -217,6 +218,7 @@ class _Geometry:
     light_sampler: str
     compensated: bool
     termination: float | None
+    lit_by: str | None
     origin: tuple[float, float, float]
     reach: float
 
@@ -224,7 +226,9 @@ class _Geometry:
     def of(cls, job: RenderJob) -> _Geometry:
         origin = scene_origin(job.scene.camera)
         reach = camera_reach(job.scene.camera, origin)
-        return cls(job.scene, _light_sampler(job), _compensated(job), job.settings.termination, origin, reach)
+        return cls(
+            job.scene, _light_sampler(job), _compensated(job), job.settings.termination, job.lit_by, origin, reach
+        )
 
     def same(self, other: _Geometry, camera_free: float) -> bool:
         """Whether the arrays are the same, which up to a reach do not depend on it."""
@@ -259,6 +263,8 @@ def _flattened(job: RenderJob) -> FlatScene:
         _light_sampler(job),
         compensated=_compensated(job),
     )
+    if job.lit_by is not None:
+        flat = lit_by(flat, job.lit_by)
     if settings.termination is None:
         return flat
     materials = flat.arrays["materials"].copy()

@@ -59,10 +59,10 @@ def _contents(scene: SceneContents) -> dict[str, bytes]:
     if not scene.groups:  # hashes in existing films predate this key
         content.pop("groups", None)
     for index in range(len(scene.shapes)):
-        content["shapes"][index].pop("name", None)
+        _without_names(content["shapes"][index])
     for at, shape in scene.all_shapes():
         if at[0] == "groups":
-            content["groups"][at[1]]["shapes"][at[3]].pop("name", None)
+            _without_names(content["groups"][at[1]]["shapes"][at[3]])
         if isinstance(shape, Mesh) and shape.file is not None:
             put_at(content, (*at, "file"), scene.mesh_of(at, shape).sha256())
         _as_in_films(shape, _table_at(content, at))
@@ -73,6 +73,7 @@ def _contents(scene: SceneContents) -> dict[str, bytes]:
             content["shapes"][index]["transforms"] = scene.transforms(index).sha256()
     for part, table in zip(scene.lights, content["lights"], strict=True):
         _as_in_films(part, table)
+        _without_names(table)
     for index, _ in scene.pictured_lights():
         content["lights"][index]["file"] = scene.light_picture(index).sha256()
     for index, _ in scene.ies_lights():
@@ -84,11 +85,17 @@ def _contents(scene: SceneContents) -> dict[str, bytes]:
     return {name: _json(table) for name, table in content.items()}
 
 
+def _without_names(table: dict[str, Any]) -> None:
+    """Take away what changes no image: names for layers."""
+    for key in ("name", "light_group"):
+        table.pop(key, None)
+
+
 def _as_in_films(part: Part, table: dict[str, Any]) -> None:
     """Make a table that of hashes in existing films: without later keys at their defaults, and with former names."""
     for key in part.late_keys:
         if getattr(part, key) == type(part).model_fields[key].get_default():
-            table.pop(key)
+            table.pop(key, None)
     for former, key in former_keys(type(part)).items():
         table[former] = table.pop(key)
 

@@ -19,6 +19,7 @@ from clrender.scene.values import (
     FileName,
     Finite,
     Flag,
+    Name,
     Part,
     Reflectance,
     Share,
@@ -67,7 +68,15 @@ def _check_direction(direction: Vector, key: str = "direction", example: str = "
         raise fault("light", f"has length zero; give a direction such as {example}", key)
 
 
-class PointLight(Part):
+class _Grouped(Part):
+    """What every light has."""
+
+    late_keys: ClassVar[frozenset[str]] = frozenset({"light_group"})
+
+    light_group: Name | None = Field(None, description="group of its light, for layers of light groups")
+
+
+class PointLight(_Grouped):
     """Isotropic point light."""
 
     type: Literal["point"]
@@ -75,7 +84,7 @@ class PointLight(Part):
     intensity: Color = Field(description="radiant intensity, W/sr")
 
 
-class SpotLight(Part):
+class SpotLight(_Grouped):
     """Point light that emits into a cone with a smooth falloff at its edge."""
 
     type: Literal["spot"]
@@ -95,7 +104,7 @@ class SpotLight(Part):
         return self
 
 
-class IesLight(Part):
+class IesLight(_Grouped):
     """Point light with the measured angular distribution of an IES file."""
 
     type: Literal["ies"]
@@ -127,7 +136,7 @@ class IesLight(Part):
         return (0.0, 0.0, 1.0) if max(abs(x), abs(y)) > 1e-3 * length(self.direction) else (0.0, 1.0, 0.0)
 
 
-class ProjectorLight(Part):
+class ProjectorLight(_Grouped):
     """Point light that throws a picture, as a slide projector does: upright and unmirrored on a screen before it."""
 
     type: Literal["projector"]
@@ -160,7 +169,7 @@ class ProjectorLight(Part):
         return self
 
 
-class DirectionalLight(Part):
+class DirectionalLight(_Grouped):
     """Directional light: parallel light from infinity."""
 
     type: Literal["directional"]
@@ -173,14 +182,14 @@ class DirectionalLight(Part):
         return self
 
 
-class EnvironmentLight(Part):
+class EnvironmentLight(_Grouped):
     """Environment light: constant radiance, or an environment map in latitude-longitude format.
 
     The top of the map is at +y, its middle column at +z, and the column at a quarter of its width from the left edge
     at +x. The map is interpolated bilinearly.
     """
 
-    late_keys: ClassVar[frozenset[str]] = frozenset({"visible_to_camera"})
+    late_keys: ClassVar[frozenset[str]] = frozenset({"visible_to_camera", "light_group"})
 
     type: Literal["environment"]
     radiance: Color | None = Field(None, description="constant radiance, W/(sr m2)")
@@ -213,13 +222,13 @@ class EnvironmentLight(Part):
         return (red, green, blue)
 
 
-class SunSkyLight(Part):
+class SunSkyLight(_Grouped):
     """Clear sky and sun by the model of Hosek and Wilkie; the lower hemisphere is the ground.
 
     +y is up, -z north and +x east.
     """
 
-    late_keys: ClassVar[frozenset[str]] = frozenset({"visible_to_camera"})
+    late_keys: ClassVar[frozenset[str]] = frozenset({"visible_to_camera", "light_group"})
 
     type: Literal["sun_sky"]
     sun_direction: Vector | None = Field(None, description="direction towards the sun")

@@ -99,7 +99,7 @@ class Transform(Part):
 class Surface(Part):
     """What every shape has."""
 
-    late_keys: ClassVar[frozenset[str]] = frozenset({"visible_to_camera"})
+    late_keys: ClassVar[frozenset[str]] = frozenset({"visible_to_camera", "light_group"})
     needs_similarity: ClassVar[bool] = False
     material: Name | None = Field(None, description="name of the material; without one the shape is black")
     emission: ColorOrTexture | None = Field(
@@ -110,6 +110,7 @@ class Surface(Part):
         description="name of the medium inside the closed shape; without a material the surface is invisible",
     )
     name: Name | None = Field(None, description="name in Cryptomatte layers; several shapes may have the same name")
+    light_group: Name | None = Field(None, description="group of its light, for layers of light groups")
     visible_to_camera: Flag = Field(True, description="false: rays of the camera pass it; all others meet it")
     flip_normals: Flag = False
     transform: Transform = Transform()
@@ -209,7 +210,7 @@ _Uv = tuple[Annotated[Finite, Field(ge=-1e6, le=1e6)], Annotated[Finite, Field(g
 class Mesh(Surface):
     """Triangle mesh from a file (.ply, .ply.gz, .obj, .stl), or inline as vertices and faces."""
 
-    late_keys: ClassVar[frozenset[str]] = frozenset({"visible_to_camera", "shadow_terminator_offset"})
+    late_keys: ClassVar[frozenset[str]] = frozenset({"visible_to_camera", "light_group", "shadow_terminator_offset"})
 
     type: Literal["mesh"]
     file: FileName | None = None

@@ -83,7 +83,17 @@ def mixed_scene(kind: str, number: int) -> Mixed:
     draw = Draw(f"{kind} {number}", kind == "white")
     mixed = {"white": _white, "light": _light, "black": _black}[kind](draw, f"{kind} {number}")
     _as_seen_by_machines(mixed.name, mixed.content["camera"])
+    _grouped(mixed.name, mixed.content)
     return mixed
+
+
+def _grouped(name: str, content: Json) -> None:
+    """Name groups of lights, which changes no image; by random numbers of their own."""
+    draw = Draw(f"light groups of {name}", white=False)
+    shapes = [*content["shapes"], *(shape for group in content.get("groups", {}).values() for shape in group["shapes"])]
+    for part in (*shapes, *content["lights"]):
+        if part["type"] != "instance" and draw.chance(0.3):
+            part["light_group"] = draw.one(("a", "b"))
 
 
 def _assembled(things: Things, camera: Json, lights: list[Json], **more: Any) -> Json:

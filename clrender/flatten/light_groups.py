@@ -1,0 +1,58 @@
+"""A flat scene in which only the lights of one group shine, while all are sampled as before."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from typing import Final
+
+import numpy as np
+
+from clrender import layout
+from clrender.flatten.environment import without_light
+from clrender.flatten.flat_scene import FlatScene
+
+__all__ = ["OTHERS", "group_names", "lit_by"]
+
+OTHERS: Final = "others"
+"""Name of the layer of lights without a group."""
+_SUN: Final = {name: slice(first, first + count) for name, first, count, _ in layout.ROWS["SUN"]}
+
+
+def group_names(flat: FlatScene) -> list[str]:
+    """Names of the light groups of a flat scene, sorted; `OTHERS` last, if some lights have none."""
+    names = {name or OTHERS for name in flat.light_groups}
+    return sorted(names - {OTHERS}) + ([OTHERS] if OTHERS in names else [])
+
+
+def lit_by(flat: FlatScene, group: str) -> FlatScene:
+    """A copy of a flat scene in which the lights of all other groups have no radiance.
+
+    Everything that decides about paths stays: which light is sampled, where, and with which density. So each sample is
+    the part of the whole scene's sample that this group contributes.
+
+    Parameters
+    ----------
+    flat : FlatScene
+    group : str
+        One of `group_names`.
+
+    Returns
+    -------
+    FlatScene
+    """
+    dark = np.array([(name or OTHERS) != group for name in flat.light_groups], bool)
+    lights = flat.arrays["lights"].copy()
+    rows = lights[: len(dark)]
+    rows["radiance"][dark, :3] = 0.0
+    rows["texture"][dark] = 0
+    arrays = {**flat.arrays, "lights": lights}
+    if len(flat.arrays["environment_map"]) > 1 and (dark & (rows["kind"] == layout.LIGHT_ENVIRONMENT)).any():
+        arrays["environment_map"] = without_light(flat.arrays["environment_map"])
+    if (dark & (rows["kind"] == layout.LIGHT_SUN)).any():
+        tables = flat.arrays["lamp_tables"].copy()
+        for channel in ("RED", "GREEN", "BLUE"):
+            tables[_SUN[channel]] = 0.0
+        arrays["lamp_tables"] = tables
+    digest = hashlib.sha256(f"{flat.arrays_sha256} lit by {group}".encode()).hexdigest()
+    return dataclasses.replace(flat, arrays=arrays, arrays_sha256=digest)
