@@ -13,6 +13,7 @@ from clrender.version import __version__
 
 if TYPE_CHECKING:
     from clrender.api import render as render
+    from clrender.api import render_batch as render_batch
     from clrender.drivers import devices as devices
     from clrender.errors import ClrenderError as ClrenderError
     from clrender.errors import DeviceError as DeviceError
@@ -48,6 +49,7 @@ _HOMES = {
     "load": "clrender.importers",
     "load_cameras": "clrender.importers.cameras",
     "render": "clrender.api",
+    "render_batch": "clrender.api",
     "verify": "clrender.verification",
 }
 

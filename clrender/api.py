@@ -1,11 +1,11 @@
-"""`render()`: one session for one job.
+"""`render()` and `render_batch()`: one session for one job, or for many cameras.
 
 (Not ``render.py``: a module of that name would shadow the function `clrender.render`.)
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,11 +14,14 @@ from clrender.rendering.job import RenderJob
 from clrender.rendering.session import Session
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
     from clrender.device import Device
     from clrender.rendering.rendered_image import Progress, RenderedImage
-    from clrender.scene import Scene
+    from clrender.scene import Camera, Scene
 
-__all__ = ["render"]
+__all__ = ["render", "render_batch"]
 
 
 def render(
@@ -85,3 +88,36 @@ def render(
             resume=resume,
             cluster=opened,
         )
+
+
+def render_batch(
+    scene: Scene,
+    cameras: Iterable[Camera | Mapping[str, Any]],
+    *,
+    device: str | int | Device | Sequence[str | int | Device] | None = None,
+    **settings: Any,
+) -> npt.NDArray[np.float32]:
+    """Render a scene as many cameras see it; see `Session.render_batch`.
+
+    Parameters
+    ----------
+    scene : Scene
+    cameras : iterable of Camera or mapping
+        Cameras, or keys of them; without a pose they stay where the scene's camera is.
+    device : str, int, Device, sequence of them, optional
+        See `render`.
+    **settings
+        See `render`. All images have the same size and seed.
+
+    Returns
+    -------
+    (n, height, width, 3) float32
+        Radiance; with the layer ``alpha``, (n, height, width, 4).
+
+    Raises
+    ------
+    SceneError, UsageError, DeviceError, RenderError
+        See `Session.render`.
+    """
+    with Session(device) as session:
+        return session.render_batch(scene, cameras, **settings)

@@ -350,6 +350,8 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("top", "uint", "first row"),
         ("less_width", "uint", "columns of the image that are not rendered"),
         ("less_height", "uint", "rows"),
+        ("views", "uint", "cameras whose images lie below each other in the film; 0: there is one"),
+        ("view_rows", "uint", "rows of the film for each of them, a multiple of 4"),
     ),
 }
 

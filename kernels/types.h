@@ -249,6 +249,8 @@ typedef struct {
     uint top;                   // first row
     uint less_width;            // columns of the image that are not rendered
     uint less_height;           // rows
+    uint views;                 // cameras whose images lie below each other in the film; 0: there is one
+    uint view_rows;             // rows of the film for each of them, a multiple of 4
 } Settings;
 
 #define FIELD_ROW_BINS 0                // bits: the bin of each of FIELD_BINS equal shares of the directions, four in a word

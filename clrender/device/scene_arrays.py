@@ -332,8 +332,13 @@ class SceneArrays:
         return [self.tree, self.masked_tree] if self.masked_tree else [self.tree]
 
     def look(self, camera: NDArray[np.void]) -> None:
-        """Replace the camera by another, a (1,) `Camera`."""
-        self._device.write(self.buffers["camera"], camera)
+        """Replace the cameras by others, (n,) `Camera`."""
+        held = self.buffers["camera"]
+        if held.nbytes == camera.nbytes:
+            self._device.write(held, camera)
+            return
+        self.buffers["camera"] = self._device.upload(camera)
+        self._device.release(held)
 
     def release(self) -> None:
         """Release the device memory."""

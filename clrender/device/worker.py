@@ -313,6 +313,7 @@ class DeviceWorker:
         columns, rows = (
             int(self._settings[side][0] - self._settings[f"less_{side}"][0]) for side in ("width", "height")
         )
+        rows = int(self._settings["views"][0] * self._settings["view_rows"][0]) or rows
         pixels = unit.pixels(columns, rows)
         done = np.zeros(slots // BLOCK_SLOTS, np.uint32)
         counted = np.zeros(3, np.int64)

@@ -117,12 +117,13 @@ class Features:
 
         Parameters
         ----------
-        camera : (1,) `Camera`
+        camera : (n,) `Camera`
+            One, or several for a batch.
         """
         return replace(
             self,
-            camera_cuts_media=self.interiors and bool(camera["cuts_media"][0]),
-            calibrated_camera=bool(np.isin(camera["kind"][0], _CALIBRATED)),
+            camera_cuts_media=self.interiors and bool(camera["cuts_media"].any()),
+            calibrated_camera=bool(np.isin(camera["kind"], _CALIBRATED).any()),
         )
 
     @classmethod

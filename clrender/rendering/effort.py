@@ -53,7 +53,7 @@ def effort_told(job: RenderJob) -> str | None:
     """
     settings = job.settings
     paths = _PATHS.get(settings.integrator)
-    camera = math.prod(settings.film_size) * job.sample_count
+    camera = math.prod(job.film_size) * job.sample_count
     if paths is None or not camera or (ratio := paths.count(job) / camera) < _FAR:
         return None
     return (

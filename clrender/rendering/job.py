@@ -20,7 +20,7 @@ from clrender.files.package_data import kernels_folder
 from clrender.flatten.supported import check_materials
 from clrender.integrators import INTEGRATORS, Integrator
 from clrender.limits import checked_path
-from clrender.scene import Scene
+from clrender.scene import Camera, Scene
 from clrender.scene.portable import scene_from_portable, scene_to_portable
 from clrender.settings import REPLICATE_SPP, RenderSettings, check_memory, present, settings_for
 from clrender.version import __version__
@@ -52,6 +52,8 @@ class RenderJob:
         Whether the part of each light group is rendered as well.
     lit_by : str or None
         The only light group that shines; see `clrender.flatten.light_groups.lit_by`.
+    views : tuple of Camera
+        Cameras whose images are rendered together, below each other; empty: that of the scene.
     """
 
     scene: Scene
@@ -63,6 +65,7 @@ class RenderJob:
     guiding_field: GuidingField | None = None
     light_groups: bool = False
     lit_by: str | None = None
+    views: tuple[Camera, ...] = ()
 
     @classmethod
     def of(
@@ -177,6 +180,12 @@ class RenderJob:
         if settings:
             raise UsageError(f"a job has its own settings; {', '.join(sorted(settings))} cannot be given beside it")
         return scene
+
+    @property
+    def film_size(self) -> tuple[int, int]:
+        """Width and height of the film, pixels."""
+        width, height = self.settings.film_size
+        return width, height * (len(self.views) or 1)
 
     @property
     def integrator(self) -> Integrator:

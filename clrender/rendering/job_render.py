@@ -159,6 +159,13 @@ class JobRender:
             image.light_groups = self._groups(flat, image)
         return image
 
+    def _struct(self) -> npt.NDArray[np.void]:
+        """The kernels' settings."""
+        struct = self._settings.struct(self._plan.tile, self._job.integrator.fixed)
+        if self._job.views:
+            struct["views"], struct["view_rows"] = len(self._job.views), self._settings.height
+        return struct
+
     def _groups(self, flat: FlatScene, image: RenderedImage) -> _Arrays:
         """The parts of the light groups: the same samples again, with the lights of one group at a time."""
         if image.interrupted:
@@ -337,7 +344,7 @@ class JobRender:
         self._plan = dataclasses.replace(self._plan, gradual=True)
         self._launch = dataclasses.replace(self._launch, slice_seconds=_LIVE_SECONDS)
         flat, _ = self._flat()
-        film = self._begun or RunningFilm(*settings.film_size, {"replicate_spp": settings.replicate_spp})
+        film = self._begun or RunningFilm(*self._job.film_size, {"replicate_spp": settings.replicate_spp})
         self._film, self._resumed = film, film.account()
         if film.ledger.samples:
             first = self._job.first_sample
@@ -390,7 +397,7 @@ class JobRender:
             film, self._resumed = self._begun, self._begun.account()
             film.request = request
         else:
-            return Film(*self._settings.film_size, request)
+            return Film(*self._job.film_size, request)
         if film.ledger.samples:
             self._want(film.ledger.lacking(samples.start, samples.stop))
         return film
@@ -511,7 +518,7 @@ class JobRender:
         make = partial(
             residency.worker,
             flat=prepared.flat,
-            settings=self._settings.struct(self._plan.tile, self._job.integrator.fixed),
+            settings=self._struct(),
             pipeline=prepared.pipeline,
             launch=dataclasses.replace(
                 self._launch,
@@ -641,10 +648,10 @@ def _plan_of(job: RenderJob) -> Plan:
     settings = job.settings
     tile = largest_tile(settings.max_memory, settings.tile, settings.replicate_spp is not None)
     return Plan(
-        *settings.film_size,
+        *job.film_size,
         job.first_sample,
         job.sample_count,
-        tile_side(tile, *settings.film_size),
+        tile_side(tile, *job.film_size),
         job.integrator.pipeline.sample_by_sample,
         whole=settings.replicate_spp or 1,
     )

@@ -40,9 +40,9 @@ def needs(job: RenderJob, devices: int, *, checkpoint: bool, resumed: bool, held
     """
     settings = job.settings
     replicates = settings.replicate_spp is not None
-    pixels, pixel_bytes = math.prod(settings.film_size), film_bytes(replicates)
-    side = tile_side(settings.tile, *settings.film_size)
-    slots = min(unit_slots(settings.max_memory, replicates) or 0, slot_count(*settings.film_size, side))
+    pixels, pixel_bytes = math.prod(job.film_size), film_bytes(replicates)
+    side = tile_side(settings.tile, *job.film_size)
+    slots = min(unit_slots(settings.max_memory, replicates) or 0, slot_count(*job.film_size, side))
     layers = channel_count({*job.aov, *(GUIDES if job.denoise else ())})
     return {
         "this program and the scene": process_bytes(),
@@ -94,7 +94,7 @@ def limited(devices: Sequence[Device], limit: int | None, wanted: Mapping[str, i
 
 def told(job: RenderJob) -> str | None:
     """A message about the memory that a large image will take; None for smaller images."""
-    width, height = job.settings.film_size
+    width, height = job.film_size
     pixels = width * height
     wanted = film_bytes(job.settings.replicate_spp is not None) * pixels
     if wanted < _WORTH_TELLING:

@@ -30,7 +30,7 @@ from clrender.rendering.job import RenderJob
 if TYPE_CHECKING:
     from clrender.scene import Scene
 
-__all__ = ["Residency"]
+__all__ = ["ApartError", "Residency"]
 
 
 class Residency:
@@ -137,7 +137,30 @@ class Residency:
             with self.stages.during("flattening"):
                 self._flat = geometry, _flattened(job)
         settings = job.settings
-        return seen_by(self._flat[1], job.scene, settings.width, settings.height)
+        flat = seen_by(self._flat[1], job.scene, settings.width, settings.height)
+        return self._seen_together(flat, job) if job.views else flat
+
+    def _seen_together(self, flat: FlatScene, job: RenderJob) -> FlatScene:
+        """The arrays with all cameras of a batch.
+
+        Raises
+        ------
+        ApartError
+            A camera needs other arrays, or is in other media.
+        """
+        assert self._flat is not None
+        geometry, settings, rows = self._flat[0], job.settings, []
+        for camera in job.views:
+            scene = job.scene.with_checked(camera=camera)
+            other = _Geometry.of(dataclasses.replace(job, scene=scene))
+            if not geometry.same(other, self._flat[1].camera_free):
+                raise ApartError
+            rows.append(seen_by(self._flat[1], scene, settings.width, settings.height).camera)
+        cameras = np.concatenate(rows)
+        media = cameras[["interior_first", "interior_last", "cuts_media"]]
+        if (media != media[0]).any() or cameras["cuts_media"].any():
+            raise ApartError
+        return dataclasses.replace(flat, camera=cameras, features=flat.features.seen_by(cameras))
 
     def worker(
         self,
@@ -208,6 +231,10 @@ class Residency:
     def dismiss(self, device: Device) -> None:
         """Exclude a device from now on, because it hangs or its results are wrong."""
         self._dismissed.add(device)
+
+
+class ApartError(Exception):
+    """Cameras of a batch cannot be rendered together."""
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
@@ -20,17 +21,19 @@ from clrender.film import Film
 from clrender.film.checkpoint import Checkpoint
 from clrender.film.ledger import Ledger
 from clrender.film.running import RunningFilm
+from clrender.importers.cameras.read import with_camera
 from clrender.process.exclusive import Turn
 from clrender.process.shield import Call
 from clrender.process.stages import Stages
+from clrender.rendering.batch import batches
 from clrender.rendering.job import RenderJob
 from clrender.rendering.job_render import JobRender
 from clrender.rendering.rendered_image import Progress, RenderedImage
-from clrender.rendering.residency import Residency
+from clrender.rendering.residency import ApartError, Residency
 from clrender.rendering.team import Cluster
 
 if TYPE_CHECKING:
-    from clrender.scene import Scene
+    from clrender.scene import Camera, Scene
 
 __all__ = ["Session", "requested_devices"]
 
@@ -193,6 +196,57 @@ class Session:
                 return render(saved, cluster).image(keep_film)
 
         return self._exclusively(work)
+
+    def render_batch(
+        self, scene: Scene, cameras: Iterable[Camera | Mapping[str, Any]], **settings: Any
+    ) -> npt.NDArray[np.float32]:
+        """Render a scene as many cameras see it.
+
+        Images of cameras that see the same arrays are rendered together, in the launches of one large image; each has
+        the bits that `render` gives it.
+
+        Parameters
+        ----------
+        scene : Scene
+        cameras : iterable of Camera or mapping
+            Cameras, or keys of them; without a pose they stay where the scene's camera is.
+        **settings
+            See `render`. All images have the same size and seed.
+
+        Returns
+        -------
+        (n, height, width, 3) float32
+            Radiance; with the layer ``alpha``, (n, height, width, 4).
+
+        Raises
+        ------
+        SceneError, UsageError, DeviceError, RenderError
+            See `render`.
+        """
+        given = RenderJob.given(scene, **settings)
+        views = [with_camera(scene, camera).camera for camera in cameras]
+        width, height = given.settings.film_size
+        found = np.empty((len(views), height, width, 4 if "alpha" in given.aov else 3), np.float32)
+        at = 0
+        for some in batches(given, views):
+            part = found[at : at + len(some)]
+            at += len(some)
+            try:
+                if len(some) > 1:
+                    job = dataclasses.replace(given, scene=scene.with_checked(camera=some[0]), views=some)
+                    part[:] = self._exclusively(partial(self._linear, job)).reshape(part.shape)
+                    continue
+            except ApartError:
+                pass
+            for camera, image in zip(some, part, strict=True):
+                one = self.render(dataclasses.replace(given, scene=scene.with_checked(camera=camera)), keep_film=False)
+                image[..., :3] = one.linear
+                if one.alpha is not None:
+                    image[..., 3] = one.alpha
+        return found
+
+    def _linear(self, job: RenderJob) -> npt.NDArray[np.float32]:
+        return JobRender(self._residency, job, *self._callbacks()).image(False).linear
 
     def refine(
         self,

@@ -61,8 +61,9 @@ static Ray camera_fisheye_ray(const Camera* camera, vfloat film_x, vfloat film_y
     return ray;
 }
 
-static Ray camera_ray(const Scene* scene, vfloat film_x, vfloat film_y, Sampler sampler) {
-    const Camera camera = *scene->camera;
+// Of one of the scene's cameras.
+static Ray camera_ray(const Scene* scene, uint view, vfloat film_x, vfloat film_y, Sampler sampler) {
+    const Camera camera = scene->camera[view];
 #ifdef CALIBRATED_CAMERA
     if (camera_is_calibrated(&camera)) return camera_calibrated_ray(&camera, film_x, film_y, sampler);
 #endif

@@ -83,7 +83,7 @@ static vmask pool_take(__global const Settings* settings, Pool* pool, PoolSample
     const vmask inside = slot_pixel(settings, pool->block, pool->first_slot + sample->slot, &x, &y);
     const uint number = pool->first_sample + pool->next, replicate = sampler_replicate(number, settings->replicate_spp);
     const uint index = sampler_within(number, settings->replicate_spp);
-    const vuint column = x + settings->left, row = y + settings->top;
+    const vuint column = x + settings->left, row = y - slot_view_top(settings, pool->block) + settings->top;
     sample->sampler = sampler_start_in(settings->seed, replicate, row * settings->width + column, splat_uint(index));
     sampler_get(sample->sampler, SET_PIXEL, &u, &v);
 #ifdef PIXEL_FILTER

@@ -9,7 +9,16 @@
 
 // The part of the image that is rendered, which is all of it but for a crop; pixels of a slot are counted from its corner.
 static uint slot_columns(__global const Settings* settings) { return settings->width - settings->less_width; }
-static uint slot_rows(__global const Settings* settings) { return settings->height - settings->less_height; }
+static uint slot_rows(__global const Settings* settings) {
+    return settings->views > 0 ? settings->views * settings->view_rows : settings->height - settings->less_height;
+}
+
+// Of several cameras, the one whose image has this block, and the first row of its image in the film.
+static uint slot_view(__global const Settings* settings, uint2 block) {
+    const uint whole_divisor = settings->view_rows;
+    return settings->views > 0 ? block.y / whole_divisor : 0u;
+}
+static uint slot_view_top(__global const Settings* settings, uint2 block) { return slot_view(settings, block) * settings->view_rows; }
 
 // Where the block of 16 slots that holds `slot` begins: its top left pixel.
 static uint2 slot_block(__global const Settings* settings, uint slot) {

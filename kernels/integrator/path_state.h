@@ -202,8 +202,9 @@ static void path_camera_rays(const Scene* scene, Pool* pool, CameraRays* rays) {
     rays->number = pool->next;
     rays->index = sampler_within(pool->first_sample + pool->next, scene->settings->replicate_spp);
     rays->left = LANES;
+    const uint view = slot_view(scene->settings, pool->block);
     const vmask inside = pool_take(scene->settings, pool, &sample, &film_x, &film_y);
-    const Ray ray = camera_ray(scene, film_x, film_y, sample.sampler);
+    const Ray ray = camera_ray(scene, view, film_x, film_y, sample.sampler);
     lane_store(ray.origin.x, rays->origin[0]);
     lane_store(ray.origin.y, rays->origin[1]);
     lane_store(ray.origin.z, rays->origin[2]);

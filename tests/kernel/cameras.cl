@@ -16,7 +16,7 @@ __kernel void cameras_rays(__global const Camera* camera, __global const Setting
     if (at >= count) return;
     const Scene scene = cameras_scene(camera, settings);
     const Sampler sampler = sampler_start(1u, lane_index() + (uint)at, splat_uint(0u));
-    const Ray ray = camera_ray(&scene, lane_load(places + at), lane_load(places + count + at), sampler);
+    const Ray ray = camera_ray(&scene, 0u, lane_load(places + at), lane_load(places + count + at), sampler);
     lane_save(ray.origin.x, results + at);
     lane_save(ray.origin.y, results + count + at);
     lane_save(ray.origin.z, results + 2 * (size_t)count + at);

@@ -3,7 +3,7 @@
 #define CAMERA_CAMERA_H
 #include "radiosity/patch.h"
 
-static Ray camera_ray(const Scene* scene, vfloat film_x, vfloat film_y, Sampler sampler) {
+static Ray camera_ray(const Scene* scene, uint view, vfloat film_x, vfloat film_y, Sampler sampler) {
     const uint width = scene->settings->width, height = scene->settings->height;
     const vuint x = vuint_of(film_x * (float)width), y = vuint_of(film_y * (float)height);
     const vuint number = y * width + x, last = splat_uint(scene->settings->triangle_count - 1u);
