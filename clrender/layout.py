@@ -232,6 +232,7 @@ FIRST_HIT_EMISSION: Final = 5
 FIRST_HIT_UV: Final = 6
 FIRST_HIT_TANGENT: Final = 7
 FIRST_HIT_ALPHA: Final = 8
+FIRST_HIT_Z_DEPTH: Final = 9
 """Attributes of a camera ray's first hit."""
 
 CONSTANTS: Final[Mapping[str, int]] = {

@@ -16,6 +16,7 @@ from clrender.aov.names import MATTES, OF_FILM, RANKS
 from clrender.aov.samples import PrimitiveSamples
 from clrender.device.scene_arrays import scene_array_names
 from clrender.device.team import DeviceTeam, most_slots
+from clrender.exact.matrices import inner
 from clrender.film import Film
 from clrender.film.unit import tile_side
 from clrender.flatten.assembly import assemble
@@ -62,6 +63,7 @@ LAYER_KINDS: Final[Mapping[str, int]] = {
     "albedo": layout.FIRST_HIT_ALBEDO,
     "normal": layout.FIRST_HIT_NORMAL,
     "depth": layout.FIRST_HIT_DEPTH,
+    "z_depth": layout.FIRST_HIT_Z_DEPTH,
     "position": layout.FIRST_HIT_POSITION,
     "primitive": layout.FIRST_HIT_PRIMITIVE,
     "emission": layout.FIRST_HIT_EMISSION,
@@ -72,7 +74,8 @@ LAYER_KINDS: Final[Mapping[str, int]] = {
 
 _COORDINATES: Final = ("uv", "tangent")
 _NUMBERS: Final = ("object", "material")
-_CHANNELS: Final[Mapping[str, int]] = {"depth": 1, "uv": 2, "alpha": 1}
+_TURNED: Final = "normal_camera"
+_CHANNELS: Final[Mapping[str, int]] = {"depth": 1, "z_depth": 1, "uv": 2, "alpha": 1}
 """Number of channels of layers that do not have three."""
 
 _SAMPLES_BYTES: Final = 128 << 20
@@ -193,11 +196,12 @@ def first_hits(
         hit. ``tangent`` : unit vector perpendicular to it along which the first texture coordinate grows, world space;
         zero where nothing is hit or there are no coordinates. ``position`` : world space, metres; NaN where nothing is
         hit. ``uv`` : texture coordinates of the first set; NaN where nothing is hit, 0 on meshes without any.
-        ``depth`` : distance from the camera's position, metres; infinite where nothing is hit. ``object``,
+        ``normal_camera`` : the normal along the image's right, its up, and backward. ``depth`` : distance from the
+        camera's position, metres; ``z_depth`` : the same along the view; infinite where nothing is hit. ``object``,
         ``material`` : indices in the scene's lists of shapes and of materials, from 0, of the first sample's hit; -1 if
         it hits nothing, or a shape without a material. ``crypto_object``, ``crypto_material`` :
         `clrender.aov.cryptomatte.ranked` of the names of shapes and materials. The others are means over samples;
-        those of depth, position and uv are over samples that hit something.
+        those of depth, z_depth, position and uv are over samples that hit something.
 
     Raises
     ------
@@ -225,9 +229,12 @@ def first_hits(
         most = most_slots(devices, settings.max_memory)
         passes = _Passes(team, asked, settings, should_stop, notify or (lambda line: None), apart, most)
         for name in wanted:
-            if name not in (*_NUMBERS, *MATTES):
+            if name not in (*_NUMBERS, *MATTES, _TURNED):
                 # As many samples as the image has, so that both have the same edges
                 found[name] = _layer(name, *passes.mean(name, settings.spp if name == "alpha" else samples))
+        if _TURNED in wanted:
+            normal = found["normal"] if "normal" in found else _layer("normal", *passes.mean("normal", samples))
+            found[_TURNED] = _planar(_in_camera(normal, scene))
         if any(name in _NUMBERS for name in wanted):
             seen = _seen(*passes.mean("primitive", 1), flat)
             found |= {name: _numbers(name, seen, scene) for name in _NUMBERS if name in wanted}
@@ -241,13 +248,20 @@ def _layer(name: str, mean: _Array, hit: npt.NDArray[np.bool_]) -> _Array:
     """Convert a mean to a layer."""
     if name in ("position", "uv"):
         mean[~hit] = np.nan
-    elif name == "depth":
+    elif name in ("depth", "z_depth"):
         mean[~hit] = np.inf
     elif name == "alpha":
         share, weight = mean[..., 0].astype(np.float64), mean[..., 1].astype(np.float64)
         through = np.divide(share, weight, out=np.zeros_like(share), where=weight != 0.0)
         mean = np.clip(1.0 - through, 0.0, 1.0).astype(np.float32)[..., None]
     return _planar(mean[..., : _CHANNELS.get(name, 3)])
+
+
+def _in_camera(normal: _Array, scene: Scene) -> _Array:
+    """Normals along the image's right, its up and backward, as cameras of OpenGL and Blender have their axes."""
+    right, upward, forward = (np.array(axis) for axis in scene.camera.axes)
+    turned = [inner(normal, axis) for axis in (right, upward, -forward)]
+    return np.stack(turned, axis=2).astype(np.float32)
 
 
 def _planar(layer: _Array) -> _Array:

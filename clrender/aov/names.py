@@ -33,8 +33,10 @@ AOVS: Final[Mapping[str, str]] = {
     "albedo": "RGB",
     "emission": "RGB",
     "normal": "XYZ",
+    "normal_camera": "XYZ",
     "tangent": "XYZ",
     "depth": "Z",
+    "z_depth": "Z",
     "position": "XYZ",
     "uv": "UV",
     "object": "V",
@@ -56,7 +58,7 @@ OF_FILM: Final = frozenset(("samples", *ERRORS))
 MATTES: Final[Mapping[str, str]] = {"crypto_object": "CryptoObject", "crypto_material": "CryptoMaterial"}
 """The layers that are mattes, and their names in files."""
 
-_HALF: Final = ("alpha", "albedo", "emission", "normal", "tangent")
+_HALF: Final = ("alpha", "albedo", "emission", "normal", "normal_camera", "tangent")
 """Shares, colours and directions, for which half precision suffices."""
 
 

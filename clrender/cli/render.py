@@ -57,8 +57,8 @@ _FILM_PIXELS: Final = 1 << 24
     "--aov",
     metavar="LIST",
     shell_complete=complete_layers,
-    help="Layers of the .exr: alpha,albedo,emission,normal,tangent,depth,position,uv,object,material,samples,"
-    "crypto_object,crypto_material,stderr,unconverged.",
+    help="Layers of the .exr: alpha,albedo,emission,normal,normal_camera,tangent,depth,z_depth,position,uv,"
+    "object,material,samples,crypto_object,crypto_material,stderr,unconverged.",
 )
 @click.option(
     "--light-groups",

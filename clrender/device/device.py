@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
@@ -87,7 +88,7 @@ class Program:
         self.kernels: dict[str, cl.Kernel] = {}
         self.launched: set[tuple[str, int]] = set()
 
-    @property
+    @cached_property
     def is_small(self) -> bool:
         """Whether it is small code."""
         return f"#define {SMALL_CODE} " in self.source.text

@@ -477,9 +477,12 @@ def prove_fast(device: Device, what: str) -> None:
     """
     from clrender.device.worker import probe_hash
 
+    if (device.info.title, what) in _PROVEN_HERE:
+        return
     driver = next((each for each in drivers() if each.library == device.info.library), None)
     name = _verdict_name(device.info, driver, "fast", what) if driver else ""
-    if (device.info.title, what) in _PROVEN_HERE or (driver and cache.read_json(name) == _PROVEN):
+    if driver and cache.read_json(name) == _PROVEN:
+        _PROVEN_HERE.add((device.info.title, what))
         return
     proof, device.prove_fast = device.prove_fast, None  # the tile is rendered by that code, too
     try:

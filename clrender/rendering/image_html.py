@@ -152,14 +152,14 @@ def _layer(key: str, layer: _Array, image: ShownImage) -> tuple[_Bytes, str]:
             return to_display(shrunk(layer, LAYER_SIDE)), ""
         case "emission":
             return _radiance(layer, image, LAYER_SIDE), ""
-        case "normal" | "tangent":
+        case "normal" | "normal_camera" | "tangent":
             return _bytes(0.5 + 0.5 * some), "red, green, blue: x, y, z from -1 to 1"
         case "uv":
             u, v = np.moveaxis(some % 1.0, 2, 0)
             return _bytes(np.stack([u, v, np.zeros_like(u)], axis=2)), "red: u, green: v, what is left of whole numbers"
         case "position":
             return _ranged(some, "red, green, blue: x, y, z", "m")
-        case "depth":
+        case "depth" | "z_depth":
             return _ranged(some, "distance", "m")
         case "object" | "material":
             return _colored(some[..., 0].astype(np.int64)), "a colour for each number; black: nothing"

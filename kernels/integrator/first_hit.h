@@ -61,6 +61,10 @@ static vec3 first_hit_value(const Scene* scene, uint wanted, __global const floa
         return vec3_of(lesser(albedo.x, splat(1.0f)), lesser(albedo.y, splat(1.0f)), lesser(albedo.z, splat(1.0f)));
     if (wanted == FIRST_HIT_NORMAL) return choose(found, bsdf->frame.normal, vec3_all(0.0f));
     if (wanted == FIRST_HIT_POSITION) return choose(found, add(surface->point, vec3_from(scene->camera->world)), nowhere);
+    if (wanted == FIRST_HIT_Z_DEPTH) {
+        const vfloat ahead = inner(sub(surface->point, vec3_from(scene->camera->origin)), unit(vec3_from(scene->camera->axis)));
+        return choose(found, vec3_of(ahead, ahead, ahead), nowhere);
+    }
     if (wanted == FIRST_HIT_DEPTH) {
         const vfloat depth = magnitude(sub(surface->point, vec3_from(scene->camera->origin)));
         return choose(found, vec3_of(depth, depth, depth), nowhere);

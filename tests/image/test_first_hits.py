@@ -263,6 +263,25 @@ def test_the_same_bits_however_the_work_is_cut(device: Device, name: str) -> Non
 # --- as a user asks for them -----------------------------------------------------------------------------------------
 
 
+def test_depth_along_the_view_and_normals_of_the_camera(device: Device) -> None:
+    """From the layers of the world, by the camera's axes; of calibrated and orthographic cameras too."""
+    room = clrender.load("room")
+    here = {key: getattr(room.camera, key) for key in ("position", "target", "up")}
+    lens = {"type": "intrinsics", "fx": 20.0, "resolution": (WIDTH, HEIGHT)}
+    barrel = {**lens, "distortion": {"model": "brown-conrady", "k": [-0.1]}}
+    for more in ({}, lens, barrel, {"type": "orthographic", "height": 1.0}, {"mirrored": True}):
+        what = room.changed(camera={**here, **more})
+        found = layers(device, what, ("z_depth", "normal_camera", "position", "normal", "depth"), spp=4)
+        right, up, forward = (np.array(axis) for axis in what.camera.axes)
+        away = found["position"].astype(np.float64) - what.camera.position
+        np.testing.assert_allclose(found["z_depth"][..., 0], away @ forward, rtol=0.0, atol=3e-6)
+        axes = np.stack([right, up, -forward], axis=1)
+        np.testing.assert_allclose(found["normal_camera"], found["normal"] @ axes, rtol=0.0, atol=1e-6)
+        assert (found["z_depth"] <= found["depth"] + 1e-6).all()
+    nothing = layers(device, scene([]), ("z_depth", "normal_camera"))
+    assert np.isposinf(nothing["z_depth"]).all() and (nothing["normal_camera"] == 0.0).all()
+
+
 def test_layers_of_a_render_and_in_a_file(device: Device, tmp_path: Path) -> None:
     import OpenEXR
 
