@@ -353,6 +353,7 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("less_height", "uint", "rows"),
         ("views", "uint", "cameras whose images lie below each other in the film; 0: there is one"),
         ("view_rows", "uint", "rows of the film for each of them, a multiple of 4"),
+        ("unused", "uint[2]", "fills the struct up to a multiple of 16 bytes, as a compiler does"),
     ),
 }
 

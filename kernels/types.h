@@ -252,6 +252,7 @@ typedef struct {
     uint less_height;           // rows
     uint views;                 // cameras whose images lie below each other in the film; 0: there is one
     uint view_rows;             // rows of the film for each of them, a multiple of 4
+    uint unused[2];             // fills the struct up to a multiple of 16 bytes, as a compiler does
 } Settings;
 
 #define FIELD_ROW_BINS 0                // bits: the bin of each of FIELD_BINS equal shares of the directions, four in a word
