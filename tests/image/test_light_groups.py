@@ -64,7 +64,7 @@ def described(around: dict[str, Any] | None = None, many: int = 0) -> Scene:
 
 
 SKY = {"type": "environment", "file": "sky", "light_group": "sky"}
-SUN = {"type": "sun_sky", "sun_direction": [0.4, 0.9, 0.5], "scale": 1e-4, "light_group": "day"}
+SUN = {"type": "sun_sky", "sun_direction": [0.4, 0.9, 0.5], "scale": 0.02, "light_group": "day"}
 EVEN = {"type": "environment", "radiance": [0.3, 0.4, 0.5]}
 WAYS: list[tuple[dict[str, Any] | None, int, dict[str, Any]]] = [
     (SKY, 0, {}),

@@ -133,8 +133,9 @@ def test_points_are_seen_where_their_rays_pass(device: Device, name: str) -> Non
         np.testing.assert_allclose((found[2] * distance * distance)[inside], ahead[inside], rtol=2e-4)
 
 
-def test_a_camera_does_not_see_what_is_outside_of_its_field(device: Device) -> None:
-    camera = Camera(**{**FLAT, "distortion": {"model": "brown-conrady", "k": [-0.3]}})
+@pytest.mark.parametrize("model", ["brown-conrady", "kannala-brandt"])
+def test_a_camera_does_not_see_what_is_outside_of_its_field(device: Device, model: str) -> None:
+    camera = Camera(**{**FLAT, "distortion": {"model": model, "k": [-0.3]}})
     points = np.zeros((3, COUNT))
     points[:, ::2] = [[0.0], [0.0], [-1.0]]
     points[:, 1::2] = [[4.0], [0.0], [1.0]]

@@ -70,7 +70,7 @@ def every_kernel() -> set[str]:
 @pytest.mark.slow
 def test_every_kernel_on_a_small_scene(device: Device, tmp_path: Path) -> None:
     renders = ["path-4", "path-4-instances", "path-4-replicates", "whitted-4", "reuse-4", "photon-4", "bdpt-4"]
-    renders += ["guided-4", "training-4", "staged-1"]
+    renders += ["guided-4", "training-4", "staged-1", "staged-1-holes"]
     others = ["layers", "radiosity", "furnace", "film", "refit"]
     launched = check(device, ["scan", "statistics", "arithmetic", *renders, *others], tmp_path)
     assert launched == every_kernel()
