@@ -52,6 +52,9 @@ _Array = npt.NDArray[np.float32]
 LAYER_SAMPLES: Final = 64
 """Most samples of a pixel for the mean of a layer: first hits have little noise."""
 
+_ALPHA_SAMPLES: Final = 256
+"""Most samples of alpha where it is not known how many the image will have."""
+
 GUIDES: Final = ("albedo", "normal")
 GUIDE_SAMPLES: Final = 16
 """Number of samples that suffices for the denoiser's guides (`DECISIONS.md` 14)."""
@@ -230,8 +233,7 @@ def first_hits(
         passes = _Passes(team, asked, settings, should_stop, notify or (lambda line: None), apart, most)
         for name in wanted:
             if name not in (*_NUMBERS, *MATTES, _TURNED):
-                # As many samples as the image has, so that both have the same edges
-                found[name] = _layer(name, *passes.mean(name, settings.spp if name == "alpha" else samples))
+                found[name] = _layer(name, *passes.mean(name, _alpha_samples(settings) if name == "alpha" else samples))
         if _TURNED in wanted:
             normal = found["normal"] if "normal" in found else _layer("normal", *passes.mean("normal", samples))
             found[_TURNED] = _planar(_in_camera(normal, scene))
@@ -242,6 +244,12 @@ def first_hits(
         if mattes:
             found |= _mattes(mattes, passes, samples, scene, flat)
     return {name: found[name] for name in wanted}
+
+
+def _alpha_samples(settings: RenderSettings) -> int:
+    """Those of the image, so that both have the same edges; of an image that may end early, which comes later, some."""
+    ends_early = settings.time_limit is not None or settings.error is not None
+    return min(settings.spp, _ALPHA_SAMPLES) if ends_early else settings.spp
 
 
 def _layer(name: str, mean: _Array, hit: npt.NDArray[np.bool_]) -> _Array:

@@ -153,7 +153,7 @@ def _changed(scene: Scene, environment: Any, camera: Any, hide_environment: bool
     if camera is None:
         return scene
     scene = with_camera(scene, camera)
-    said = scene.camera.model_dump(mode="json", exclude_unset=True)
+    said = {"camera": scene.camera.model_dump(mode="json", exclude_unset=True), "image": scene.image.model_dump()}
     scene = scene.with_origin({**(scene.origin or {}), "camera": said})
     file = camera_file(camera)[0] if isinstance(camera, str | Path) else None
     kept = [note for note in scene.notes if FRAMED not in note]

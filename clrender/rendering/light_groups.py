@@ -24,7 +24,7 @@ def group_channels(groups: Mapping[str, _Image]) -> dict[str, npt.NDArray[np.flo
     dict of str to (H, W) float32
     """
     return {
-        f"light.{name.replace('.', '_')}.{letter}": np.ascontiguousarray(image[..., channel])
+        f"light.{name}.{letter}": np.ascontiguousarray(image[..., channel])
         for name, image in groups.items()
         for channel, letter in enumerate("RGB")
     }

@@ -19,7 +19,7 @@ from clrender.scene.values import (
     FileName,
     Finite,
     Flag,
-    Name,
+    LayerName,
     Part,
     Reflectance,
     Share,
@@ -73,7 +73,7 @@ class _Grouped(Part):
 
     late_keys: ClassVar[frozenset[str]] = frozenset({"light_group"})
 
-    light_group: Name | None = Field(None, description="group of its light, for layers of light groups")
+    light_group: LayerName | None = Field(None, description="group of its light, for layers of light groups")
 
 
 class PointLight(_Grouped):

@@ -33,6 +33,7 @@ __all__ = [
     "Finite",
     "Flag",
     "Index",
+    "LayerName",
     "Length",
     "Lengths",
     "Matrix",
@@ -68,6 +69,13 @@ def encodable(value: str) -> str:
     return value
 
 
+def layer_name(value: str) -> str:
+    """Refuses names that are too long for the channels of an OpenEXR file, 255 bytes, or not printable."""
+    if not (1 <= len(value) <= LAYER_NAME_LIMIT and value.isprintable()):
+        raise fault("text", f"is {shown(value)}, but must be a text of 1 to {LAYER_NAME_LIMIT} printable characters")
+    return value
+
+
 Finite = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Coordinate = Annotated[Finite, Field(ge=-COORDINATE_LIMIT, le=COORDINATE_LIMIT)]
 Length = Annotated[Finite, Field(gt=0.0, le=COORDINATE_LIMIT)]
@@ -76,7 +84,9 @@ Share = Annotated[Finite, Field(ge=0.0, le=1.0)]
 Index = Annotated[Finite, Field(gt=0.0, le=1000.0)]
 Extinction = Annotated[Finite, Field(ge=0.0, le=1000.0)]
 NAME_LIMIT: Final = 200
+LAYER_NAME_LIMIT: Final = 60
 Name = Annotated[str, StringConstraints(strict=True, min_length=1, max_length=NAME_LIMIT)]
+LayerName = Annotated[str, Strict(), AfterValidator(layer_name)]
 FileName = Annotated[str, StringConstraints(strict=True, min_length=1, max_length=4096)]
 Text = Annotated[str, Strict(), AfterValidator(encodable)]
 Flag = Annotated[bool, Strict()]

@@ -8,7 +8,7 @@ import random
 import struct
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -19,6 +19,9 @@ import clrender
 from clrender.errors import ClrenderError, SceneError, UsageError
 from clrender.files.package_data import scenes_folder
 from clrender.scene import Camera
+
+if TYPE_CHECKING:
+    from clrender.device import Device
 
 PLAIN: dict[str, Any] = {"position": [0.0, 0.5, 3.0], "target": [0.0, 0.0, 0.0]}
 
@@ -239,6 +242,18 @@ def test_cameras_of_gltf(tmp_path: Path) -> None:
     assert scene.camera == cameras["right"] and scene.camera.position == (2.0, 2.0, 3.0)
     assert (scene.image.width, scene.image.height) == (800, 400)
     assert scene_with(f"{path}#above").camera.type == "orthographic"
+
+
+def test_images_of_a_camera_from_a_file_are_verified(device: Device, tmp_path: Path) -> None:
+    """Without that file; the size of its image is part of the scene."""
+    path = tmp_path / "camera.toml"
+    path.write_text('[camera]\ntype = "intrinsics"\nfx = 30.0\n[image]\nwidth = 40\nheight = 24\n')
+    with clrender.Session(device.info.index) as session:
+        image = session.render(clrender.load("room", camera=path, hide_environment=True), spp=2)
+    assert image.linear.shape == (24, 40, 3)
+    image.save(tmp_path / "a.exr")
+    path.unlink()
+    assert clrender.verify(tmp_path / "a.exr", fraction=1.0, device=device.info.index).sound
 
 
 REFUSED: list[tuple[str, str, str]] = [

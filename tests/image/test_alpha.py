@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 import clrender
+from clrender.aov.first_hits import _Passes
 from clrender.image.files import read_alpha, read_image
 from clrender.scene import Scene
 
@@ -97,6 +98,29 @@ def test_shares_that_pass(device: Device) -> None:
             image = session.render(described(camera=camera, **parts), size=(16, 16), spp=64, aov=["alpha"])
             assert image.alpha is not None
             assert image.alpha.mean() == pytest.approx(wanted, abs=error), name
+
+
+def test_alpha_does_not_wait_for_all_samples_of_a_render_that_ends_early(
+    device: Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is rendered before the image, of whose samples most may never be taken."""
+    asked: list[tuple[str, int]] = []
+    mean = _Passes.mean
+
+    def noted(passes: _Passes, what: str, samples: int) -> Any:
+        asked.append((what, samples))
+        return mean(passes, what, samples)
+
+    monkeypatch.setattr(_Passes, "mean", noted)
+    ways: list[dict[str, Any]] = [
+        {"spp": 300, "error": 0.9, "replicate_spp": 1},
+        {"spp": 300, "time_limit": 1000.0},
+        {"spp": 300},
+    ]
+    with clrender.Session(device.info.index) as session:
+        for how in ways:
+            session.render(described(), size=(8, 6), aov="alpha", **how)
+    assert asked == [("alpha", 256), ("alpha", 256), ("alpha", 300)]
 
 
 def test_files_with_a_fourth_channel(device: Device, tmp_path: Path) -> None:

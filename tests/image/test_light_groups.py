@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 import clrender
-from clrender.errors import UsageError
+from clrender.errors import SceneError, UsageError
 from clrender.flatten.flat_scene import flatten
 from clrender.flatten.light_groups import OTHERS, group_names, lit_by
-from clrender.rendering.light_groups import adding_up
+from clrender.image.files import write_image
+from clrender.rendering.light_groups import adding_up, group_channels
 from clrender.scene import Scene
 
 if TYPE_CHECKING:
@@ -145,6 +146,22 @@ def test_groups_in_files(device: Device, tmp_path: Path) -> None:
         parts = [channels[f"light.{name}.{letter}"] for name in image.light_groups]
         assert {each.dtype for each in parts} == {np.dtype(np.float32)}
         np.testing.assert_array_equal(np.sum(parts, axis=0), image.linear[..., number])
+
+
+@pytest.mark.parametrize("name", ["", "x" * 61, "a\x00b", "a\nb"])
+def test_names_that_no_layer_can_have_are_refused(name: str) -> None:
+    with pytest.raises(SceneError, match=r"lights\[0\]\.light_group is .*, but must be a text of 1 to 60 printable"):
+        described().changed({"lights[0].light_group": name})
+
+
+def test_the_longest_names_are_channels(tmp_path: Path) -> None:
+    image = np.ones((2, 2, 3), np.float32)
+    groups = {"\U0001f4a1" * 60: image, "\U0001f4a1" * 59 + "b": image}
+    write_image(tmp_path / "a.exr", image, channels=group_channels(groups))
+    import OpenEXR
+
+    with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+        assert set(file.channels()) == {"R", "G", "B", *group_channels(groups)}
 
 
 def test_names_of_groups_change_no_hash() -> None:

@@ -121,7 +121,8 @@ def with_camera(scene: Scene, camera: str | Path | Camera | Mapping[str, Any], t
     ----------
     scene : Scene
     camera : str, pathlib.Path, Camera or mapping
-        A file as for `camera_keys_of`, a camera, or keys of one. A file or keys without a pose keep that of the scene.
+        A file as for `camera_keys_of`, a camera, keys of one, or the tables `camera` and `image`. Without a pose it
+        stays where the scene's camera is.
     time_at : float, optional
         See `load_cameras`.
 
@@ -137,7 +138,7 @@ def with_camera(scene: Scene, camera: str | Path | Camera | Mapping[str, Any], t
     if isinstance(camera, Camera):
         return _placed(scene, camera, {}, "camera")
     if isinstance(camera, Mapping):
-        source, (keys, image) = "camera", (dict(camera), dict[str, Any]())
+        source, (keys, image) = "camera", own_keys(camera, "camera")
     elif isinstance(camera, str | Path):
         source, (keys, image) = camera_keys_of(camera, time_at=time_at)
     else:
