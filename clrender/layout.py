@@ -233,6 +233,7 @@ FIRST_HIT_UV: Final = 6
 FIRST_HIT_TANGENT: Final = 7
 FIRST_HIT_ALPHA: Final = 8
 FIRST_HIT_Z_DEPTH: Final = 9
+FIRST_HIT_NORMAL_CAMERA: Final = 10
 """Attributes of a camera ray's first hit."""
 
 CONSTANTS: Final[Mapping[str, int]] = {
@@ -276,13 +277,15 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
             "unit; IES: horizontal angle 0, projector: right; spot: w one over what the cosine gains in its fall",
         ),
         ("kind", "uint", "LIGHT_*"),
-        ("primitive", "uint", "area lights: the primitive that shines"),
+        ("primitive", "uint", "area lights: row of the primitive that shines"),
         ("probability", "float", "with which the alias table picks this light"),
         ("alias_threshold", "float", "Vose: keep this entry when the rescaled number is below it"),
         ("alias", "uint", "otherwise take this one"),
         ("place", "uint", "in the tree of lights; NONE where the alias table picks"),
         ("texture", "uint", "number of the texture that it shines as, plus 1; 0: none, it is the same all over"),
         ("table", "uint", "IES, projector: row of lamp_tables where its own begins"),
+        ("offset", "uint", "of a moving light: number of its primitive, less the row"),
+        ("unused", "uint[3]", ""),
     ),
     "Camera": (
         ("origin", "float4", "xyz, metres"),
@@ -311,6 +314,14 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("aspect", "float", "fisheye: width over height of the image"),
         ("angle", "float", "fisheye: from the axis to the upper edge, fraction of a turn"),
         ("cuts_media", "uint", "whether other media may be around the origins of its other rays"),
+        ("first_knot", "uint", "of a moving camera: row of camera_knots where its motion begins"),
+        ("segments", "uint", "between its knots; 0: it rests"),
+        (
+            "readout",
+            "float",
+            "rolling shutter: share of the interval between the first row's opening and the last row's",
+        ),
+        ("open", "float", "share of the interval for which each row is open"),
     ),
     "Settings": (
         ("width", "uint", "pixels"),
@@ -405,6 +416,14 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("FIRST_ANALYTIC", 13, 1, "bits: and of the first that is no triangle"),
         ("SCALE", 14, 1, "factor of lengths, of a similarity"),
         ("FACING", 15, 1, "-1 if it mirrors, else 1"),
+    ),
+    "MOTION": (
+        ("ROTATION", 0, 4, "knot of a motion: quaternion of about unit length, the scalar last"),
+        ("OFFSET", 4, 3, ""),
+        ("STRETCH", 7, 6, "symmetric matrix, before the rotation: xx, yy, zz, xy, xz, yz"),
+        ("TIME", 13, 1, "share of the interval, from 0 on"),
+        ("INVERSE_SPAN", 14, 1, "one over the time to the next knot"),
+        ("MOTION_SPARE", 15, 1, ""),
     ),
     "PRIMITIVE": (
         ("A", 0, 3, "triangle: its vertices"),

@@ -136,6 +136,7 @@
 #define FIRST_HIT_TANGENT 7u
 #define FIRST_HIT_ALPHA 8u
 #define FIRST_HIT_Z_DEPTH 9u
+#define FIRST_HIT_NORMAL_CAMERA 10u
 #define TEXTURE_BASE_COLOR 0u
 #define TEXTURE_ROUGHNESS 1u
 #define TEXTURE_METALLIC 2u
@@ -185,13 +186,15 @@ typedef struct {
     float4 axis;                // lamp: unit, middle of its light; spot: w 1 - cosine of half its cone
     float4 zero;                // unit; IES: horizontal angle 0, projector: right; spot: w one over what the cosine gains in its fall
     uint kind;                  // LIGHT_*
-    uint primitive;             // area lights: the primitive that shines
+    uint primitive;             // area lights: row of the primitive that shines
     float probability;          // with which the alias table picks this light
     float alias_threshold;      // Vose: keep this entry when the rescaled number is below it
     uint alias;                 // otherwise take this one
     uint place;                 // in the tree of lights; NONE where the alias table picks
     uint texture;               // number of the texture that it shines as, plus 1; 0: none, it is the same all over
     uint table;                 // IES, projector: row of lamp_tables where its own begins
+    uint offset;                // of a moving light: number of its primitive, less the row
+    uint unused[3];
 } Light;
 
 typedef struct {
@@ -217,6 +220,10 @@ typedef struct {
     float aspect;               // fisheye: width over height of the image
     float angle;                // fisheye: from the axis to the upper edge, fraction of a turn
     uint cuts_media;            // whether other media may be around the origins of its other rays
+    uint first_knot;            // of a moving camera: row of camera_knots where its motion begins
+    uint segments;              // between its knots; 0: it rests
+    float readout;              // rolling shutter: share of the interval between the first row's opening and the last row's
+    float open;                 // share of the interval for which each row is open
 } Camera;
 
 typedef struct {
@@ -290,6 +297,13 @@ typedef struct {
 #define PLACEMENT_ROW_FIRST_ANALYTIC 13 // bits: and of the first that is no triangle
 #define PLACEMENT_ROW_SCALE 14          // factor of lengths, of a similarity
 #define PLACEMENT_ROW_FACING 15         // -1 if it mirrors, else 1
+
+#define MOTION_ROW_ROTATION 0           // knot of a motion: quaternion of about unit length, the scalar last
+#define MOTION_ROW_OFFSET 4
+#define MOTION_ROW_STRETCH 7            // symmetric matrix, before the rotation: xx, yy, zz, xy, xz, yz
+#define MOTION_ROW_TIME 13              // share of the interval, from 0 on
+#define MOTION_ROW_INVERSE_SPAN 14      // one over the time to the next knot
+#define MOTION_ROW_MOTION_SPARE 15
 
 #define PRIMITIVE_ROW_A 0               // triangle: its vertices
 #define PRIMITIVE_ROW_B 3

@@ -49,6 +49,7 @@ def tables(schema: dict[str, Any]) -> str:
     parts = ["## Top of the file", "", *_table(schema, schema), ""]
     for title, key, group in (
         ("The camera", "[camera]", ["Camera"]),
+        ("Motion of the camera", "[[camera.motion]]", ["CameraKey"]),
         ("The image", "[image]", ["Image"]),
         ("Render settings", "[render]", ["Render"]),
         ("Materials", "[materials.NAME]", _kinds(schema["properties"]["materials"]["additionalProperties"])),
@@ -61,6 +62,7 @@ def tables(schema: dict[str, Any]) -> str:
         ("Shapes", "[[shapes]]", _kinds(schema["properties"]["shapes"]["items"])),
         ("Groups", "[groups.NAME]", ["Group"]),
         ("Transforms", "transform = { … }", ["Transform"]),
+        ("Motions", "[[shapes.motion]]", ["MotionKey"]),
         ("Media", "[media.NAME]", ["Medium"]),
         ("Lights", "[[lights]]", _kinds(schema["properties"]["lights"]["items"])),
     ):
@@ -135,6 +137,7 @@ def _type(value: dict[str, Any], schema: dict[str, Any]) -> str:
     if "$ref" in value:
         name = re.sub(r"(?<!^)(?=[A-Z])", " ", str(value["$ref"]).rpartition("/")[2]).lower()
         name = name.replace("texture transform", "transforms of texture coordinates")
+        name = name.replace("camera key", "motion of the camera").replace("motion key", "motions")
         return f"table, see {name}s" if name.endswith(" map") else f"table, see {name}"
     if "oneOf" in value:
         textured = ["a texture"] if any("$ref" in each for each in value["oneOf"]) else []

@@ -65,6 +65,7 @@ FIRST_HITS: Final = Pipeline("integrator/first_hit.cl", "integrator_first_hit", 
 LAYER_KINDS: Final[Mapping[str, int]] = {
     "albedo": layout.FIRST_HIT_ALBEDO,
     "normal": layout.FIRST_HIT_NORMAL,
+    "normal_camera": layout.FIRST_HIT_NORMAL_CAMERA,
     "depth": layout.FIRST_HIT_DEPTH,
     "z_depth": layout.FIRST_HIT_Z_DEPTH,
     "position": layout.FIRST_HIT_POSITION,
@@ -235,7 +236,8 @@ def first_hits(
             if name not in (*_NUMBERS, *MATTES, _TURNED):
                 found[name] = _layer(name, *passes.mean(name, _alpha_samples(settings) if name == "alpha" else samples))
         if _TURNED in wanted:
-            normal = found["normal"] if "normal" in found else _layer("normal", *passes.mean("normal", samples))
+            kind = _TURNED if flat.camera["segments"].any() else "normal"
+            normal = found[kind] if kind in found else _layer(kind, *passes.mean(kind, samples))
             found[_TURNED] = _planar(_in_camera(normal, scene))
         if any(name in _NUMBERS for name in wanted):
             seen = _seen(*passes.mean("primitive", 1), flat)
@@ -267,7 +269,7 @@ def _layer(name: str, mean: _Array, hit: npt.NDArray[np.bool_]) -> _Array:
 
 def _in_camera(normal: _Array, scene: Scene) -> _Array:
     """Normals along the image's right, its up and backward, as cameras of OpenGL and Blender have their axes."""
-    right, upward, forward = (np.array(axis) for axis in scene.camera.axes)
+    right, upward, forward = (np.array(axis) for axis in scene.camera.opened.axes)
     turned = [inner(normal, axis) for axis in (right, upward, -forward)]
     return np.stack(turned, axis=2).astype(np.float32)
 

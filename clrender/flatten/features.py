@@ -14,6 +14,7 @@ from clrender.flatten.lamps import LAMP_KINDS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from clrender.flatten.instances import FlatInstances
     from clrender.flatten.media import Media
 
 __all__ = ["Features"]
@@ -57,6 +58,8 @@ class Features:
         Some shapes have textured emission.
     terminator_offset : bool
         Some shape's shadow terminator is moved.
+    motion : bool
+        Something moves while the shutter is open, or rows of the image are exposed one after the other.
     """
 
     materials: bool = False
@@ -81,6 +84,7 @@ class Features:
     tangents: bool = False
     emission_textures: bool = False
     terminator_offset: bool = False
+    motion: bool = False
 
     @property
     def macros(self) -> dict[str, int | str]:
@@ -89,8 +93,8 @@ class Features:
 
     @classmethod
     def all(cls) -> Features:
-        """All of them: a program for these renders any scene, if it is told what the scene has (`stated`)."""
-        return cls(**{each.name: True for each in fields(cls)})
+        """All but motion: a program for these renders any scene without, if it is told what it has (`stated`)."""
+        return cls(**{each.name: each.name != "motion" for each in fields(cls)})
 
     def stated(self, masked: bool) -> int:
         """Features that kernels are not only able to handle but take for granted: ``HAS_*``.
@@ -112,18 +116,21 @@ class Features:
         }
         return sum(flag for flag, has in stated.items() if has)
 
-    def seen_by(self, camera: NDArray[np.void]) -> Features:
+    def seen_by(self, camera: NDArray[np.void], moves: bool) -> Features:
         """The features of the same scene with another camera.
 
         Parameters
         ----------
         camera : (n,) `Camera`
             One, or several for a batch.
+        moves : bool
+            Whether anything but the camera moves.
         """
         return replace(
             self,
             camera_cuts_media=self.interiors and bool(camera["cuts_media"].any()),
             calibrated_camera=bool(np.isin(camera["kind"], _CALIBRATED).any()),
+            motion=moves or bool((camera["segments"] > 0).any()),
         )
 
     @classmethod
@@ -132,7 +139,7 @@ class Features:
         arrays: Mapping[str, NDArray[Any]],
         camera: NDArray[np.void],
         media: Media,
-        instances: int,
+        instances: FlatInstances,
         hidden_environment: bool,
     ) -> Features:
         """The features of a flat scene.
@@ -143,8 +150,7 @@ class Features:
             As `clrender.flatten.flat_scene.FlatScene` has them.
         camera : (1,) `Camera`
         media : Media
-        instances : int
-            Number of instances.
+        instances : FlatInstances
         hidden_environment : bool
             Whether the camera does not see the environment.
         """
@@ -166,7 +172,7 @@ class Features:
             equiangular=interiors and media.fog,
             subsurface=interiors and media.subsurface,
             straight_shadows=interiors and media.straight,
-            instances=instances > 0,
+            instances=instances.count > 0,
             opacity=opacity,
             holes=opacity and len(arrays["hole_rows"]) > 1,
             hidden_shapes=bool((flags & layout.SHAPE_HIDDEN).any()),
@@ -176,4 +182,4 @@ class Features:
             emission_textures=emission_textures,
             terminator_offset=bool((flags & layout.SHAPE_TERMINATOR_OFFSET).any()),
         )
-        return found.seen_by(camera)
+        return found.seen_by(camera, instances.moves)

@@ -8,11 +8,13 @@ from clrender.flatten.material_rows import has_row
 from clrender.integrators import INTEGRATORS
 from clrender.scene.description import Scene
 from clrender.scene.materials import Dielectric, Principled, Subsurface, material_textures
+from clrender.scene.motion import rests
+from clrender.scene.resting import has_motion
 from clrender.scene.shapes import Mesh
 from clrender.scene.textures import Checker, ImageTexture, Ramp
 from clrender.wording import place
 
-__all__ = ["check_materials"]
+__all__ = ["check_materials", "check_motion"]
 
 
 def check_materials(scene: Scene, integrator: str) -> None:
@@ -85,6 +87,40 @@ def check_materials(scene: Scene, integrator: str) -> None:
                 f"{scene.source}: {place(at)}.{colored}: the integrator {integrator} takes no colours of vertices; "
                 "leave them out, or use --integrator path"
             )
+
+
+def check_motion(scene: Scene, integrator: str) -> None:
+    """Check that an integrator supports what moves while the shutter of the camera is open.
+
+    Parameters
+    ----------
+    scene : Scene
+    integrator : str
+        Name.
+
+    Raises
+    ------
+    SceneError
+        The message names the first thing that moves, or the rolling shutter, and a remedy.
+    """
+    times, camera = INTEGRATORS[integrator].times, scene.camera
+    if times == "pixel" or camera.interval[0] == camera.interval[1]:
+        return
+    moving = [] if camera.track is None else ["camera.motion"]
+    if has_motion(scene):
+        begin, end = camera.interval
+        keyed = ((index, shape.motion) for index, shape in enumerate(scene.shapes) if shape.motion)
+        moving += [place(("shapes", index, "motion")) for index, keys in keyed if rests(keys, begin, end) is None]
+    if moving and not times:
+        raise SceneError(
+            f"{scene.source}: {moving[0]}: the integrator {integrator} takes nothing that moves while the shutter is "
+            "open; leave camera.shutter out, or use --integrator path"
+        )
+    if moving and camera.row_share < 1.0:
+        raise SceneError(
+            f"{scene.source}: camera.rolling_shutter: rows of one image have the same time in the integrator "
+            f"{integrator}; leave it out, or use --integrator path"
+        )
 
 
 def _refuse_masked(scene: Scene, integrator: str) -> None:

@@ -17,7 +17,7 @@ from clrender.aov import ERRORS, check_aovs
 from clrender.device.source import kernels_sha256
 from clrender.errors import UsageError
 from clrender.files.package_data import kernels_folder
-from clrender.flatten.supported import check_materials
+from clrender.flatten.supported import check_materials, check_motion
 from clrender.integrators import INTEGRATORS, Integrator
 from clrender.limits import checked_path
 from clrender.scene import Camera, Scene
@@ -152,6 +152,7 @@ class RenderJob:
                 check_memory(settings)
         _check_parts(settings, first, stop)
         scene.of_contents(f"taken by {settings.integrator}", lambda: check_materials(scene, settings.integrator))
+        check_motion(scene, settings.integrator)
         return cls(scene, settings, first, stop - first, layers, denoise, guiding_field)
 
     @classmethod
