@@ -36,6 +36,7 @@ TILE: Final = 16
 """Side of the sampled tiles, pixels: small, so that a fraction of them is informative about the rest."""
 
 _ANIMATED: Final = (".gltf", ".glb")
+_OWN: Final = (".toml", ".json", "")
 _UPRIGHT: Final = (".obj", ".ply", ".stl")
 
 
@@ -214,7 +215,9 @@ def _scene(
         raise UsageError(f"{path}: does not name its scene; name it with --scene (scene=…)")
     source = given if given is not None else _found(path, origin["name"], "--scene")
     if Path(source).suffix.lower() not in _ANIMATED:
-        origin = {**origin, "time_at": None, "variant": None}
+        origin = {**origin, "variant": None}
+    if Path(source).suffix.lower() not in (*_ANIMATED, *_OWN):
+        origin = {**origin, "time_at": None}
     if Path(source).suffix.lower() not in _UPRIGHT:
         origin = {**origin, "up": None}
     if Path(source).suffix.lower() != ".xml":
@@ -226,6 +229,7 @@ def _scene(
         source,
         allow_paths=allow_paths,
         time_at=origin.get("time_at"),
+        shutter=origin.get("shutter"),
         variant=origin.get("variant"),
         up=origin.get("up"),
         define=origin.get("define"),
@@ -241,6 +245,7 @@ def _origin(claim: Claim) -> dict[str, Any]:
     kinds = {
         "name": (str,),
         "time_at": (int, float),
+        "shutter": (list,),
         "variant": (str,),
         "up": (str,),
         "define": (dict,),
