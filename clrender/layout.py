@@ -234,6 +234,8 @@ FIRST_HIT_TANGENT: Final = 7
 FIRST_HIT_ALPHA: Final = 8
 FIRST_HIT_Z_DEPTH: Final = 9
 FIRST_HIT_NORMAL_CAMERA: Final = 10
+FIRST_HIT_FLOW: Final = 11
+FIRST_HIT_SCENE_FLOW: Final = 12
 """Attributes of a camera ray's first hit."""
 
 CONSTANTS: Final[Mapping[str, int]] = {

@@ -13,12 +13,23 @@ from clrender.aov.first_hits import (
     LayerKind,
     first_hits,
 )
-from clrender.aov.names import AOVS, ERRORS, MATTES, OF_FILM, channel_count, check_aovs, exact_channels, exr_channels
+from clrender.aov.names import (
+    AOVS,
+    ERRORS,
+    FLOWS,
+    MATTES,
+    OF_FILM,
+    channel_count,
+    check_aovs,
+    exact_channels,
+    exr_channels,
+)
 
 __all__ = [
     "AOVS",
     "ERRORS",
     "FIRST_HITS",
+    "FLOWS",
     "GUIDES",
     "GUIDE_SAMPLES",
     "LAYER_KINDS",

@@ -60,7 +60,8 @@ _FILM_PIXELS: Final = 1 << 24
     "--aov",
     metavar="LIST",
     shell_complete=complete_layers,
-    help="Layers of the .exr: alpha,albedo,emission,normal,normal_camera,tangent,depth,z_depth,position,uv,"
+    help="Layers of the .exr: alpha,albedo,emission,normal,normal_camera,tangent,depth,z_depth,position,uv,flow,"
+    "scene_flow,"
     "object,material,samples,crypto_object,crypto_material,stderr,unconverged.",
 )
 @click.option(
@@ -184,6 +185,7 @@ def render(
     exr = {"exr_type": exr_type, "exr_compression": exr_compression, "exr_tile": exr_tile}
     _check_exr(layers, exr)
     with interruptible() as interrupt, ExitStack() as stack:
+        from clrender.aov import FLOWS
         from clrender.importers import load
         from clrender.rendering.job import RenderJob
         from clrender.rendering.rendered_image import IncompleteRender
@@ -200,6 +202,8 @@ def render(
         def job_at(seconds: float | None) -> RenderJob:
             moment = {} if seconds is None else {"time_at": seconds}
             description = load(scene, environment=environment, **{**reading, **moment})
+            if frames is not None and FLOWS.intersection(layers) and description.camera.flow_step is None:
+                description = description.changed({"camera.flow_step": frames.step / (fps or FRAMES_PER_SECOND)})
             return RenderJob.of(description.with_exposure(**photographic), size=size, **chosen)
 
         if frames is not None:

@@ -40,9 +40,10 @@ from clrender.scene.description import (
     SunSkyLight,
 )
 from clrender.scene.materials import Conductor, Dielectric, Material, Mirror, Subsurface
+from clrender.scene.resting import has_motion
 from clrender.scene.values import Vector, length
 
-__all__ = ["FlatScene", "flatten", "scene_origin"]
+__all__ = ["FlatScene", "flatten", "moving_from", "scene_origin", "seen_by"]
 
 _Rows: TypeAlias = NDArray[np.void]
 _WHITE: Final = 0.9999
@@ -294,6 +295,34 @@ def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene
     around = surrounded(camera, flat.arrays, flat.triangle_count, flat.instances, scene.camera, flat.origin, size)
     features = flat.features.seen_by(around, flat.instances.moves)
     return dataclasses.replace(flat, camera=around, camera_knots=knots, features=features)
+
+
+def moving_from(flat: FlatScene, scene: Scene, size: tuple[int, int]) -> FlatScene:
+    """The scene for layers of what moves from the time of the image on: all rays have that time.
+
+    Parameters
+    ----------
+    flat : FlatScene
+        The arrays of its image; they are used again, if they are the same.
+    scene : Scene
+    size : (int, int)
+        Of the image, pixels.
+
+    Raises
+    ------
+    SceneError, UsageError
+        See `flatten`.
+    """
+    camera, step = scene.camera, scene.camera.flow_step
+    if step is not None:
+        opening = {"time": camera.interval[0], "shutter": (0.0, step), "rolling_shutter": 0.0}
+        camera = camera.with_checked(**opening)
+        scene = scene.with_checked(camera=camera)
+        moves = has_motion(scene)
+        flat = flatten(scene, *size, "uniform", flat.origin) if moves else seen_by(flat, scene, *size)
+    rows = flat.camera.copy()
+    rows["open"] = rows["readout"] = 0.0
+    return dataclasses.replace(flat, camera=rows)
 
 
 def _seen(scene: Scene, width: int, height: int, origin: Vector) -> tuple[Scene, _Rows, NDArray[np.float32]]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from clrender.aov import ERRORS, check_aovs
+from clrender.aov import ERRORS, FLOWS, check_aovs
 from clrender.device.source import kernels_sha256
 from clrender.errors import UsageError
 from clrender.files.package_data import kernels_folder
@@ -137,6 +137,13 @@ class RenderJob:
         layers = check_aovs(aov)
         if "unconverged" in layers and settings.error is None:
             raise UsageError("aov: the layer unconverged needs error, which says what counts as converged")
+        if (moving := FLOWS.intersection(layers)) and not scene.camera.flow_step:
+            begin, end = scene.camera.interval
+            if begin == end:
+                raise UsageError(
+                    f"aov: the layer {min(moving)} leads from one time to another; give camera.flow_step, or a shutter "
+                    "that opens and closes (camera.shutter = [t0, t1], --shutter T0:T1)"
+                )
         first, stop = _range(samples) if samples is not None else (0, settings.spp)
         if not 0 <= first < stop <= settings.spp:
             raise UsageError(f"samples is {(first, stop)}; it must be a range within the {settings.spp} of a pixel")

@@ -92,7 +92,7 @@ class Camera(Part):
 
     late_keys: ClassVar[frozenset[str]] = frozenset(
         {"mirrored", "lens_shift", "fx", "fy", "cx", "cy", "skew", "resolution", "pixel_origin", "distortion"}
-        | {*_POSES, "convention", "time", "rolling_shutter", "motion"}
+        | {*_POSES, "convention", "time", "rolling_shutter", "flow_step", "motion"}
     )
 
     type: Literal["perspective", "orthographic", "panoramic", "fisheye", "intrinsics"] = Field(
@@ -173,6 +173,11 @@ class Camera(Part):
         0.0,
         description="seconds from the opening of the first row of the image to that of the one below the last: rows "
         "are exposed one after the other",
+    )
+    flow_step: Annotated[Finite, Field(gt=0.0, le=TIME_LIMIT)] | None = Field(
+        None,
+        description="seconds from the time of the image to the one to which the layers flow and scene_flow lead; "
+        "default: from the opening of the shutter to its closing",
     )
     motion: CameraMotion = Field((), description="keys of a motion of the camera; times ascend")
 
@@ -403,7 +408,7 @@ class Camera(Part):
         exposure = self.shutter[1] - self.shutter[0]
         return exposure / (exposure + self.rolling_shutter) if exposure > 0.0 else float(self.rolling_shutter == 0.0)
 
-    @cached_property
+    @property
     def track(self) -> CameraTrack | None:
         """Its motion; None if it rests while the shutter is open."""
         if not self.motion:
@@ -421,7 +426,7 @@ class Camera(Part):
         """Position, target and up direction of each key."""
         return [(key.position or self.position, key.target or self.target, key.up or self.up) for key in self.motion]
 
-    @cached_property
+    @property
     def _whole_track(self) -> CameraTrack:
         resting = self.with_checked(motion=())
         cameras = [resting.changed(dict(zip(_FRAME, stop, strict=True))) for stop in self._stops]
@@ -430,7 +435,7 @@ class Camera(Part):
         times = [key.time for key in self.motion]
         return CameraTrack.of(times, [camera.position for camera in cameras], frames, distances)
 
-    @cached_property
+    @property
     def opened(self) -> Camera:
         """The camera where it is when the shutter opens, without its motion."""
         if not self.motion:

@@ -50,6 +50,7 @@ def _head(scene: SceneContents) -> dict[str, bytes]:
     for key in PHOTOGRAPHIC:
         if not isinstance(getattr(scene.camera, key), tuple):  # of a shutter, when it opens and closes
             content["camera"].pop(key, None)
+    content["camera"].pop("flow_step", None)  # of layers
     _as_in_films(scene.camera, content["camera"])
     return {name: _json(table) for name, table in content.items()}
 

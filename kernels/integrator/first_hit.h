@@ -9,6 +9,7 @@
 #ifndef INTEGRATOR_FIRST_HIT_H
 #define INTEGRATOR_FIRST_HIT_H
 
+#include "camera/towards.h"
 #include "geometry/find.h"
 #include "geometry/surface.h"
 #include "integrator/path_state.h"
@@ -65,6 +66,33 @@ static vec3 first_hit_resting(const Scene* scene, const Surface* surface, vec3 v
     return v;
 }
 
+// Where the point of a surface is when the shutter closes.
+static vec3 first_hit_later(const Scene* scene, const Surface* surface, vmask found) {
+#if defined(MOTION) && defined(INSTANCES)
+    const vuint primitive = found ? surface->primitive : splat_uint(0u);
+    const Placed here = placed_at(scene, primitive, surface_time(surface)), there = placed_at(scene, primitive, splat(1.0f));
+    if (!lane_any(here.moves)) return surface->point;
+    const vec3 inside = placed_point(here.instance + INSTANCE_ROW_TO_OBJECT, surface->point);
+    return choose(here.moves, placed_point(there.placement + PLACEMENT_ROW_TO_WORLD, inside), surface->point);
+#else
+    return surface->point;
+#endif
+}
+
+// How many pixels right and down it goes there on the film; `seen` where the camera sees it at both ends.
+static vec3 first_hit_flow(const Scene* scene, const Surface* surface, vmask found, vmask* seen) {
+    const vfloat half_ = splat(0.5f);
+    const CameraView here = camera_towards(scene, surface->point, half_, half_, surface_time(surface));
+    const CameraView there = camera_towards(scene, first_hit_later(scene, surface, found), half_, half_, splat(1.0f));
+    vfloat across = there.film_x - here.film_x;
+    if (scene->camera->kind == CAMERA_PANORAMIC) {       // the shorter way round
+        across = across > 0.5f ? across - 1.0f : across;
+        across = across < -0.5f ? across + 1.0f : across;
+    }
+    *seen = found & (here.density > 0.0f) & (there.density > 0.0f);
+    return vec3_of(across * (float)scene->settings->width, (there.film_y - here.film_y) * (float)scene->settings->height, splat(0.0f));
+}
+
 // What the sample gives where its ray ended. A sample that met nothing has no place: FAR is more than the film takes, so that it is
 // left out of the mean; its normal is zero.
 static vec3 first_hit_value(const Scene* scene, uint wanted, __global const float* coordinates, const Surface* surface, const Bsdf* bsdf,
@@ -82,6 +110,12 @@ static vec3 first_hit_value(const Scene* scene, uint wanted, __global const floa
     if (wanted == FIRST_HIT_DEPTH) {
         const vfloat depth = magnitude(sub(first_hit_resting(scene, surface, surface->point, 1), vec3_from(scene->camera->origin)));
         return choose(found, vec3_of(depth, depth, depth), nowhere);
+    }
+    if (wanted == FIRST_HIT_SCENE_FLOW) return choose(found, sub(first_hit_later(scene, surface, found), surface->point), nowhere);
+    if (wanted == FIRST_HIT_FLOW) {
+        vmask seen;
+        const vec3 flow = first_hit_flow(scene, surface, found, &seen);
+        return choose(seen, flow, nowhere);
     }
     if (wanted == FIRST_HIT_EMISSION) return light_emitted(scene, surface, found);
     if (wanted == FIRST_HIT_UV || wanted == FIRST_HIT_TANGENT) {

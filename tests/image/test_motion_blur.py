@@ -55,7 +55,8 @@ def columns(share: Any) -> npt.NDArray[np.float64]:
     """A row of the mean of `share`, a function of the place, over each pixel of four metres."""
     fine = (np.arange(SIZE[0] * 100) + 0.5) / (SIZE[0] * 100) * 4.0 - 2.0
     means: npt.NDArray[np.float64] = share(fine).reshape(SIZE[0], 100).mean(axis=1)
-    return np.tile(means, (SIZE[1], 1))
+    rows: npt.NDArray[np.float64] = np.tile(means, (SIZE[1], 1))
+    return rows
 
 
 def streak(x: npt.NDArray[np.float64], begin: float, way: float) -> npt.NDArray[np.float64]:

@@ -52,6 +52,7 @@ NEVER = {
     ("Scene", "image"),
     ("Scene", "render"),
     *((camera, key) for camera in ("Camera",) for key in ("f_stop", "iso")),  # of display images
+    ("Camera", "flow_step"),  # of layers (tests/image/test_flow.py)
     ("Camera", "rolling_shutter"),  # refused by half of the integrators (tests/image/test_motion_blur.py)
     *((shape, "interior") for shape in ("Quad", "Disk", "Triangle")),  # of closed shapes
     *(("Subsurface", key) for key in ("opacity", "opacity_cutoff")),  # refused
