@@ -208,8 +208,8 @@ def first_hits(
         where nothing is hit. ``uv`` : texture coordinates of the first set; NaN where nothing is hit, 0 on meshes
         without any. ``normal_camera`` : the normal along the image's right, its up, and backward. ``depth`` : distance
         from the camera's position, metres; ``z_depth`` : the same along the view; infinite where nothing is hit.
-        ``object``, ``material`` : indices in the scene's lists of shapes and of materials, from 0, of the first sample's hit; -1 if
-        it hits nothing, or a shape without a material. ``crypto_object``, ``crypto_material`` :
+        ``object``, ``material`` : indices in the scene's lists of shapes and of materials, from 0, of the first
+        sample's hit; -1 if it hits nothing, or a shape without a material. ``crypto_object``, ``crypto_material`` :
         `clrender.aov.cryptomatte.ranked` of the names of shapes and materials. The others are means over samples;
         those of depth, z_depth, position and uv are over samples that hit something.
 

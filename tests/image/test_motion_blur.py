@@ -62,7 +62,8 @@ def columns(share: Any) -> npt.NDArray[np.float64]:
 def streak(x: npt.NDArray[np.float64], begin: float, way: float) -> npt.NDArray[np.float64]:
     """Share of the time for which `BAR` covers a place, whose left edge goes from `begin` by `way`."""
     enters, leaves = (x - begin) / way, (x - 0.5 - begin) / way
-    return np.maximum(np.minimum(enters, 1.0) - np.maximum(leaves, 0.0), 0.0)
+    share: npt.NDArray[np.float64] = np.maximum(np.minimum(enters, 1.0) - np.maximum(leaves, 0.0), 0.0)
+    return share
 
 
 def test_a_streak(device: Device) -> None:
