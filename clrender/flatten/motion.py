@@ -239,16 +239,13 @@ def swept_boxes(knots: Knots, low: _Floats, high: _Floats) -> tuple[_Floats, _Fl
     linear = knots.linear
     middle, half = (low + high) / 2.0, (high - low) / 2.0
     size = np.sqrt(inner(np.abs(middle) + half, np.abs(middle) + half))
-    lows, highs = [], []
-    for matrix, offset in zip(linear, knots.offsets, strict=True):
-        center = np.stack([inner(middle, row) for row in matrix], axis=1) + offset
-        extent = np.stack([inner(half, row) for row in np.abs(matrix)], axis=1)
-        lows.append(center - extent)
-        highs.append(center + extent)
+    centers = inner(middle[None, :, None, :], linear[:, None, :, :]) + knots.offsets[:, None, :]
+    extents = inner(half[None, :, None, :], np.abs(linear)[:, None, :, :])
+    lows, highs = centers - extents, centers + extents
     beside = np.max(_beside(knots), initial=0.0) * size[:, None]
-    reach = np.abs(np.stack([*lows, *highs])).max(axis=0) + size[:, None]
+    reach = np.maximum(np.abs(lows), np.abs(highs)).max(axis=0) + size[:, None]
     room = beside + _ROUNDED * reach
-    return np.min(lows, axis=0) - room, np.max(highs, axis=0) + room
+    return lows.min(axis=0) - room, highs.max(axis=0) + room
 
 
 def _beside(knots: Knots) -> _Floats:

@@ -33,7 +33,8 @@ __all__ = [
 
 _Floats = npt.NDArray[np.float64]
 _NEWTON_STEPS: Final = 60
-"""They halve the stretch of a matrix until its axes differ little, and then square their difference from 1."""
+_CONVERGED: Final = 1e-15
+"""Steps halve the stretch of a matrix until its axes differ little, and then square their difference from 1."""
 _SMALL_ANGLE: Final = 1e-4
 _HALF_DEGREE: Final = math.pi / 360.0
 
@@ -111,11 +112,23 @@ def polar(matrix: _Floats) -> tuple[_Floats, _Floats]:
     -------
     rotation, stretch : (3, 3) float64
     """
-    rotation = matrix / float(np.abs(matrix).max())
+    size = float(np.abs(matrix).max())
+    rows = [[each / size for each in row] for row in matrix.tolist()]
     for _ in range(_NEWTON_STEPS):
-        a, b, c = rotation
-        cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
-        rotation = 0.5 * (rotation + cofactors / float(inner(a, cofactors[0])))
+        (a, b, c), (d, e, f), (g, h, i) = rows
+        cofactors = (
+            (e * i - f * h, f * g - d * i, d * h - e * g),
+            (c * h - b * i, a * i - c * g, b * g - a * h),
+            (b * f - c * e, c * d - a * f, a * e - b * d),
+        )
+        volume = a * cofactors[0][0] + b * cofactors[0][1] + c * cofactors[0][2]
+        pairs = zip(rows, cofactors, strict=True)
+        after = [[0.5 * (x + y / volume) for x, y in zip(row, column, strict=True)] for row, column in pairs]
+        change = max(abs(x - y) for row, new in zip(rows, after, strict=True) for x, y in zip(row, new, strict=True))
+        rows = after
+        if change < _CONVERGED:
+            break
+    rotation = np.array(rows)
     stretch = product(rotation.T, matrix)
     return rotation, 0.5 * (stretch + stretch.T)
 
@@ -230,25 +243,29 @@ class Track:
     def __init__(self, keys: Sequence[MotionKey]) -> None:
         self._keys = tuple(keys)
         self.times = np.array([key.time for key in keys])
-        maps = np.array([affine(key).linear for key in keys])
         self.sign = -1.0 if affine(keys[0]).determinant < 0.0 else 1.0
         self._offsets = np.array([affine(key).offset for key in keys])
         self._degrees = np.array([key.rotate_degrees for key in keys])
         self._scales = self.sign * np.array([key.scale for key in keys])
-        parts = [polar(self.sign * each) for each in maps]
-        self._rotations = np.stack([quaternion_of(rotation) for rotation, _ in parts])
-        self._stretches = np.stack([stretch for _, stretch in parts])
+        self._parts: dict[int, tuple[_Floats, _Floats]] = {}
 
     def _by_parts(self, index: int) -> bool:
         """Whether between this key and the next one translation, rotation and scale are interpolated."""
         return self._keys[index].matrix is None and self._keys[index + 1].matrix is None
+
+    def _part(self, index: int) -> tuple[_Floats, _Floats]:
+        """Quaternion and stretch of a key that has no part in an interpolation by parts."""
+        if index not in self._parts:
+            rotation, stretch = polar(self.sign * np.array(affine(self._keys[index]).linear))
+            self._parts[index] = quaternion_of(rotation), stretch
+        return self._parts[index]
 
     def turning(self, index: int) -> float:
         """Largest angle by which it turns between a key and the next one, radians."""
         if self._by_parts(index):
             turned = np.abs(self._degrees[index + 1] - self._degrees[index])
             return float(turned[0] + turned[1] + turned[2]) * 2.0 * _HALF_DEGREE
-        a, b = self._rotations[index], self._rotations[index + 1]
+        a, b = self._part(index)[0], self._part(index + 1)[0]
         cosine = min(abs(float(inner(a, b))), 1.0)
         return 2.0 * arccosine(cosine)
 
@@ -267,11 +284,7 @@ class Track:
         for begin in np.unique(index).tolist():
             some = np.flatnonzero(index == begin)
             if count == 1:
-                rotations[some], stretches[some], offsets[some] = (
-                    self._rotations[0],
-                    self._stretches[0],
-                    self._offsets[0],
-                )
+                (rotations[some], stretches[some]), offsets[some] = self._part(0), self._offsets[0]
                 continue
             span = self.times[begin + 1] - self.times[begin]
             shares = np.clip((times[some] - self.times[begin]) / span, 0.0, 1.0)
@@ -282,8 +295,9 @@ class Track:
                 scales = _mixed(self._scales, begin, between)
                 stretches[some] = scales[:, :, None] * np.eye(3)
             else:
-                rotations[some] = slerp(self._rotations[begin], self._rotations[begin + 1], shares)
-                stretches[some] = _mixed(self._stretches, begin, between[:, :, None])
+                (first, before), (last, after) = self._part(begin), self._part(begin + 1)
+                rotations[some] = slerp(first, last, shares)
+                stretches[some] = (1.0 - between[:, :, None]) * before + between[:, :, None] * after
         return Path(aligned(rotations), stretches, offsets)
 
 

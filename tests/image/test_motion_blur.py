@@ -255,3 +255,48 @@ CORNELL: dict[Any, Any] = {
     "camera.shutter": [0.0, 1.0],
     ("shapes", 5, "motion"): [{"time": 0.0}, {"time": 1.0, "translate": [0.1, 0.0, 0.0]}],
 }
+
+
+def crowd(count: int, **camera: Any) -> Scene:
+    """Instances that each go their own way, of a group of a box and a ball."""
+    random = np.random.default_rng(3)
+    parts = [{"type": "box", "size": [0.1, 0.06, 0.04]}, {"type": "sphere", "center": [0, 0.06, 0], "radius": 0.04}]
+    shapes = []
+    for _ in range(count):
+        place, step, turn = (random.uniform(-most, most, 3) for most in (1.0, 0.1, 90.0))
+        motion = [
+            {"time": 0.0, "translate": place},
+            {"time": 1.0, "translate": place + step, "rotate_degrees": turn},
+        ]
+        shapes.append({"type": "instance", "group": "one", "motion": motion})
+    return Scene(
+        camera={"position": [0, 0.5, 4], "target": [0, 0, 0], "vertical_fov": 35.0, **camera},
+        materials={"m": {"type": "lambert", "reflectance": [0.7, 0.6, 0.5]}},
+        groups={"one": {"shapes": [{**part, "material": "m"} for part in parts]}},
+        shapes=shapes,
+        lights=[{"type": "environment", "radiance": [1, 1, 1]}],
+    )
+
+
+@pytest.mark.thorough
+def test_a_thousand_instances_are_the_mean_of_their_moments(device: Device) -> None:
+    """Blocks of pixels, within five standard errors of sixteen seeds."""
+    blurred, size = crowd(1000, shutter=[0.0, 1.0]), (32, 32)
+
+    def blocks(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
+        means: npt.NDArray[np.float64] = image.astype(np.float64).reshape(4, 8, 4, 8, 3).mean(axis=(1, 3, 4))
+        return means
+
+    with clrender.Session(device.info.index) as session:
+        made = np.stack([blocks(session.render(blurred, size=size, spp=16, seed=seed).linear) for seed in range(16)])
+        moments = [crowd(1000, time=(number + 0.5) / 16) for number in range(16)]
+        still = np.stack(
+            [blocks(session.render(each, size=size, spp=16, seed=99 + n).linear) for n, each in enumerate(moments)]
+        )
+        hashes = {
+            session.render(blurred, size=size, spp=2, **way).stats["image_sha256"]
+            for way in (dict[str, Any](), {"lanes": 1, "tile": 16}, {"kernels": "staged"})
+        }
+    error = np.sqrt(2.0 * made.var(axis=0, ddof=1) / 16)
+    assert (np.abs(made.mean(axis=0) - still.mean(axis=0)) < 5.0 * error).all()
+    assert len(hashes) == 1

@@ -110,6 +110,8 @@ class Run:
         By the program for any scene.
     calibrated : str
         Distortion of the camera's lens; empty: none.
+    motion : bool
+        With shapes, a lamp and the camera that move while the shutter is open.
     """
 
     kernel: str
@@ -131,6 +133,7 @@ class Run:
     replicate: int = 0
     universal: bool = False
     calibrated: str = ""
+    motion: bool = False
 
 
 RENDERS: Final = {
@@ -186,6 +189,13 @@ RENDERS: Final = {
     "staged-splits-1": Run("staged-splits", 1, samples=2, filter="mitchell"),
     "path-4-calibrated": Run("path", 4, samples=2, calibrated="brown-conrady"),
     "bdpt-1-calibrated": Run("bdpt", 1, calibrated="kannala-brandt"),
+    "path-4-motion": Run("path", 4, samples=2, textured=True, motion=True),
+    "path-8-single-motion": Run("path", 8, "single", instances=True, motion=True),
+    "path-1-motion": Run("path", 1, rough=True, media=True, motion=True),
+    "staged-1-motion": Run("staged", 1, samples=2, motion=True),
+    "bdpt-1-motion": Run("bdpt", 1, motion=True),
+    "reuse-4-motion": Run("reuse", 4, samples=2, motion=True),
+    "photon-4-motion": Run("photon", 4, motion=True),
     "path-4-replicates": Run("path", 4, samples=4, replicate=2),
     "path-16": Run("path", 16, samples=2),
     "path-1-large": Run("path", 1, large=True),
@@ -345,6 +355,8 @@ def scene(run: Run, folder: Path) -> FlatScene:
             distortion["p"] = (0.01, -0.02)
         else:
             camera["aperture_radius"] = 0.0
+    if run.motion:
+        camera |= {"shutter": (0.0, 1.0), "motion": ({"time": 0.0}, {"time": 1.0, "position": (0.3, 0.8, 3)})}
     described: dict[str, Any] = {
         **(scattering if run.media else {}),
         "camera": camera,
@@ -371,6 +383,10 @@ def scene(run: Run, folder: Path) -> FlatScene:
         again = {"translate": (-0.6, 0.3, -1.0), "rotate_degrees": (0, 60, 0), "scale": -0.7}
         placed = ({"type": "instance", "group": "others", **where} for where in ({}, {"transform": again}))
         described["shapes"] = [floor, *placed]
+    if run.motion:
+        keys = {"time": 0.0}, {"time": 0.5, "translate": (0.1, 0.1, 0.0), "rotate_degrees": (0, 9, 0)}, {"time": 1.0}
+        for shape in described["shapes"][1:]:
+            shape["motion"] = keys
     pixels = np.random.default_rng(71).random((3, 5, 3), np.float32)
     what = Scene.model_validate(described).placed("everything", folder)
     # Photons start at lights, for which a tree has no answer
