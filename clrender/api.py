@@ -60,7 +60,8 @@ def render(
         ``tcp://HOST:PORT`` of a Dask scheduler whose workers take the samples, or ``local:N`` for N processes on this
         machine. For several renders, use `clrender.cluster.open_cluster`.
     **settings
-        See `Session.render`: ``size``, ``samples``, ``aov``, ``denoise`` and the fields of `RenderSettings`.
+        See `Session.render`: ``size``, ``samples``, ``aov``, ``denoise``, ``plugins`` and the fields of
+        `RenderSettings`.
 
     Returns
     -------

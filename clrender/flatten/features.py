@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -10,11 +10,13 @@ import numpy as np
 
 from clrender import layout
 from clrender.flatten.lamps import LAMP_KINDS
+from clrender.plugins import kernel_files
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from clrender.flatten.media import Media
+    from clrender.plugins import Plugin
 
 __all__ = ["Features"]
 
@@ -57,6 +59,8 @@ class Features:
         Some shapes have textured emission.
     terminator_offset : bool
         Some shape's shadow terminator is moved.
+    plugins : tuple of (str, str)
+        Names and texts of the kernel files that some materials' plugins make; see `clrender.plugins.kernel_files`.
     """
 
     materials: bool = False
@@ -81,16 +85,23 @@ class Features:
     tangents: bool = False
     emission_textures: bool = False
     terminator_offset: bool = False
+    plugins: tuple[tuple[str, str], ...] = ()
 
     @property
     def macros(self) -> dict[str, int | str]:
         """Macros of the features that are there."""
-        return {each.name.upper(): 1 for each in fields(self) if getattr(self, each.name)}
+        return {each.name.upper(): 1 for each in fields(self) if getattr(self, each.name)} | dict(self.plugins)
 
     @classmethod
-    def all(cls) -> Features:
-        """All of them: a program for these renders any scene, if it is told what the scene has (`stated`)."""
-        return cls(**{each.name: True for each in fields(cls)})
+    def all(cls, plugins: tuple[tuple[str, str], ...] = ()) -> Features:
+        """All of them: a program for these renders any scene, if it is told what the scene has (`stated`).
+
+        Parameters
+        ----------
+        plugins : tuple of (str, str)
+            Those of the scene: no program has any plugin.
+        """
+        return replace(cls(**{each.name: True for each in fields(cls) if each.type == "bool"}), plugins=plugins)
 
     def stated(self, masked: bool) -> int:
         """Features that kernels are not only able to handle but take for granted: ``HAS_*``.
@@ -134,6 +145,7 @@ class Features:
         media: Media,
         instances: int,
         hidden_environment: bool,
+        plugins: Sequence[Plugin] = (),
     ) -> Features:
         """The features of a flat scene.
 
@@ -147,6 +159,8 @@ class Features:
             Number of instances.
         hidden_environment : bool
             Whether the camera does not see the environment.
+        plugins : sequence of Plugin
+            Those that it uses.
         """
         lights, flags, attributes = arrays["lights"], arrays["shapes"]["flags"], arrays["attribute_rows"]
         opacity = bool((flags & layout.SHAPE_MASKED).any())
@@ -175,5 +189,6 @@ class Features:
             tangents=bool(attributes[:, tangents].view(np.uint32).any()),
             emission_textures=emission_textures,
             terminator_offset=bool((flags & layout.SHAPE_TERMINATOR_OFFSET).any()),
+            plugins=tuple(kernel_files(plugins).items()) if plugins else (),
         )
         return found.seen_by(camera)

@@ -16,6 +16,7 @@ from clrender.importers.choices import Choices
 from clrender.importers.draft import Draft
 from clrender.importers.framing import FRAMED, completed
 from clrender.limits import checked_path, shown
+from clrender.plugins import as_plugins
 from clrender.scene import Camera, Scene
 from clrender.scene.load import load as load_own
 from clrender.wording import quoted
@@ -53,6 +54,7 @@ def load(
     define: Mapping[str, str] | None = None,
     camera: str | Path | Camera | Mapping[str, Any] | None = None,
     hide_environment: bool = False,
+    plugins: Any = None,
 ) -> Scene:
     """Read and validate a scene and the files it names.
 
@@ -81,6 +83,8 @@ def load(
         A camera in place of the scene's; see `clrender.importers.cameras.with_camera`.
     hide_environment : bool
         Whether the camera does not see the environment, which lights the scene all the same.
+    plugins : Plugin, str, pathlib.Path, or iterable of them, optional
+        Plugins that its materials may use; see `clrender.plugin`. No scene file can name one.
 
     Returns
     -------
@@ -91,7 +95,10 @@ def load(
     ------
     SceneError
         In one sentence: file, location, problem and remedy.
+    UsageError
+        A plugin is not valid.
     """
+    allowed = as_plugins(plugins)
     if isinstance(path_or_name, Scene):
         raise SceneError("a Scene is loaded already; render it, or name a file to load another")
     path = checked_path(path_or_name, "a scene to load")
@@ -132,7 +139,7 @@ def load(
                 "(`clrender scenes`)"
             )
         own = load_own(path_or_name, allow_paths=folders).with_origin(origin)
-        return _changed(own, environment, camera, hide_environment)
+        return _changed(own.with_plugins(allowed), environment, camera, hide_environment)
     read: Callable[..., Draft] = import_module(reader).read
     for folder in folders:
         if not folder.is_dir():
@@ -141,7 +148,7 @@ def load(
     upright = up or ("z" if ending == ".stl" else "y")
     draft = read(path, files, choices) if ending in _CHOOSING else read(path, files)
     scene = completed(draft, files, upright, surrounded=environment is not None)
-    return _changed(scene.with_origin(origin), environment, camera, hide_environment)
+    return _changed(scene.with_origin(origin).with_plugins(allowed), environment, camera, hide_environment)
 
 
 def _changed(scene: Scene, environment: Any, camera: Any, hide_environment: bool) -> Scene:

@@ -22,12 +22,14 @@ from clrender.drivers import select
 from clrender.errors import DeviceError, UsageError
 from clrender.flatten.flat_scene import FlatScene, flatten, scene_origin, seen_by
 from clrender.flatten.light_groups import lit_by
+from clrender.flatten.plugin_rows import used_plugins
 from clrender.flatten.touching import camera_reach
 from clrender.integrators.descriptor import Pipeline
 from clrender.process.stages import Stages
 from clrender.rendering.job import RenderJob
 
 if TYPE_CHECKING:
+    from clrender.plugins import Plugin
     from clrender.scene import Scene
 
 __all__ = ["ApartError", "Residency"]
@@ -246,6 +248,7 @@ class _Geometry:
     compensated: bool
     termination: float | None
     lit_by: str | None
+    plugins: tuple[Plugin, ...]
     origin: tuple[float, float, float]
     reach: float
 
@@ -254,7 +257,14 @@ class _Geometry:
         origin = scene_origin(job.scene.camera)
         reach = camera_reach(job.scene.camera, origin)
         return cls(
-            job.scene, _light_sampler(job), _compensated(job), job.settings.termination, job.lit_by, origin, reach
+            job.scene,
+            _light_sampler(job),
+            _compensated(job),
+            job.settings.termination,
+            job.lit_by,
+            used_plugins(job.scene),
+            origin,
+            reach,
         )
 
     def same(self, other: _Geometry, camera_free: float) -> bool:

@@ -7,6 +7,9 @@
 #include "geometry/instance.h"
 #include "texture/filter.h"
 #include "types.h"
+#ifdef PLUGINS
+#include "plugin/given.h"
+#endif
 
 // What a surface with textures has beside a Surface.
 typedef struct {
@@ -21,6 +24,9 @@ typedef struct {
 #if defined(TANGENTS) && defined(INSTANCES)
     Placed placed;           // tangents of an instance's triangles are in the space of its group
 #endif
+#ifdef PLUGIN_TEXTURES
+    vec3 point;              // on the device, for textures that are functions of it
+#endif
 } Attributes;
 
 // Those of each lane's primitive, of these rows, without the point. All four texels around it are read, if surface_random does not say
@@ -33,6 +39,9 @@ static Attributes mapping_attributes_of(__global const float* rows, vuint primit
     a.radius = splat(0.0f);
     a.taps.u = a.taps.v = splat(0.0f);
     a.taps.random = 0;
+#ifdef PLUGIN_TEXTURES
+    a.point = vec3_all(0.0f);
+#endif
     lane_rows(rows, textured ? primitive : splat_uint(0u), a.row);
     return a;
 }
