@@ -27,6 +27,7 @@ _COLD: Final = "#pragma clang attribute push(__attribute__((cold)), apply_to = f
 _DIRECTIVE = re.compile(r"\s*#\s*(\w+)\s*(.*?)\s*$")
 _INCLUDES = re.compile(rb'#[ \t]*include[ \t]*"([^"\n]+)"')
 _DECIDE = ("include", "if", "ifdef", "ifndef", "else", "elif", "endif")
+_PLUGIN = re.compile(r'^// plugin \w+\n#line 1 "([^"]*)"', re.MULTILINE)
 _LINE = re.compile(r'#line (\d+) "([^"]*)"')
 _COMMENTS = re.compile(r"/\*.*?\*/|//[^\n]*|/\*.*\Z", re.DOTALL)
 
@@ -48,6 +49,11 @@ class Source:
     entry: str
     text: str
     sha256: str
+
+    @property
+    def plugins(self) -> tuple[str, ...]:
+        """Files of plugins, whose texts are in `text` by their own names and lines; see `clrender.plugins.program`."""
+        return tuple(_PLUGIN.findall(self.text))
 
     def place(self, line: int) -> str:
         """File and line, such as ``core/exact.h:12``, of a line of `text`, counted from 1."""

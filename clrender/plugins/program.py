@@ -56,6 +56,7 @@ def _given(plugins: Sequence[Plugin]) -> str:
     for each in plugins:
         members = [f"    {_TYPE[one.type]} {one.name};" for one in each.parameters] or ["    vfloat unused;"]
         lines += ["", "typedef struct {", *members, f"}} {each.header.struct};"]
+        lines += [f"// plugin {each.name}"]  # marks what follows as no file of the kernels' own
         lines += [f'#line 1 "{shown_file(each.source)}"', *_INCLUDE.sub("", each.text).rstrip("\n").split("\n")]
         lines.append(f'#line {len(lines) + 2} "{GIVEN}"')
     for number, each in enumerate(plugins, 1):
