@@ -76,6 +76,7 @@ def render(
     with ExitStack() as stack:
         opened = None
         if cluster is not None:
+            job.check_for_cluster()
             from clrender.cluster import open_cluster
 
             opened = stack.enter_context(open_cluster(cluster, device=device, notify=notify))  # type: ignore[arg-type]  # it looks

@@ -481,7 +481,12 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("HEIGHT", 2, 1, "bits"),
         ("FORMAT", 3, 1, "bits: 0-2 logarithm of the bytes of a texel, 3 TEXEL_FOUR, 4 TEXEL_FLOAT, 5-6 WRAP_* of u,"),
         ("VALUES", 4, 1, "bits: where the table of what its numbers stand for begins;   7-8 of v, 9-10 FILTER_*,"),
-        ("ALPHAS", 5, 1, "bits: the same of its alpha;   11-13 channel, 14 set of texture coordinates, 15 TEXTURE_PLUGIN"),
+        (
+            "ALPHAS",
+            5,
+            1,
+            "bits: the same of its alpha;   11-13 channel, 14 set of texture coordinates, 15 TEXTURE_PLUGIN",
+        ),
         ("U", 6, 3, "column of the picture, 0 to 1: what to multiply u and v by, and what to add"),
         ("V", 9, 3, "row of the picture, 0 at its top, likewise"),
         ("FACTOR", 12, 3, "of the value"),

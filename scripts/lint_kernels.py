@@ -19,6 +19,7 @@ __all__ = ["lint", "lint_text"]
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 
+
 def lint(folder: Path) -> list[str]:
     """Faults of every kernel file below `folder`, each as ``file:line: what``.
 

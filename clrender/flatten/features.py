@@ -101,7 +101,8 @@ class Features:
         plugins : tuple of (str, str)
             Those of the scene: no program has any plugin.
         """
-        return replace(cls(**{each.name: True for each in fields(cls) if each.type == "bool"}), plugins=plugins)
+        flags: dict[str, Any] = {each.name: True for each in fields(cls) if each.type == "bool"}
+        return cls(**flags, plugins=plugins)
 
     def stated(self, masked: bool) -> int:
         """Features that kernels are not only able to handle but take for granted: ``HAS_*``.

@@ -98,7 +98,9 @@ def _used(scene: Scene) -> tuple[Plugin, ...]:
         plugin = given[part.plugin]
         if plugin.kind != kind:
             one, other = ("BSDF", "texture") if kind == "bsdf" else ("texture", "BSDF")
-            raise SceneError(f"{where} is {quoted(part.plugin)}, which is the plugin of a {other}; a {one} is wanted here")
+            raise SceneError(
+                f"{where} is {quoted(part.plugin)}, which is the plugin of a {other}; a {one} is wanted here"
+            )
         _check(scene, at, part, plugin)
         used.add(part.plugin)
     _check_terminators(scene)

@@ -106,7 +106,9 @@ def flat_textures(scene: Scene) -> FlatTextures:
                 continue
             of_diffuse = isinstance(material, OrenNayar) and key == "roughness"
             steps = key.split(".", 1)
-            slot, colored = own.get(steps[-1], (SLOTS.get("diffuse_roughness" if of_diffuse else key, 0), key in _COLORS))
+            slot, colored = own.get(
+                steps[-1], (SLOTS.get("diffuse_roughness" if of_diffuse else key, 0), key in _COLORS)
+            )
             if isinstance(texture, PluginTexture):
                 slots[number, slot] = len(rows)
                 rows += _made(scene, texture, len(rows))

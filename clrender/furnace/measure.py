@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from clrender.furnace.directions import Floats
 from clrender.device.launch import LaunchConfig
 from clrender.flatten.plugin_rows import used_plugins
 from clrender.furnace.bits import same_bits
+from clrender.furnace.directions import Floats
 from clrender.furnace.energy import ANGLES, Energy, Tally, measure_energy
 from clrender.furnace.reciprocity import Reciprocity, measure_reciprocity
 from clrender.furnace.sampling import TEST_ANGLES, SamplingTest, measure_sampling

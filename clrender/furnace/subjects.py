@@ -84,7 +84,7 @@ class Subject:
         return tuple((n, uv) for n in self.names for uv in (self.uvs if _is_textured(self.scene, n) else ()) or (None,))
 
     def claims(self, name: str) -> frozenset[str]:
-        """What a material claims to be, of ``reciprocal`` and ``lossless``: clrender's own all, a plugin as its header says."""
+        """What a material claims, of ``reciprocal`` and ``lossless``: clrender's own both, a plugin as it says."""
         return _claims(self.scene, name)
 
     def has_plugin(self, name: str) -> bool:
@@ -112,8 +112,8 @@ def subjects_of(
     Parameters
     ----------
     text : str
-        Name of a material type or a plugin, an inline table such as ``{type = "conductor", metal = "Au"}``, a scene file or the
-        name of a built-in scene.
+        Name of a material type or a plugin, an inline table such as ``{type = "conductor", metal = "Au"}``, a scene
+        file or the name of a built-in scene.
     names : sequence of str
         Restricts a scene to these materials.
     allow_paths : sequence of Path

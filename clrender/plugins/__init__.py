@@ -1,4 +1,4 @@
-"""Plugins: BSDFs and textures that users write in OpenCL C, their headers, the rules they keep, and their kernel files."""
+"""Plugins: BSDFs and textures that users write in OpenCL C; their headers, their rules, and their kernel files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rules that the code of a plugin keeps: those of kernels, and what it may name, so that it cannot reach beyond itself."""
+"""The rules of a plugin's code: those of kernels, and what it may name, so that it cannot reach beyond itself."""
 
 from __future__ import annotations
 
@@ -20,12 +20,16 @@ OPTIONAL: Final = ("albedo",)
 """Functions that a plugin need not have."""
 _BUILT_IN: Final = frozenset({"fma", "floor"})
 """Built-ins with the same result on every driver."""
-_TYPES: Final = frozenset("vfloat vint vuint vmask vec3 float int uint void".split())
-_KEYWORDS: Final = frozenset("const static if else for return break continue".split())
+_TYPES: Final = frozenset(["vfloat", "vint", "vuint", "vmask", "vec3", "float", "int", "uint", "void"])
+_KEYWORDS: Final = frozenset(["const", "static", "if", "else", "for", "return", "break", "continue"])
 _REFUSED: Final = frozenset(
-    "while do goto switch case default struct union enum typedef extern register volatile inline restrict sizeof asm "
-    "auto char short long double half signed unsigned bool size_t ptrdiff_t intptr_t uintptr_t uchar ushort ulong "
-    "event pipe image2d_t sampler_t global local constant private kernel".split()
+    (
+        *("while", "do", "goto", "switch", "case", "default", "struct", "union", "enum", "typedef"),
+        *("extern", "register", "volatile", "inline", "restrict", "sizeof", "asm", "auto", "char"),
+        *("short", "long", "double", "half", "signed", "unsigned", "bool", "size_t", "ptrdiff_t"),
+        *("intptr_t", "uintptr_t", "uchar", "ushort", "ulong", "event", "pipe", "image2d_t", "sampler_t"),
+        *("global", "local", "constant", "private", "kernel"),
+    )
 )
 _CURES: Final[Mapping[str, str]] = {
     **dict.fromkeys(("sin", "cos", "tan", "sincos"), "cos_sin_turn(turns, &c, &s), whose angle is in turns"),
@@ -64,8 +68,8 @@ class _Function:
     name: str
     parameters: str
     body: str
-    line: int        # of its head
-    body_line: int   # of the body's first character
+    line: int  # of its head
+    body_line: int  # of the body's first character
 
 
 def signatures(header: Header) -> dict[str, tuple[str, tuple[str, ...]]]:
@@ -156,7 +160,8 @@ def _directive(header: Header, line: str, macros: dict[str, str], includes: list
             includes.append(found[1])
         return
     if not line.startswith("#define"):
-        yield f"{line.split()[0]} is not possible: a plugin has no directives but #include and #define; leave it out"
+        word = line.split(maxsplit=1)[0]
+        yield f"{word} is not possible: a plugin has no directives but #include and #define; leave it out"
         return
     found = _DEFINE.match(line)
     if not found:
@@ -207,7 +212,8 @@ def _functions(code: str) -> tuple[list[_Function], list[tuple[int, str]]]:
         line = code.count("\n", 0, at) + 1
         head = _HEAD.match(code, at)
         if not head:
-            cure = "write `static TYPE NAME(PARAMETERS) {`" if "(" in code[at:].split("\n")[0] else f"{rule}; move it"
+            like_one = "(" in code[at:].split("\n", maxsplit=1)[0]
+            cure = "write `static TYPE NAME(PARAMETERS) {`" if like_one else f"{rule}; move it into one"
             return found, [(line, f"this is no function: {cure}")]
         depth, end = 1, head.end()
         while end < len(code) and depth:
@@ -226,20 +232,29 @@ def _names(header: Header, functions: list[_Function]) -> _Faults:
     prefix, wanted, there = f"{header.name}_", signatures(header), dict[str, _Function]()
     for function in functions:
         if not function.name.startswith(prefix) or function.name == prefix:
-            yield function.line, f"the function {function.name} has to be called {prefix}…, as all functions of the plugin"
+            yield (
+                function.line,
+                f"the function {function.name} has to be called {prefix}…, as all functions of the plugin",
+            )
         if function.name in there:
             yield function.line, f"the function {function.name} is there already; give it another name"
         there[function.name] = function
         if function.type not in _TYPES:
-            yield function.line, f"the function {function.name} returns {function.type}; it has to return one of {', '.join(sorted(_TYPES))}"
+            types_ = ", ".join(sorted(_TYPES))
+            yield function.line, f"{function.name} returns {function.type}; it has to return one of {types_}"
         last = function.name.removeprefix(prefix)
         if last in wanted:
             type_, types = wanted[last]
-            given = tuple(re.sub(r"\s*\*\s*", "* ", each).rpartition(" ")[0].strip() for each in function.parameters.split(","))
+            given = tuple(
+                re.sub(r"\s*\*\s*", "* ", each).rpartition(" ")[0].strip() for each in function.parameters.split(",")
+            )
             given = tuple(re.sub(r"\s+", " ", each) for each in given)
             plain = tuple(each if "*" in each else each.removeprefix("const ") for each in given)
             if (function.type, plain) != (type_, types):
-                yield function.line, f"the function {function.name} has to be `static {type_} {function.name}({', '.join(types)})`"
+                yield (
+                    function.line,
+                    f"the function {function.name} has to be `static {type_} {function.name}({', '.join(types)})`",
+                )
     for last, (type_, types) in wanted.items():
         if last not in OPTIONAL and prefix + last not in there:
             yield 1, f"the plugin has no function `static {type_} {prefix}{last}({', '.join(types)})`; add it"

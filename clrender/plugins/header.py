@@ -24,7 +24,7 @@ KINDS: Final = ("bsdf", "texture")
 NEEDS: Final = {"bsdf": ("tangents",), "texture": ("uv",)}
 """What a plugin of each kind may need beside its parameters."""
 CLAIMS: Final = ("reciprocal", "lossless")
-"""What a BSDF may claim: f(a, b) = f(b, a); with colours of 1, all light leaves the surface. `clrender furnace` tests it."""
+"""What a BSDF may claim, and `clrender furnace` tests: f(a, b) = f(b, a); with colours of 1, no light is lost."""
 TEXTURED: Final = 10
 """Most parameters of a BSDF that may be textures: so many columns of texture slots are free."""
 _MOST: Final = 1e6
@@ -32,10 +32,14 @@ _MOST: Final = 1e6
 _NAME: Final = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*\Z")
 _LONGEST: Final = 40
 _WORDS: Final = frozenset(
-    "auto bool break case char const constant continue default do double else enum event extern float for global "
-    "goto half if image inline int kernel local long pipe private quad register restrict return short signed sizeof "
-    "static struct switch typedef uchar uint ulong union unsigned ushort vec3 vfloat vint vmask void volatile vuint "
-    "while".split()
+    (
+        *("auto", "bool", "break", "case", "char", "const", "constant", "continue", "default", "do"),
+        *("double", "else", "enum", "event", "extern", "float", "for", "global", "goto", "half", "if"),
+        *("image", "inline", "int", "kernel", "local", "long", "pipe", "private", "quad", "register"),
+        *("restrict", "return", "short", "signed", "sizeof", "static", "struct", "switch", "typedef"),
+        *("uchar", "uint", "ulong", "union", "unsigned", "ushort", "vec3", "vfloat", "vint", "vmask"),
+        *("void", "volatile", "vuint", "while"),
+    )
 )
 """Words of the language, and types, which are no names of parameters."""
 _POSITION: Final = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)\Z")

@@ -112,9 +112,7 @@ def _bsdfs(plugins: Sequence[tuple[int, Plugin]]) -> Iterable[str]:
     yield "    *pdf = reached ? density : splat(0.0f);"
     yield "    return choose(reached, f, vec3_all(0.0f));"
     yield "}"
-    yield (
-        "static vec3 plugin_sample(vuint plugin, const vfloat* numbers, vec3 wo, vfloat u, vfloat v, vfloat w) {"
-    )
+    yield ("static vec3 plugin_sample(vuint plugin, const vfloat* numbers, vec3 wo, vfloat u, vfloat v, vfloat w) {")
     yield "    vec3 wi = vec3_all(0.0f);"
     yield from _each(plugins, "wi = choose(OF, NAME_sample(&p, wo, u, v, w), wi);")
     yield "    const vec3 direction = unit(wi);"
@@ -146,8 +144,15 @@ def _textures(plugins: Sequence[tuple[int, Plugin]]) -> Iterable[str]:
 
 
 def _textured(plugins: Sequence[Plugin]) -> str:
-    lines = ["// Textures in the place of plugins' parameters.", "#ifndef PLUGIN_TEXTURED_H", "#define PLUGIN_TEXTURED_H", ""]
-    lines += ["static void plugin_textured(const Scene* scene, const Attributes* a, const TextureSlots* slots, vuint plugin,"]
+    lines = [
+        "// Textures in the place of plugins' parameters.",
+        "#ifndef PLUGIN_TEXTURED_H",
+        "#define PLUGIN_TEXTURED_H",
+        "",
+    ]
+    lines += [
+        "static void plugin_textured(const Scene* scene, const Attributes* a, const TextureSlots* slots, vuint plugin,"
+    ]
     lines += ["                            vfloat* numbers) {"]
     for number, each in enumerate(plugins, 1):
         if each.kind == "bsdf" and any(one.textured for one in each.parameters):

@@ -262,6 +262,20 @@ class RenderJob:
             "version": __version__,
         }
 
+    def check_for_cluster(self) -> None:
+        """Check that a cluster can render it.
+
+        Raises
+        ------
+        UsageError
+            When the scene uses plugins, which are programs: no message of a cluster carries any.
+        """
+        if plugins := used_plugins(self.scene):
+            raise UsageError(
+                f"{self.scene.source}: the scene uses the plugin {plugins[0].name}, and a cluster's jobs carry no "
+                "plugins, which are programs; render it without a cluster"
+            )
+
     def sha256(self) -> str:
         """Hash of the request: equal for jobs whose films can be merged."""
         text = json.dumps(self.request(), sort_keys=True, separators=(",", ":"))
@@ -282,11 +296,7 @@ class RenderJob:
         UsageError
             When the scene uses plugins.
         """
-        if plugins := used_plugins(self.scene):
-            raise UsageError(
-                f"the scene uses the plugin {plugins[0].name}, and jobs of a cluster carry no plugins, which are "
-                "programs; render it on this machine's devices"
-            )
+        self.check_for_cluster()
         scene, assets = scene_to_portable(self.scene)
         field = None
         if self.guiding_field is not None:

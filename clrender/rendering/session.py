@@ -191,6 +191,8 @@ class Session:
                 f"cluster is {cluster!r}, but a session wants what clrender.cluster.open_cluster opens there; "
                 "clrender.render takes addresses"
             )
+        if cluster is not None:
+            job.check_for_cluster()
         if checkpoint is None and resume:
             raise UsageError("resume has no effect without a checkpoint; name its file")
 

@@ -361,4 +361,8 @@ class SceneContents(Head):
 
     def _contents(self) -> tuple[object, ...]:
         """Its files, plugins, and every object but those of `HEAD`, in the order of their names."""
-        return self._files, self._plugins, *(getattr(self, name) for name in sorted(type(self).model_fields.keys() - HEAD))
+        return (
+            self._files,
+            self._plugins,
+            *(getattr(self, name) for name in sorted(type(self).model_fields.keys() - HEAD)),
+        )

@@ -113,10 +113,10 @@ class Ramp(_Mapped):
 
 
 class PluginTexture(_Mapped):
-    """Texture that a plugin computes from texture coordinates or the place in the world; its file is given by `--plugin`."""
+    """Texture of a plugin, computed from texture coordinates or the place in the world; `--plugin` gives its file."""
 
     plugin: Name = Field(description="name of the plugin")
-    parameters: Annotated[dict[Name, "Parameter"], Field(max_length=16), AfterValidator(FrozenDict)] = Field(
+    parameters: Annotated[dict[Name, Parameter], Field(max_length=16), AfterValidator(FrozenDict)] = Field(
         default_factory=FrozenDict, description="numbers and colours by the names that the plugin has for them"
     )
 
@@ -207,4 +207,6 @@ def textures_of(part: Part) -> Iterator[tuple[str, MaterialTexture]]:
         if isinstance(value, _Mapped):
             yield name, value  # type: ignore[misc]  # there are no others
         elif isinstance(value, FrozenDict):
-            yield from ((f"{name}.{key}", each) for key, each in value.items() if isinstance(each, _Mapped))
+            yield from (
+                (f"{name}.{key}", each) for key, each in value.items() if isinstance(each, Texture | PluginTexture)
+            )

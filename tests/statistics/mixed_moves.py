@@ -189,7 +189,8 @@ def compiled_for_volumes() -> Iterator[None]:
     of = Features.of
 
     def made(*values: Any) -> Features:
-        return replace(of(*values), **dict.fromkeys((*VOLUMES, "calibrated_camera"), True))
+        flags: dict[str, Any] = dict.fromkeys((*VOLUMES, "calibrated_camera"), True)
+        return replace(of(*values), **flags)
 
     with patch.object(Features, "of", made):
         yield
