@@ -53,7 +53,7 @@ class Source:
     @property
     def plugins(self) -> tuple[str, ...]:
         """Files of plugins, whose texts are in `text` by their own names and lines; see `clrender.plugins.program`."""
-        return tuple(_PLUGIN.findall(self.text))
+        return tuple(dict.fromkeys(_PLUGIN.findall(self.text)))
 
     def place(self, line: int) -> str:
         """File and line, such as ``core/exact.h:12``, of a line of `text`, counted from 1."""

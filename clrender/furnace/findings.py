@@ -27,6 +27,8 @@ ALLOWED: Final = 1e-3
 """Tolerance of energies besides noise, as a fraction of the light: the accuracy of the fits of albedos."""
 RECIPROCAL: Final = 1e-4
 """Relative difference of f(a, b) and f(b, a) that rounding may cause."""
+INTEGRAL: Final = 0.01
+"""By how much the integral of a density may exceed 1: what integration leaves uncertain where few samples are taken."""
 _JUDGEMENTS: Final = 4
 _COLORS: Final = ("red", "green", "blue")
 
@@ -38,7 +40,8 @@ class Finding:
     Attributes
     ----------
     kind : str
-        ``gain loss estimators weight density directions reciprocity nonfinite negative unseen lanes`` are faults;
+        ``gain loss estimators weight density directions integral reciprocity nonfinite negative unseen lanes`` are
+        faults;
         ``absorbs keeps loses transmits deltas sampled reciprocal unreciprocal integration bits`` are not.
     fault : bool
     amount : float
@@ -188,6 +191,13 @@ def _directions(measured: Measured, level: float) -> Iterator[Finding]:
             yield Finding(
                 "sampled", False, together,
                 f"directions follow the density: smallest p of {len(tested)} χ² tests {together:.2g}",
+            )  # fmt: skip
+        most = max(tested, key=lambda each: each.integral)
+        if most.integral > 1.0 + INTEGRAL:
+            yield Finding(
+                "integral", True, most.integral - 1.0,
+                f"the density integrates to {most.integral:.4f} at {most.angle:g}° from the normal"
+                f"{' on the back' if most.below else ''}, and a probability is at most 1",
             )  # fmt: skip
     if any(not each.integrated for each in measured.tests):
         where = ", ".join(

@@ -149,6 +149,8 @@ def _textured(plugins: Sequence[Plugin]) -> str:
         "#ifndef PLUGIN_TEXTURED_H",
         "#define PLUGIN_TEXTURED_H",
         "",
+        '#include "texture/parameter.h"',
+        "",
     ]
     lines += [
         "static void plugin_textured(const Scene* scene, const Attributes* a, const TextureSlots* slots, vuint plugin,"

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import PrivateAttr, model_validator
 
-from clrender.errors import SceneError
+from clrender.errors import SceneError, UsageError
 from clrender.image.exposure import photographic_stops
 from clrender.meshes.data import MeshData
 from clrender.plugins import as_plugins, combined
@@ -280,6 +280,10 @@ class Scene(SceneContents):
         given = as_plugins(plugins)
         if not given or set(given) <= set(self._plugins):
             return self
+        for each in given:
+            if each.name in MATERIAL_TYPES:
+                text = f"the plugin is called {each.name}, as a material of clrender's own; call it my_{each.name}"
+                raise UsageError(f"{each.source}: {text}")
         scene = self.model_copy()
         scene._plugins = combined(self._plugins, given)
         return scene

@@ -8,6 +8,7 @@
 #include "geometry/instance.h"
 #include "geometry/ray.h"
 #include "geometry/traverse.h"
+#include "plugin/given.h"
 #include "scene.h"
 #ifdef TEXTURES
 #include "texture/mapping.h"

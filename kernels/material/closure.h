@@ -21,9 +21,7 @@
 #include "material/lobe/glass.h"
 #include "material/lobe/reflection.h"
 #include "material/lobe/sheen.h"
-#ifdef PLUGINS
 #include "plugin/given.h"
-#endif
 
 // With what probability each way of sampling is chosen; sum 1. Multiple: what more than one facet scatters, to this side or the other.
 // Uniform: over the hemisphere, for sheen and for rough diffuse surfaces at grazing angles.

@@ -5,15 +5,11 @@
 
 #include "core/sampler.h"
 #include "geometry/surface.h"
-#ifdef TEXTURES
-#include "texture/normal_map.h"
-#include "texture/parameter.h"
-#endif
-#ifdef PLUGINS
 #include "plugin/given.h"
 #ifdef TEXTURES
 #include "plugin/textured.h"
-#endif
+#include "texture/normal_map.h"
+#include "texture/parameter.h"
 #endif
 
 typedef struct {

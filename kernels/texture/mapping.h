@@ -5,11 +5,9 @@
 #include "core/exact.h"
 #include "core/frame.h"
 #include "geometry/instance.h"
+#include "plugin/given.h"
 #include "texture/filter.h"
 #include "types.h"
-#ifdef PLUGINS
-#include "plugin/given.h"
-#endif
 
 // What a surface with textures has beside a Surface.
 typedef struct {

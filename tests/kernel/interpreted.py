@@ -36,6 +36,7 @@ from clrender.device.worker import DeviceWorker
 from clrender.drivers.arithmetic import check as arithmetic_check
 from clrender.drivers.discover import drivers, load_platforms
 from clrender.film import Film
+from clrender.files.package_data import scenes_folder
 from clrender.film.unit import Unit, UnitSums, slot_count
 from clrender.flatten.flat_box import scene_box
 from clrender.flatten.flat_scene import flatten
@@ -110,6 +111,8 @@ class Run:
         By the program for any scene.
     calibrated : str
         Distortion of the camera's lens; empty: none.
+    plugins : bool
+        With BSDFs and a texture of plugins.
     """
 
     kernel: str
@@ -131,6 +134,7 @@ class Run:
     replicate: int = 0
     universal: bool = False
     calibrated: str = ""
+    plugins: bool = False
 
 
 RENDERS: Final = {
@@ -186,6 +190,8 @@ RENDERS: Final = {
     "staged-splits-1": Run("staged-splits", 1, samples=2, filter="mitchell"),
     "path-4-calibrated": Run("path", 4, samples=2, calibrated="brown-conrady"),
     "bdpt-1-calibrated": Run("bdpt", 1, calibrated="kannala-brandt"),
+    "path-1-plugins": Run("path", 1, plugins=True),
+    "path-4-plugins": Run("path", 4, samples=2, plugins=True, instances=True),
     "path-4-replicates": Run("path", 4, samples=4, replicate=2),
     "path-16": Run("path", 16, samples=2),
     "path-1-large": Run("path", 1, large=True),
@@ -322,6 +328,16 @@ def scene(run: Run, folder: Path) -> FlatScene:
             (7, {"checker": [color, 0.0]}),
         ):
             shapes[number]["emission"] = emission
+    given = {
+        "moon": {
+            "type": "plugin",
+            "plugin": "minnaert",
+            "parameters": {"k": 2.0, "reflectance": {"ramp": [0.2, color]}},
+        },
+        "wood": {"type": "lambert", "reflectance": {"plugin": "wood", "parameters": {"rings": 3.0}}},
+        "matt": {"type": "mix", "materials": ("moon", "wood")},
+        "mirror": {"type": "plugin", "plugin": "ashikhmin_shirley", "parameters": {"diffuse": {"plugin": "wood"}}},
+    }
     scattering: dict[str, Any] = {
         "media": {"smoke": {"scattering": (1, 2, 0.5), "absorption": 0.2, "g": 0.6}, "milk": {"scattering": 6.0}},
         "fog": "smoke",
@@ -356,6 +372,7 @@ def scene(run: Run, folder: Path) -> FlatScene:
             **(media if run.interiors else {}),
             **(walks if run.skin else {}),
             **(textured if run.textured or run.opacity else {}),
+            **(given if run.plugins else {}),
         },
         "shapes": shapes,
         "lights": [
@@ -373,6 +390,7 @@ def scene(run: Run, folder: Path) -> FlatScene:
         described["shapes"] = [floor, *placed]
     pixels = np.random.default_rng(71).random((3, 5, 3), np.float32)
     what = Scene.model_validate(described).placed("everything", folder)
+    what = what.with_plugins(sorted(scenes_folder().glob("plugins/*.cl")) if run.plugins else None)
     # Photons start at lights, for which a tree has no answer
     choice = "power" if run.kernel in ("photon", "bdpt", "chains-bdpt") else "auto"
     return flatten(what.with_files(environments={"sky": EnvironmentPicture(pixels)}), WIDTH, HEIGHT, choice)
