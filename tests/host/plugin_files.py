@@ -13,19 +13,7 @@ EXAMPLES: Final = Path(__file__).resolve().parents[2] / "scenes" / "plugins"
 MINNAERT: Final = (EXAMPLES / "minnaert.cl").read_text()
 SHIRLEY: Final = (EXAMPLES / "ashikhmin_shirley.cl").read_text()
 WOOD: Final = (EXAMPLES / "wood.cl").read_text()
-GRAIN: Final = """// Stripes over texture coordinates, whose values are from low to high.
-// [plugin]
-// name = "grain"
-// kind = "texture"
-// needs = ["uv"]
-// [parameters]
-// low = { type = "color", default = [0.3, 0.4, 0.5] }
-// high = { type = "color", default = [0.8, 0.7, 0.6] }
-static vec3 grain_value(const GrainParameters* p, vfloat u, vfloat v, vec3 position) {
-    const vfloat at = fma(u, splat(3.0f), v) - floor(fma(u, splat(3.0f), v));
-    return along(p->low, sub(p->high, p->low), at);
-}
-"""
+GRAIN: Final = (EXAMPLES / "grain.cl").read_text()
 PAPER: Final = """// Paper: light is scattered evenly to both sides.
 // [plugin]
 // name = "paper"

@@ -35,8 +35,8 @@ from clrender.device.scene_arrays import SceneArrays
 from clrender.device.worker import DeviceWorker
 from clrender.drivers.arithmetic import check as arithmetic_check
 from clrender.drivers.discover import drivers, load_platforms
-from clrender.film import Film
 from clrender.files.package_data import scenes_folder
+from clrender.film import Film
 from clrender.film.unit import Unit, UnitSums, slot_count
 from clrender.flatten.flat_box import scene_box
 from clrender.flatten.flat_scene import flatten
