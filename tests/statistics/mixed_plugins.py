@@ -11,9 +11,20 @@ from clrender.plugins import Plugin, plugin
 
 __all__ = ["PLUGINS", "plugged"]
 
-_NAMES: Final = ("ashikhmin_shirley", "grain", "minnaert")
-PLUGINS: Final[tuple[Plugin, ...]] = tuple(plugin(scenes_folder() / "plugins" / f"{name}.cl") for name in _NAMES)
-"""Their textures depend on texture coordinates alone, so that scenes can be moved."""
+_HALFWAY: Final = """// A colour half-way between two others, for shapes with and without texture coordinates.
+// [plugin]
+// name = "halfway"
+// kind = "texture"
+// [parameters]
+// low = { type = "color", default = [0.3, 0.4, 0.5] }
+// high = { type = "color", default = [0.8, 0.7, 0.6] }
+static vec3 halfway_value(const HalfwayParameters* p, vfloat u, vfloat v, vec3 position) {
+    return along(p->low, sub(p->high, p->low), splat(0.5f) + u);
+}
+"""
+_FILES: Final = (scenes_folder() / "plugins" / f"{name}.cl" for name in ("ashikhmin_shirley", "minnaert"))
+PLUGINS: Final[tuple[Plugin, ...]] = (plugin(_HALFWAY), *map(plugin, _FILES))
+"""Textures do not depend on the place, so that scenes can be moved."""
 _COLORS: Final = ("reflectance", "base_color", "f0", "specular_color", "sheen_color")
 _NUMBERS: Final = {
     "dielectric": ("roughness",),
@@ -48,7 +59,7 @@ def plugged(name: str, content: Json) -> None:
         else:
             _textured(draw, material)
     # Of all, so that scenes share programs
-    materials["all plugins"] = {**_gloss(draw), "parameters": {"diffuse": _grain(draw)}}
+    materials["all plugins"] = {**_gloss(draw), "parameters": {"diffuse": _halfway(draw)}}
     color = texture(draw, 0.1, 0.9, number=False)
     materials["a plugin"] = {"type": "plugin", "plugin": "minnaert", "parameters": {"reflectance": color}}
 
@@ -69,7 +80,7 @@ def _made(draw: Draw, material: Json) -> Json:
         kept["opacity"] = texture(draw, 0.1, 1.0, number=True)
     if draw.chance(0.5):
         return {**kept, **_gloss(draw)}
-    color = _grain(draw) if draw.chance(0.3) else material["reflectance"]
+    color = _halfway(draw) if draw.chance(0.3) else material["reflectance"]
     parameters: Json = {"reflectance": color} | ({"k": draw.between(1.0, 3.0)} if draw.chance(0.7) else {})
     return {**kept, "type": "plugin", "plugin": "minnaert", "parameters": parameters}
 
@@ -81,21 +92,21 @@ def _gloss(draw: Draw) -> Json:
     if draw.chance(0.7):
         parameters["specular"] = draw.color(0.1, 0.6)
     if draw.chance(0.7):
-        kinds = (draw.color(), texture(draw, 0.1, 0.9, number=False), _grain(draw))
+        kinds = (draw.color(), texture(draw, 0.1, 0.9, number=False), _halfway(draw))
         parameters["diffuse"] = draw.one(kinds)
     return {**made, "parameters": parameters}
 
 
-def _grain(draw: Draw) -> Json:
-    made: Json = {"plugin": "grain", **mapping(draw)}
+def _halfway(draw: Draw) -> Json:
+    made: Json = {"plugin": "halfway", **mapping(draw)}
     return made | ({"parameters": {"low": draw.color(), "high": draw.color()}} if draw.chance(0.6) else {})
 
 
 def _textured(draw: Draw, material: Json) -> None:
     """A plugin's texture for some parameters; values are at least 0.3, so that nothing gets too smooth."""
     if material["type"] == "subsurface":
-        material |= {"ior": material.get("ior", 1.3), "roughness": {"plugin": "grain", **mapping(draw)}}
+        material |= {"ior": material.get("ior", 1.3), "roughness": {"plugin": "halfway", **mapping(draw)}}
     for key in (*_COLORS, *_NUMBERS.get(material["type"], ())):
         solid = key == "transmission" and not material.get("thin")
         if (key in material or key == "weight") and not solid and draw.chance(0.5):
-            material[key] = {"plugin": "grain", **mapping(draw)}
+            material[key] = {"plugin": "halfway", **mapping(draw)}
