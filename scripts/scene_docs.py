@@ -56,6 +56,7 @@ def tables(schema: dict[str, Any]) -> str:
         ("Transforms of texture coordinates", "transform = { … }", ["TextureTransform"]),
         ("Checkers", "{ checker = … }", ["Checker"]),
         ("Ramps", "{ ramp = … }", ["Ramp"]),
+        ("Textures of plugins", "{ plugin = … }", ["PluginTexture"]),
         ("Normal maps", "normal_map = { … }", ["NormalMap"]),
         ("Bump maps", "bump_map = { … }", ["BumpMap"]),
         ("Shapes", "[[shapes]]", _kinds(schema["properties"]["shapes"]["items"])),
@@ -148,6 +149,11 @@ def _type(value: dict[str, Any], schema: dict[str, Any]) -> str:
     kind = value.get("type")
     if kind == "array":
         return _array(value, schema)
+    if kind == "object" and "oneOf" in value.get("additionalProperties", {}):
+        textured = any("$ref" in each for each in value["additionalProperties"]["oneOf"])
+        numbers = any(each.get("type") == "number" for each in value["additionalProperties"]["oneOf"])
+        if numbers:
+            return "numbers, colours and textures by name" if textured else "numbers and colours by name"
     if kind in ("number", "integer"):
         return _bounded("whole number" if kind == "integer" else "number", value)
     return {"boolean": "`true` or `false`", "string": "text", "object": "tables by name"}.get(str(kind), str(kind))
