@@ -150,10 +150,10 @@ def _type(value: dict[str, Any], schema: dict[str, Any]) -> str:
     if kind == "array":
         return _array(value, schema)
     if kind == "object" and "oneOf" in value.get("additionalProperties", {}):
-        textured = any("$ref" in each for each in value["additionalProperties"]["oneOf"])
-        numbers = any(each.get("type") == "number" for each in value["additionalProperties"]["oneOf"])
-        if numbers:
-            return "numbers, colours and textures by name" if textured else "numbers and colours by name"
+        entries = value["additionalProperties"]["oneOf"]
+        if any(each.get("type") == "number" for each in entries):
+            pictured = any("$ref" in each for each in entries)
+            return "numbers, colours and textures by name" if pictured else "numbers and colours by name"
     if kind in ("number", "integer"):
         return _bounded("whole number" if kind == "integer" else "number", value)
     return {"boolean": "`true` or `false`", "string": "text", "object": "tables by name"}.get(str(kind), str(kind))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,8 @@ __all__ = ["PLUGIN_FILE_LIMIT", "Plugin", "as_plugins", "combined", "plugin"]
 
 PLUGIN_FILE_LIMIT: Final = 2**20
 """Largest file of a plugin, bytes."""
+_HIDING: Final = re.compile(r"\\[ \t]*\n|\?\?/|[^\n\t\x20-\x7e\xa0-\ud7ff\ue000-\U0010ffff]|[\u2028\u2029]")
+"""Continued lines, and control characters and others at which some programs end a line."""
 
 
 @dataclass(frozen=True)
@@ -95,9 +98,18 @@ def plugin(given: str | Path) -> Plugin:
     if text.startswith("\ufeff"):
         text = text[1:]
     text = text.replace("\r\n", "\n")
+    _check_lines(text, source)
     header = header_of(text, source)
     check_code(header, text, source)
     return Plugin(header, text, source)
+
+
+def _check_lines(text: str, source: str) -> None:
+    """Refuse what begins or ends lines for a compiler but not here: rules could not see all of the code."""
+    if found := _HIDING.search(text):
+        line = text.count("\n", 0, found.start()) + 1
+        what = "a line that goes on on the next one" if "\n" in found.group() else f"the characters {found.group()!a}"
+        raise UsageError(f"{source}:{line}: {what}: not possible in a plugin, not even in comments; leave it out")
 
 
 def _read(path: Path) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from cases import for_each
+from doc_blocks import blocks
 from plugin_files import EXAMPLES, GRAIN, MINNAERT, PAPER, SHIRLEY, WOOD, edited, example
 
 import clrender
@@ -188,6 +189,23 @@ def test_nothing_reaches_beyond_a_plugin(added: str, words: str) -> None:
     text = MINNAERT + added + "\n"
     said = refused(text)
     assert said.startswith(f"plugin:{line_of(text, added)}: ") and words in said, said
+
+
+@for_each(
+    "hidden",
+    [
+        "/* *\\\n/ int other; /* */",
+        "// a comment \r int other;",
+        "// a comment \u2028 int other;",
+        "// a comment \x0c int other;",
+        "/* *??/\n/ int other; /* */",
+        "// a comment that goes on \\  ",
+        "// zero \x00",
+    ],
+)
+def test_no_code_is_hidden_from_the_rules(hidden: str) -> None:
+    said = refused(f"{MINNAERT}{hidden}\n")
+    assert said.startswith(f"plugin:{MINNAERT.count(chr(10)) + 1}: ") and "not even in comments" in said
 
 
 def test_functions_that_are_missing_or_others() -> None:
@@ -414,3 +432,10 @@ def test_other_programs_get_no_plugins(tmp_path: Path) -> None:
                 export(made, "files")
         kept = exported(made, "own-files")
         assert "plugin" in json.dumps(kept.description)
+
+
+def test_the_page_shows_the_files_as_they_are() -> None:
+    page = Path(__file__).resolve().parents[2] / "docs" / "write-a-material.md"
+    shown = {each.file: each.text for each in blocks(page) if each.file is not None}
+    for name in ("minnaert", "ashikhmin_shirley", "wood"):
+        assert shown[f"scenes/plugins/{name}.cl"] == (EXAMPLES / f"{name}.cl").read_text()
