@@ -24,6 +24,7 @@ from clrender.rendering.job import RenderJob
 from clrender.scene import Scene
 from clrender.scene.description import MATERIAL_TYPES
 from clrender.view.edited_scene import EditedScene
+from clrender.view.parameters import parameters
 
 CAMERA = {"position": [0.0, 0.0, 4.0], "target": [0.0, 0.0, 0.0]}
 BALL = {"type": "sphere", "radius": 1.0, "material": "moon"}
@@ -363,6 +364,8 @@ def test_no_message_can_bring_a_plugin() -> None:
     for key, value in (("plugin", "wood"), ("plugin", str(EXAMPLES / "wood.cl")), ("parameters", {"k": 2.0})):
         with pytest.raises(UsageError, match="cannot be changed here"):
             edited_scene.with_material("moon", {key: value})
+    told = {each["name"]: each for each in parameters(made.materials["moon"])}
+    assert told["plugin"]["kind"] == "fixed" and told["plugin"]["value"] == "minnaert"
     job = RenderJob.of(made)
     with pytest.raises(UsageError, match="jobs carry no plugins"):
         job.to_json()
