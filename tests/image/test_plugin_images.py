@@ -110,9 +110,9 @@ def test_a_texture_of_places_in_the_world(device: Device) -> None:
     """Rings around the y axis, wherever the origin of coordinates on the device is."""
     text = edited(WOOD, ("wood_noise(scale(position, splat(3.0f))) * p->bend", "splat(0.0f)"))
     camera = {"type": "orthographic", "height": 1.0, "up": (0.0, 0.0, -1.0)}
-    shape = {"type": "quad", "origin": (-9, 0, 9), "edge_u": (18, 0, 0), "edge_v": (0, 0, -18), "material": "w"}
+    shape = {"type": "quad", "origin": (-99, 0, 99), "edge_u": (198, 0, 0), "edge_v": (0, 0, -198), "material": "w"}
     wood = {"type": "lambert", "reflectance": {"plugin": "wood", "parameters": {"rings": 2.0}}}
-    for x in (0.0, 5.0):
+    for x in (0.0, 21.5):
         scene = Scene(
             camera={**camera, "position": (x, 0.02, 0.0), "target": (x, 0.0, 0.0)},
             materials={"w": wood},
