@@ -80,5 +80,9 @@ def test_the_furnace_of_a_plugin(tmp_path: Path) -> None:
     assert right.returncode == 0 and "is reciprocal" in right.stdout and "FAULT" not in right.stdout
     wrong = call("furnace", "minnaert", "--plugin", str(tmp_path / "bright.cl"), *options)
     assert wrong.returncode == 1 and "FAULT: gains energy: 125.00 % of the light" in wrong.stdout
+    pytest.importorskip("matplotlib")
+    made("furnace", "minnaert", *GIVEN, "--quick", "--quiet", "-d", "pocl", "-o", str(tmp_path / "page"))
+    page = (tmp_path / "page" / "furnace.html").read_text()
+    assert "Does not claim to keep all light" in page and "with one path a work-item" in page
     assert "did you mean" in refused("furnace", "minart", *GIVEN)
     assert "measured by its own name" in refused("furnace", "plugin", *GIVEN)
