@@ -38,6 +38,7 @@ def minnaert(**more: Any) -> dict[str, Any]:
     return {"type": "plugin", "plugin": "minnaert", "parameters": {"reflectance": COLOR, **more}}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("k", [1.0, 2.5])
 @pytest.mark.parametrize("integrator", ["path", pytest.param("whitted", marks=pytest.mark.slow)])
 def test_minnaert_in_the_sun(device: Device, k: float, integrator: str) -> None:
@@ -64,6 +65,7 @@ def test_minnaert_under_the_sky(device: Device, sampling: str) -> None:
     assert (np.abs(found.mean(axis=0) - expected) < 4.0 * error + 1e-5).all()
 
 
+@pytest.mark.thorough
 def test_a_sheet_that_transmits(device: Device) -> None:
     paper = {"type": "plugin", "plugin": "paper", "parameters": {"tint": COLOR, "share": 0.25}}
     i = math.cos(math.radians(60.0))
@@ -76,6 +78,7 @@ def test_a_sheet_that_transmits(device: Device) -> None:
             np.testing.assert_allclose(image.linear, expected, rtol=3e-5)
 
 
+@pytest.mark.thorough
 def test_a_back_may_be_black(device: Device) -> None:
     for two_sided in (True, False):
         scene = square({**minnaert(k=1.0), "two_sided": two_sided}, sun((0.0, 0.0, 1.0)), behind=True)
@@ -85,6 +88,7 @@ def test_a_back_may_be_black(device: Device) -> None:
         )
 
 
+@pytest.mark.thorough
 def test_textures_of_plugins_and_in_their_parameters(device: Device) -> None:
     """The albedo shows them: stripes over u and v of a square, in a Lambertian material and in a plugin's parameter."""
     grain = {"plugin": "grain", "transform": {"offset": [0.05, 0.0]}, "parameters": {"low": (0.1, 0.2, 0.3)}}
@@ -106,6 +110,7 @@ def test_textures_of_plugins_and_in_their_parameters(device: Device) -> None:
     assert np.ptp(made[3]["albedo"]) > 0.01
 
 
+@pytest.mark.thorough
 def test_a_texture_of_places_in_the_world(device: Device) -> None:
     """Rings around the y axis, wherever the origin of coordinates on the device is."""
     text = edited(WOOD, ("wood_noise(scale(position, splat(3.0f))) * p->bend", "splat(0.0f)"))
@@ -213,6 +218,7 @@ def test_a_plugin_that_cannot_be_compiled_is_told_at_its_own_line(device: Device
     assert whole.linear.any(), "the device still works"
 
 
+@pytest.mark.thorough
 def test_a_session_knows_other_texts_of_a_plugin(device: Device) -> None:
     """The arrays are the same, and the program is not."""
     darker = edited(MINNAERT, ("(0.5f * INV_PI) * limb", "(0.25f * INV_PI) * limb"))

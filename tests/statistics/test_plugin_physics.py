@@ -48,6 +48,7 @@ def test_the_examples_have_no_faults(device: Device, name: str) -> None:
         assert "keeps" in kinds(made[1]), "with k = 1 it is Lambertian"
 
 
+@pytest.mark.long
 def test_a_sheet_is_measured_on_both_sides(device: Device) -> None:
     (made, *_) = measured(device, "paper", PAPER)
     assert made.transmits and len(made.energies) == 2 and faults(made) == {}
@@ -55,6 +56,7 @@ def test_a_sheet_is_measured_on_both_sides(device: Device) -> None:
     assert {"keeps", "transmits", "reciprocal"} <= kinds(made)
 
 
+@pytest.mark.long
 def test_a_texture_is_measured_as_a_colour(device: Device) -> None:
     (made,) = measured(device, "grain", GRAIN)
     assert faults(made) == {} and as_json(made, findings(made))["type"] == "lambert"
@@ -84,6 +86,7 @@ def test_faulty_plugins_are_found_and_named(device: Device, changes: list[tuple[
     assert any(found in faults(each, len(made)) for each in made), [faults(each) for each in made]
 
 
+@pytest.mark.long
 def test_what_is_not_claimed_is_no_fault(device: Device) -> None:
     one_way = ("power(wo.z * wi.z, p->k - 1.0f)", "power(wo.z, p->k - 1.0f) * 0.3f")
     text = edited(MINNAERT, one_way, ('claims = ["reciprocal"]', "claims = []"))
