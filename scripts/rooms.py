@@ -41,7 +41,7 @@ LAYERS: Final = (
     ("scene",),
     ("settings",),
     ("integrators",),
-    ("meshes", "image", "cameras"),
+    ("meshes", "image", "cameras", "plugins"),
     ("limits",),
     ("files",),
     ("process",),

@@ -57,6 +57,7 @@ def tables(schema: dict[str, Any]) -> str:
         ("Transforms of texture coordinates", "transform = { … }", ["TextureTransform"]),
         ("Checkers", "{ checker = … }", ["Checker"]),
         ("Ramps", "{ ramp = … }", ["Ramp"]),
+        ("Textures of plugins", "{ plugin = … }", ["PluginTexture"]),
         ("Normal maps", "normal_map = { … }", ["NormalMap"]),
         ("Bump maps", "bump_map = { … }", ["BumpMap"]),
         ("Shapes", "[[shapes]]", _kinds(schema["properties"]["shapes"]["items"])),
@@ -151,6 +152,11 @@ def _type(value: dict[str, Any], schema: dict[str, Any]) -> str:
     kind = value.get("type")
     if kind == "array":
         return _array(value, schema)
+    if kind == "object" and "oneOf" in value.get("additionalProperties", {}):
+        entries = value["additionalProperties"]["oneOf"]
+        if any(each.get("type") == "number" for each in entries):
+            pictured = any("$ref" in each for each in entries)
+            return "numbers, colours and textures by name" if pictured else "numbers and colours by name"
     if kind in ("number", "integer"):
         return _bounded("whole number" if kind == "integer" else "number", value)
     return {"boolean": "`true` or `false`", "string": "text", "object": "tables by name"}.get(str(kind), str(kind))

@@ -29,6 +29,7 @@ __all__ = [
     "number",
     "numbers",
     "outputs_option",
+    "plugin_option",
     "progress_options",
     "scene_argument",
     "setting_option",
@@ -312,16 +313,29 @@ def allow_path_option(command: Any) -> Any:
     )(command)
 
 
+def plugin_option(command: Any) -> Any:
+    """Decorator: the option for plugins that materials of a scene may use."""
+    return click.option(
+        "--plugin",
+        "plugins",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        multiple=True,
+        shell_complete=complete_files,
+        help="BSDF or texture in OpenCL C that materials may use; it is compiled and run. Repeatable.",
+    )(command)
+
+
 def load_options(command: Any) -> Any:
     """Decorator: the options of `clrender.importers.load`, which the command gets together as `reading`."""
-    names = ("allow_paths", "time_at", "variant", "up", "define", "camera", "hide_environment", "strict")
+    names = ("allow_paths", "time_at", "variant", "up", "define", "camera", "hide_environment", "strict", "plugins")
 
     @functools.wraps(command)
     def run(*arguments: Any, **options: Any) -> Any:
         reading = {name: options.pop(name) for name in names}
         return command(*arguments, reading=reading, **options)
 
-    return _choice_options(allow_path_option(run))
+    return _choice_options(allow_path_option(plugin_option(run)))
 
 
 def _choice_options(command: Any) -> Any:

@@ -11,7 +11,8 @@ from typing import ClassVar, Final
 from clrender.errors import SceneError
 from clrender.exporters.files import NamedFiles
 from clrender.files.access import atomic_write
-from clrender.scene import Scene
+from clrender.scene import PluginMaterial, Scene
+from clrender.scene.textures import PluginTexture, textures_of
 from clrender.wording import place
 
 __all__ = ["ForeignExport", "Target", "write_foreign"]
@@ -115,6 +116,23 @@ class Target:
     _ids: set[tuple[str, str]] = field(default_factory=set)
     _numbers: dict[tuple[str, str], int] = field(default_factory=dict)
     _notes: dict[str, list[str]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse what no other program has.
+
+        Raises
+        ------
+        SceneError
+            A material is made by a plugin.
+        """
+        for name, material in self.scene.materials.items():
+            textures = ((key, each) for key, each in textures_of(material) if isinstance(each, PluginTexture))
+            at, plugin = next(textures, ("", material if isinstance(material, PluginMaterial) else None))
+            if plugin is not None:
+                where = place(("materials", name, *(at.split(".", 1) if at else ())))
+                text = f"is made by the plugin {plugin.plugin}, which other programs do not have"
+                cure = "give it another, or convert to clrender's own format"
+                raise SceneError(f"{self.scene.source}: {where} {text}; {cure}")
 
     def id(self, kind: str, wanted: str) -> str:
         """A new id: `wanted` as far as the program takes it and no other object has it.

@@ -26,6 +26,7 @@ from clrender.flatten.material_rows import flat_materials
 from clrender.flatten.media import Media, Solid, scene_media, solid_of
 from clrender.flatten.microfacets import albedo_tables
 from clrender.flatten.motion import camera_knots, knot_rows
+from clrender.flatten.plugin_rows import used_plugins
 from clrender.flatten.surfaces import flat_surfaces
 from clrender.flatten.texture_rows import flat_textures
 from clrender.scene.description import (
@@ -251,6 +252,9 @@ def flatten(
     hidden = any(light is not None and not light.visible_to_camera for light in around_lights)
     if hidden:
         digest.update(b"hidden environment")
+    plugins = used_plugins(scene)
+    for each in plugins:
+        digest.update(f"plugin {each.name} {each.sha256}".encode())
     camera = surrounded(camera, arrays, triangle_count, instances, scene.camera, origin, (width, height))
     return FlatScene(
         arrays=arrays,
@@ -261,7 +265,7 @@ def flatten(
         analytic_count=analytic_count,
         light_count=lights.count,
         light_levels=tree.levels if tree else 0,
-        features=Features.of(arrays, camera, media, instances, hidden),
+        features=Features.of(arrays, camera, media, instances, hidden, plugins),
         instances=instances,
         arrays_sha256=digest.hexdigest(),
         notes=scene.notes,

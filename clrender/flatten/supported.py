@@ -5,13 +5,14 @@ from __future__ import annotations
 from clrender.errors import SceneError
 from clrender.flatten.emission import emits
 from clrender.flatten.material_rows import has_row
+from clrender.flatten.plugin_rows import used_plugins
 from clrender.integrators import INTEGRATORS
 from clrender.scene.description import Scene
 from clrender.scene.materials import Dielectric, Principled, Subsurface, material_textures
 from clrender.scene.motion import rests
 from clrender.scene.resting import has_motion
 from clrender.scene.shapes import Mesh
-from clrender.scene.textures import Checker, ImageTexture, Ramp
+from clrender.scene.textures import Checker, ImageTexture, PluginTexture, Ramp
 from clrender.wording import place
 
 __all__ = ["check_materials", "check_motion"]
@@ -31,6 +32,7 @@ def check_materials(scene: Scene, integrator: str) -> None:
     SceneError
         The message names the first unsupported shape or light, and a remedy.
     """
+    used_plugins(scene)
     light = scene.environment
     if light is not None and light.file is not None and not INTEGRATORS[integrator].environment_pictures:
         raise SceneError(
@@ -74,7 +76,11 @@ def check_materials(scene: Scene, integrator: str) -> None:
                 "take; give it a constant, or use --integrator path"
             )
         textures = () if shape.material is None else material_textures(scene.materials, shape.material)
-        refused = [key for key, _ in textures if takes.textures is not None and key not in takes.textures]
+        given = takes.textures
+        refused = [
+            key for key, each in textures
+            if given is not None and (key not in given or isinstance(each, PluginTexture))
+        ]  # fmt: skip
         if refused:
             cure = "leave it out" if refused[0] in ("normal_map", "bump_map") else "give it a constant"
             raise SceneError(

@@ -16,6 +16,7 @@ from clrender.importers.choices import Choices
 from clrender.importers.draft import Draft
 from clrender.importers.framing import FRAMED, completed
 from clrender.limits import checked_path, shown
+from clrender.plugins import as_plugins
 from clrender.scene import Camera, Scene
 from clrender.scene.load import load as load_own
 from clrender.wording import quoted
@@ -56,6 +57,7 @@ def load(
     define: Mapping[str, str] | None = None,
     camera: str | Path | Camera | Mapping[str, Any] | None = None,
     hide_environment: bool = False,
+    plugins: Any = None,
 ) -> Scene:
     """Read and validate a scene and the files it names.
 
@@ -87,6 +89,8 @@ def load(
         A camera in place of the scene's; see `clrender.importers.cameras.with_camera`.
     hide_environment : bool
         Whether the camera does not see the environment, which lights the scene all the same.
+    plugins : Plugin, str, pathlib.Path, or iterable of them, optional
+        Plugins that its materials may use; see `clrender.plugin`. No scene file can name one.
 
     Returns
     -------
@@ -97,7 +101,10 @@ def load(
     ------
     SceneError
         In one sentence: file, location, problem and remedy.
+    UsageError
+        A plugin is not valid.
     """
+    allowed = as_plugins(plugins)
     if isinstance(path_or_name, Scene):
         raise SceneError("a Scene is loaded already; render it, or name a file to load another")
     path = checked_path(path_or_name, "a scene to load")
@@ -142,6 +149,7 @@ def load(
                 "(`clrender scenes`)"
             )
         own = load_own(path_or_name, allow_paths=folders).with_origin(origin)
+        own = own.with_plugins(allowed)
         return _timed(_changed(own, environment, camera, hide_environment), time_at, shutter)
     read: Callable[..., Draft] = import_module(reader).read
     for folder in folders:
@@ -151,7 +159,7 @@ def load(
     upright = up or ("z" if ending == ".stl" else "y")
     draft = read(path, files, choices) if ending in _CHOOSING else read(path, files)
     scene = completed(draft, files, upright, surrounded=environment is not None)
-    changed = _changed(scene.with_origin(origin), environment, camera, hide_environment)
+    changed = _changed(scene.with_origin(origin).with_plugins(allowed), environment, camera, hide_environment)
     # A pose at one moment is that, whatever the time; what moves from there on has the times of the animation
     return _timed(changed, time_at if shutter is not None else None, shutter)
 

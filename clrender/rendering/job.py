@@ -17,6 +17,7 @@ from clrender.aov import ERRORS, FLOWS, check_aovs
 from clrender.device.source import kernels_sha256
 from clrender.errors import UsageError
 from clrender.files.package_data import kernels_folder
+from clrender.flatten.plugin_rows import plugin_hashes, used_plugins
 from clrender.flatten.supported import check_materials, check_motion
 from clrender.integrators import INTEGRATORS, Integrator
 from clrender.limits import checked_path
@@ -78,6 +79,7 @@ class RenderJob:
         denoise: bool = False,
         guiding_field: GuidingField | str | Path | None = None,
         light_groups: bool = False,
+        plugins: Any = None,
         **settings: Any,
     ) -> RenderJob:
         """Create a job and check it.
@@ -97,6 +99,8 @@ class RenderJob:
             on.
         light_groups : bool
             Whether to render the part of each light group as well, in as many renders again.
+        plugins : Plugin, str, pathlib.Path, or iterable of them, optional
+            Plugins that the scene's materials use, besides those that it was loaded with; see `clrender.plugin`.
         **settings
             Fields of `RenderSettings`; those not given come from the scene, else from the defaults.
 
@@ -109,11 +113,12 @@ class RenderJob:
         UsageError
             When a setting is invalid.
         SceneError
-            When the integrator does not support a material of the scene.
+            When the integrator does not support a material of the scene, or a plugin that it uses is not given.
         """
         if guiding_field is not None:
             settings = {"guiding": "on", **settings}
             guiding_field = _field(guiding_field)
+        scene = scene.with_plugins(plugins)
         job = cls._checked(scene, settings_for(scene, size, settings), samples, aov, denoise, guiding_field)
         if not light_groups:
             return job
@@ -254,14 +259,30 @@ class RenderJob:
         devices.
         """
         field = {} if self.guiding_field is None else {"guiding_field_sha256": self.guiding_field.sha256()}
+        plugins = plugin_hashes(used_plugins(self.scene))
         return {
             **self.settings.request(),
             **field,
+            **({"plugins": plugins} if plugins else {}),
             "scene_sha256": self.scene.sha256(),
             "kernel_sha256": kernels_sha256(),
             "sampler_sha256": _sampler_sha256(),
             "version": __version__,
         }
+
+    def check_for_cluster(self) -> None:
+        """Check that a cluster can render it.
+
+        Raises
+        ------
+        UsageError
+            When the scene uses plugins, which are programs: no message of a cluster carries any.
+        """
+        if plugins := used_plugins(self.scene):
+            raise UsageError(
+                f"{self.scene.source}: the scene uses the plugin {plugins[0].name}, and a cluster's jobs carry no "
+                "plugins, which are programs; render it without a cluster"
+            )
 
     def sha256(self) -> str:
         """Hash of the request: equal for jobs whose films can be merged."""
@@ -280,7 +301,10 @@ class RenderJob:
         ------
         SceneError
             When a file cannot be read.
+        UsageError
+            When the scene uses plugins.
         """
+        self.check_for_cluster()
         scene, assets = scene_to_portable(self.scene)
         field = None
         if self.guiding_field is not None:

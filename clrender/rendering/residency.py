@@ -22,6 +22,7 @@ from clrender.drivers import select
 from clrender.errors import DeviceError, UsageError
 from clrender.flatten.flat_scene import FlatScene, flatten, scene_origin, seen_by
 from clrender.flatten.light_groups import lit_by
+from clrender.flatten.plugin_rows import used_plugins
 from clrender.flatten.touching import camera_reach
 from clrender.integrators.descriptor import Pipeline
 from clrender.process.stages import Stages
@@ -29,6 +30,7 @@ from clrender.rendering.job import RenderJob
 from clrender.scene.resting import has_motion
 
 if TYPE_CHECKING:
+    from clrender.plugins import Plugin
     from clrender.scene import Scene
 
 __all__ = ["ApartError", "Residency"]
@@ -254,6 +256,7 @@ class _Geometry:
     compensated: bool
     termination: float | None
     lit_by: str | None
+    plugins: tuple[Plugin, ...]
     origin: tuple[float, float, float]
     reach: float
     interval: tuple[float, float] | None
@@ -264,7 +267,7 @@ class _Geometry:
         reach = camera_reach(job.scene.camera.opened, origin)
         interval = job.scene.camera.interval if has_motion(job.scene) else None
         sampling = _light_sampler(job), _compensated(job), job.settings.termination, job.lit_by
-        return cls(job.scene, *sampling, origin, reach, interval)
+        return cls(job.scene, *sampling, used_plugins(job.scene), origin, reach, interval)
 
     def same(self, other: _Geometry, camera_free: float) -> bool:
         """Whether the arrays are the same, which up to a reach do not depend on it."""

@@ -8,6 +8,7 @@
 #include "geometry/instance.h"
 #include "geometry/ray.h"
 #include "geometry/traverse.h"
+#include "plugin/given.h"
 #include "scene.h"
 #ifdef TEXTURES
 #include "texture/mapping.h"
@@ -180,6 +181,9 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
     s.error = placed_error(&placed, s.point, s.error);
     s.clearance = ray_clearance(s.normal, s.error);
     s.front = inner(s.normal, ray->direction) < 0.0f;
+#ifdef PLUGIN_TEXTURES
+    s.attributes.point = s.point;
+#endif
     return s;
 }
 

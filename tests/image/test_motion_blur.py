@@ -264,13 +264,13 @@ def crowd(count: int, **camera: Any) -> Scene:
     shapes = []
     for _ in range(count):
         place, step, turn = (random.uniform(-most, most, 3) for most in (1.0, 0.1, 90.0))
-        motion = [
+        motion: list[dict[str, Any]] = [
             {"time": 0.0, "translate": place},
             {"time": 1.0, "translate": place + step, "rotate_degrees": turn},
         ]
         shapes.append({"type": "instance", "group": "one", "motion": motion})
     return Scene(
-        camera={"position": [0, 0.5, 4], "target": [0, 0, 0], "vertical_fov": 35.0, **camera},
+        camera=dict[str, Any](position=[0, 0.5, 4], target=[0, 0, 0], vertical_fov=35.0, **camera),
         materials={"m": {"type": "lambert", "reflectance": [0.7, 0.6, 0.5]}},
         groups={"one": {"shapes": [{**part, "material": "m"} for part in parts]}},
         shapes=shapes,
@@ -293,10 +293,8 @@ def test_a_thousand_instances_are_the_mean_of_their_moments(device: Device) -> N
         still = np.stack(
             [blocks(session.render(each, size=size, spp=16, seed=99 + n).linear) for n, each in enumerate(moments)]
         )
-        hashes = {
-            session.render(blurred, size=size, spp=2, **way).stats["image_sha256"]
-            for way in (dict[str, Any](), {"lanes": 1, "tile": 16}, {"kernels": "staged"})
-        }
+        ways: tuple[dict[str, Any], ...] = ({}, {"lanes": 1, "tile": 16}, {"kernels": "staged"})
+        hashes = {session.render(blurred, size=size, spp=2, **way).stats["image_sha256"] for way in ways}
     error = np.sqrt(2.0 * made.var(axis=0, ddof=1) / 16)
     assert (np.abs(made.mean(axis=0) - still.mean(axis=0)) < 5.0 * error).all()
     assert len(hashes) == 1

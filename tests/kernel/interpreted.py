@@ -35,6 +35,7 @@ from clrender.device.scene_arrays import SceneArrays
 from clrender.device.worker import DeviceWorker
 from clrender.drivers.arithmetic import check as arithmetic_check
 from clrender.drivers.discover import drivers, load_platforms
+from clrender.files.package_data import scenes_folder
 from clrender.film import Film
 from clrender.film.unit import Unit, UnitSums, slot_count
 from clrender.flatten.flat_box import scene_box
@@ -112,6 +113,8 @@ class Run:
         Distortion of the camera's lens; empty: none.
     motion : bool
         With shapes, a lamp and the camera that move while the shutter is open.
+    plugins : bool
+        With BSDFs and a texture of plugins.
     """
 
     kernel: str
@@ -134,6 +137,7 @@ class Run:
     universal: bool = False
     calibrated: str = ""
     motion: bool = False
+    plugins: bool = False
 
 
 RENDERS: Final = {
@@ -196,6 +200,8 @@ RENDERS: Final = {
     "bdpt-1-motion": Run("bdpt", 1, motion=True),
     "reuse-4-motion": Run("reuse", 4, samples=2, motion=True),
     "photon-4-motion": Run("photon", 4, motion=True),
+    "path-1-plugins": Run("path", 1, plugins=True),
+    "path-4-plugins": Run("path", 4, samples=2, plugins=True, instances=True),
     "path-4-replicates": Run("path", 4, samples=4, replicate=2),
     "path-16": Run("path", 16, samples=2),
     "path-1-large": Run("path", 1, large=True),
@@ -332,6 +338,16 @@ def scene(run: Run, folder: Path) -> FlatScene:
             (7, {"checker": [color, 0.0]}),
         ):
             shapes[number]["emission"] = emission
+    given = {
+        "moon": {
+            "type": "plugin",
+            "plugin": "minnaert",
+            "parameters": {"k": 2.0, "reflectance": {"ramp": [0.2, color]}},
+        },
+        "wood": {"type": "lambert", "reflectance": {"plugin": "wood", "parameters": {"rings": 3.0}}},
+        "matt": {"type": "mix", "materials": ("moon", "wood")},
+        "mirror": {"type": "plugin", "plugin": "ashikhmin_shirley", "parameters": {"diffuse": {"plugin": "wood"}}},
+    }
     scattering: dict[str, Any] = {
         "media": {"smoke": {"scattering": (1, 2, 0.5), "absorption": 0.2, "g": 0.6}, "milk": {"scattering": 6.0}},
         "fog": "smoke",
@@ -368,6 +384,7 @@ def scene(run: Run, folder: Path) -> FlatScene:
             **(media if run.interiors else {}),
             **(walks if run.skin else {}),
             **(textured if run.textured or run.opacity else {}),
+            **(given if run.plugins else {}),
         },
         "shapes": shapes,
         "lights": [
@@ -389,6 +406,7 @@ def scene(run: Run, folder: Path) -> FlatScene:
             shape["motion"] = keys
     pixels = np.random.default_rng(71).random((3, 5, 3), np.float32)
     what = Scene.model_validate(described).placed("everything", folder)
+    what = what.with_plugins(sorted(scenes_folder().glob("plugins/*.cl")) if run.plugins else None)
     # Photons start at lights, for which a tree has no answer
     choice = "power" if run.kernel in ("photon", "bdpt", "chains-bdpt") else "auto"
     return flatten(what.with_files(environments={"sky": EnvironmentPicture(pixels)}), WIDTH, HEIGHT, choice)

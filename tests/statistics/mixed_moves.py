@@ -202,7 +202,8 @@ def compiled_for_volumes() -> Iterator[None]:
     of, seen_by = Features.of, Features.seen_by
 
     def made(*values: Any) -> Features:
-        return replace(of(*values), **dict.fromkeys(VOLUMES, True))
+        flags: dict[str, Any] = dict.fromkeys(VOLUMES, True)
+        return replace(of(*values), **flags)
 
     def seen(features: Features, *values: Any) -> Features:
         return replace(seen_by(features, *values), calibrated_camera=True, motion=True)

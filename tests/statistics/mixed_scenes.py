@@ -19,6 +19,7 @@ from typing import Any, Final
 import numpy as np
 from mixed_files import files
 from mixed_parts import Draw, Json, emission_for_white, medium
+from mixed_plugins import PLUGINS, plugged
 from mixed_shapes import Things
 
 from clrender.cameras.poses import CONVENTIONS, pose_matrix
@@ -59,7 +60,7 @@ class Mixed:
 
     def scene(self, folder: Path) -> Scene:
         """The scene, with its files in a folder."""
-        return Scene(**self.content).placed(self.name, folder)
+        return Scene(**self.content).placed(self.name, folder).with_plugins(PLUGINS)
 
     def write(self, folder: Path) -> Path:
         """Write the scene and the files that it names; returns the scene's path."""
@@ -87,6 +88,7 @@ def mixed_scene(kind: str, number: int) -> Mixed:
     _as_seen_by_machines(mixed.name, mixed.content["camera"])
     _grouped(mixed.name, mixed.content)
     _moving(mixed)
+    plugged(mixed.name, mixed.content)
     return mixed
 
 
