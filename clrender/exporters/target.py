@@ -12,6 +12,8 @@ from clrender.errors import SceneError
 from clrender.exporters.files import NamedFiles
 from clrender.files.access import atomic_write
 from clrender.scene import PluginMaterial, Scene
+from clrender.scene.motion import rests
+from clrender.scene.resting import has_motion, opened
 from clrender.scene.textures import PluginTexture, textures_of
 from clrender.wording import place
 
@@ -118,13 +120,23 @@ class Target:
     _notes: dict[str, list[str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Refuse what no other program has.
+        """Refuse what no other program has, and take what moves as it is when the shutter opens.
 
         Raises
         ------
         SceneError
             A material is made by a plugin.
         """
+        moving, (begin, end) = self.scene, self.scene.camera.interval
+        self.scene = opened(moving)
+        sentence = "motion: it is where it is when the shutter opens"
+        if moving.camera.track is not None:
+            self.leave_out(sentence, "camera", "motion")
+        for index, shape in enumerate(moving.shapes if has_motion(moving) else ()):
+            if shape.motion and rests(shape.motion, begin, end) is None:
+                self.leave_out(sentence, "shapes", index, "motion")
+        if moving.camera.rolling_shutter > 0.0:
+            self.leave_out("a rolling shutter", "camera", "rolling_shutter")
         for name, material in self.scene.materials.items():
             textures = ((key, each) for key, each in textures_of(material) if isinstance(each, PluginTexture))
             at, plugin = next(textures, ("", material if isinstance(material, PluginMaterial) else None))

@@ -260,7 +260,10 @@ CORNELL: dict[Any, Any] = {
 def crowd(count: int, **camera: Any) -> Scene:
     """Instances that each go their own way, of a group of a box and a ball."""
     random = np.random.default_rng(3)
-    parts = [{"type": "box", "size": [0.1, 0.06, 0.04]}, {"type": "sphere", "center": [0, 0.06, 0], "radius": 0.04}]
+    parts: list[dict[str, Any]] = [
+        {"type": "box", "size": [0.1, 0.06, 0.04]},
+        {"type": "sphere", "center": [0, 0.06, 0], "radius": 0.04},
+    ]
     shapes = []
     for _ in range(count):
         place, step, turn = (random.uniform(-most, most, 3) for most in (1.0, 0.1, 90.0))
