@@ -13,10 +13,10 @@ static uint slot_rows(__global const Settings* settings) {
     return settings->views > 0 ? settings->views * settings->view_rows : settings->height - settings->less_height;
 }
 
-// Of several cameras, the one whose image has this block, and the first row of its image in the film.
+// Of several cameras, the one whose image has this block, and the first row of its image in the film. Blocks below the film count as the last one's.
 static uint slot_view(__global const Settings* settings, uint2 block) {
     const uint whole_divisor = settings->view_rows;
-    return settings->views > 0 ? block.y / whole_divisor : 0u;
+    return settings->views > 0 ? min(block.y / whole_divisor, settings->views - 1u) : 0u;
 }
 static uint slot_view_top(__global const Settings* settings, uint2 block) { return slot_view(settings, block) * settings->view_rows; }
 

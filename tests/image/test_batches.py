@@ -55,6 +55,15 @@ def test_a_batch_has_the_bits_of_each_image(device: Device, how: dict[str, Any])
         check(session, scene, cameras(scene), **how)
 
 
+def test_a_batch_of_what_moves(device: Device) -> None:
+    """Images of three heights of blocks, so that blocks lie below the last one."""
+    keys = [{"time": 0.0}, {"time": 1.0, "translate": [0.2, 0.0, 0.0]}]
+    scene = clrender.load("room").changed({"camera.shutter": [0.0, 1.0], "shapes.6.motion": keys})
+    views = [scene.camera.changed(vertical_fov=30.0 + 5.0 * number) for number in range(4)]
+    with clrender.Session(device.info.index) as session:
+        check(session, scene, views)
+
+
 def test_a_batch_is_one_render(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = clrender.load("room")
     monkeypatch.setattr(clrender.Session, "render", None)
