@@ -12,8 +12,20 @@ from clrender.aov.first_hits import (
     LayerArguments,
     LayerKind,
     first_hits,
+    hit_counts,
 )
-from clrender.aov.names import AOVS, ERRORS, MATTES, OF_FILM, channel_count, check_aovs, exact_channels, exr_channels
+from clrender.aov.labels import Label, Labelling, labels_told
+from clrender.aov.names import (
+    AOVS,
+    ERRORS,
+    LABELS,
+    MATTES,
+    OF_FILM,
+    channel_count,
+    check_aovs,
+    exact_channels,
+    exr_channels,
+)
 
 __all__ = [
     "AOVS",
@@ -21,10 +33,13 @@ __all__ = [
     "FIRST_HITS",
     "GUIDES",
     "GUIDE_SAMPLES",
+    "LABELS",
     "LAYER_KINDS",
     "LAYER_SAMPLES",
     "MATTES",
     "OF_FILM",
+    "Label",
+    "Labelling",
     "LayerArguments",
     "LayerKind",
     "channel_count",
@@ -32,6 +47,8 @@ __all__ = [
     "exact_channels",
     "exr_channels",
     "first_hits",
+    "hit_counts",
+    "labels_told",
     "matte_attributes",
     "matte_names",
 ]

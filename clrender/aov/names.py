@@ -14,6 +14,7 @@ from clrender.wording import suggestion
 __all__ = [
     "AOVS",
     "ERRORS",
+    "LABELS",
     "MATTES",
     "OF_FILM",
     "RANKS",
@@ -41,6 +42,9 @@ AOVS: Final[Mapping[str, str]] = {
     "uv": "UV",
     "object": "V",
     "material": "V",
+    "instance": "VA",
+    "category": "VA",
+    "part": "VA",
     "samples": "V",
     "stderr": "RGB",
     "unconverged": "V",
@@ -57,6 +61,9 @@ OF_FILM: Final = frozenset(("samples", *ERRORS))
 
 MATTES: Final[Mapping[str, str]] = {"crypto_object": "CryptoObject", "crypto_material": "CryptoMaterial"}
 """The layers that are mattes, and their names in files."""
+
+LABELS: Final = ("instance", "category", "part")
+"""The layers of exact numbers; see `clrender.aov.labels`."""
 
 _HALF: Final = ("alpha", "albedo", "emission", "normal", "normal_camera", "tangent")
 """Shares, colours and directions, for which half precision suffices."""

@@ -58,7 +58,12 @@ _FILM_PIXELS: Final = 1 << 24
     metavar="LIST",
     shell_complete=complete_layers,
     help="Layers of the .exr: alpha,albedo,emission,normal,normal_camera,tangent,depth,z_depth,position,uv,"
-    "object,material,samples,crypto_object,crypto_material,stderr,unconverged.",
+    "object,material,instance,category,part,samples,crypto_object,crypto_material,stderr,unconverged.",
+)
+@click.option(
+    "--amodal",
+    metavar="LIST",
+    help="Layers of the .exr with what these instances, or all, cover as if nothing stood before them.",
 )
 @click.option(
     "--light-groups",
@@ -121,6 +126,7 @@ def render(
     shutter: float | None,
     iso: float | None,
     aov: str | None,
+    amodal: str | None,
     light_groups: bool,
     alpha: bool,
     exr_type: str,
@@ -157,10 +163,11 @@ def render(
     check_distinct(written, [Path(scene), *([guiding_field] if guiding_field else [])])
     layers = _layers(aov, outputs)
     _check_layers(light_groups, "--light-groups", outputs)
+    _check_layers(amodal is not None, "--amodal", outputs)
     if alpha:
         layers, reading["hide_environment"] = _with_alpha(layers, outputs), True
     exr = {"exr_type": exr_type, "exr_compression": exr_compression, "exr_tile": exr_tile}
-    _check_exr(layers, exr)
+    _check_exr((*layers, "instance") if amodal else layers, exr)
     with interruptible() as interrupt, ExitStack() as stack:
         from clrender.importers import load
         from clrender.rendering.job import RenderJob
@@ -175,6 +182,7 @@ def render(
         check_distinct(written, scene_files(scene, description))
         chosen = {name: value for name, value in settings.items() if value is not None}
         chosen |= {"aov": layers, "denoise": denoise, "guiding_field": guiding_field, "light_groups": light_groups}
+        chosen |= {"amodal": amodal} if amodal else {}
         job = RenderJob.of(description, size=size, **chosen)
         if save_guiding_field is not None and job.settings.guiding == "off":
             raise UsageError("--save-guiding-field: no field guides this render; ask for one with --guiding on")

@@ -53,6 +53,10 @@ class Assembly:
         shapes that of their instance), `seen_shape` the index in `scene`.
     seen_begin : (N,) int64
         Of each instance: the offset from the index of a group's shape in `scene` to its index in these two arrays.
+    own_turns : (own_shapes,) int64
+        Of each shape in world space: which transform of its entry in the original list placed it, from 0.
+    placed : (N, 2) int64
+        Of each instance: its entry in the original list, and which transform of the entry placed it.
     """
 
     scene: Scene
@@ -63,6 +67,8 @@ class Assembly:
     seen_place: NDArray[np.int64]
     seen_shape: NDArray[np.int64]
     seen_begin: NDArray[np.int64]
+    own_turns: NDArray[np.int64]
+    placed: NDArray[np.int64]
 
 
 def assemble(scene: Scene) -> Assembly:
@@ -78,12 +84,14 @@ def assemble(scene: Scene) -> Assembly:
     none = np.zeros(0, np.int64)
     if len(own) == len(scene.shapes):
         all_own = np.arange(len(own))
-        return Assembly(scene, len(own), (), none, np.zeros((0, 3, 4)), all_own, all_own, none)
+        nowhere = np.zeros((0, 3, 4)), all_own, all_own, none, np.zeros_like(all_own), np.zeros((0, 2), np.int64)
+        return Assembly(scene, len(own), (), none, *nowhere)
     written: list[_Placed] = []
     kept: list[_Placed] = []
     groups: dict[str, tuple[int, range]] = {}
     placed: list[tuple[int, int, int]] = []  # entry, group, how often
     maps: list[NDArray[np.float64]] = []
+    turns = [np.zeros(len(own), np.int64)]
     small = _small_groups(scene)
     for index, instance in scene.instances():
         array = scene.transforms(index).maps
@@ -95,6 +103,7 @@ def assemble(scene: Scene) -> Assembly:
             raise SceneError(f"{scene.source}: shapes[{index}] {text}")
         written += _written(alone, array)
         own_places += [index] * (len(alone) * len(array))
+        turns.append(np.repeat(np.arange(len(array)), len(alone)))
         if len(alone) == len(shapes):
             continue
         if instance.group not in groups:
@@ -121,7 +130,16 @@ def assemble(scene: Scene) -> Assembly:
         np.concatenate(seen_place),
         np.concatenate(seen_shape),
         np.concatenate(begins),
+        np.concatenate(turns),
+        np.concatenate(
+            [np.zeros((0, 2), np.int64), *(_numbered(index, count) for index, _, count in placed)], dtype=np.int64
+        ),
     )
+
+
+def _numbered(entry: int, count: int) -> NDArray[np.int64]:
+    """(count, 2): an entry, and the number of each of its transforms."""
+    return np.stack([np.full(count, entry), np.arange(count)], axis=1)
 
 
 def _small_groups(scene: Scene) -> set[str]:

@@ -76,6 +76,9 @@ class FlatInstances:
         Index in the scene's list of shapes, for each shape in world space.
     seen_begin : (N,) int64
         See `clrender.flatten.assembly.Assembly`.
+    own_turns : (S,) int64
+    placed : (N, 2) int64
+        See `clrender.flatten.assembly.Assembly`.
     """
 
     rows: NDArray[np.float32]
@@ -88,16 +91,25 @@ class FlatInstances:
     own_vertices: int
     own_places: NDArray[np.int64]
     seen_begin: NDArray[np.int64]
+    own_turns: NDArray[np.int64]
+    placed: NDArray[np.int64]
 
     @classmethod
     def none(
-        cls, own_triangles: int, own_analytic: int, own_vertices: int, own_places: NDArray[np.int64]
+        cls,
+        own_triangles: int,
+        own_analytic: int,
+        own_vertices: int,
+        own_places: NDArray[np.int64],
+        own_turns: NDArray[np.int64] | None = None,
     ) -> FlatInstances:
-        """The instances of a scene that has none."""
+        """The instances of a scene that has none, or only such that are written out."""
         nowhere = np.array([layout.NONE, 0, 0, 0], np.uint32)
         own = own_triangles, own_analytic, own_vertices, own_places
         empty = np.zeros(0, np.int64)
-        return cls(np.zeros((2, 16), np.float32), nowhere, np.zeros((0, 6), np.float32), (), empty, *own, empty)
+        turns = np.zeros_like(own_places) if own_turns is None else own_turns
+        nothing = np.zeros((2, 16), np.float32), nowhere, np.zeros((0, 6), np.float32), (), empty
+        return cls(*nothing, *own, empty, turns, np.zeros((0, 2), np.int64))
 
     @property
     def count(self) -> int:
@@ -168,7 +180,8 @@ def flat_instances(assembly: Assembly, surfaces: FlatSurfaces) -> FlatInstances:
     present = filled[assembly.group_of] if len(assembly.group_of) else np.zeros(0, bool)
     group_of, maps = assembly.group_of[present], assembly.maps[present]
     if not len(group_of):
-        return FlatInstances.none(own_triangles, own_analytic, own_vertices, assembly.seen_place[: assembly.own_shapes])
+        own_places = assembly.seen_place[: assembly.own_shapes]
+        return FlatInstances.none(own_triangles, own_analytic, own_vertices, own_places, assembly.own_turns)
     counts = np.array([group.count for group in groups], np.int64)[group_of]
     numbers = triangles + analytic + np.concatenate([[0], np.cumsum(counts)])
     if numbers[-1] > NUMBER_LIMIT:
@@ -196,7 +209,15 @@ def flat_instances(assembly: Assembly, surfaces: FlatSurfaces) -> FlatInstances:
     boxes = _boxes(surfaces, groups, group_of, to_world, to_object, own_box)
     own = own_triangles, own_analytic, own_vertices, assembly.seen_place[: assembly.own_shapes]
     return FlatInstances(
-        rows.reshape(-1, 16), _guides(numbers), boxes, groups, group_of, *own, assembly.seen_begin[present]
+        rows.reshape(-1, 16),
+        _guides(numbers),
+        boxes,
+        groups,
+        group_of,
+        *own,
+        assembly.seen_begin[present],
+        assembly.own_turns,
+        assembly.placed[present],
     )
 
 
