@@ -158,6 +158,6 @@ class ImageFiles:
             return
         path = self._folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_write(path) as file:
+        with atomic_write(path, durable=False) as file:  # the record proves it, or it is made again
             file.write(data)
         self.written[name] = [len(data), hashlib.sha256(data).hexdigest()]

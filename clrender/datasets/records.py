@@ -58,7 +58,7 @@ class Records:
         """Write the record of an image."""
         path = self.path(index)
         path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_write(path) as file:
+        with atomic_write(path, durable=False) as file:
             file.write(json_bytes({**record, "image": index, "key": self._key}))
 
     def read(self, index: int) -> dict[str, Any] | None:

@@ -203,8 +203,8 @@ class Spec(Part):
         return self
 
     def content(self) -> dict[str, Any]:
-        """All that it says, JSON-able."""
-        found: dict[str, Any] = self.model_dump(mode="json")
+        """All that it says beyond the defaults, JSON-able."""
+        found: dict[str, Any] = self.model_dump(mode="json", exclude_defaults=True)
         return found
 
     def sha256(self) -> str:
