@@ -76,12 +76,12 @@ def dataset(
     Images that are there already are not rendered again. When all are there, the manifest is written, by which
     `clrender verify DIR` proves the data set. Parts may be made in the same folder, or merged from others.
     """
-    from clrender.datasets import DatasetPlan, load_spec, make_dataset, merge_datasets
+    from clrender.datasets import DatasetPlan, make_dataset, merge_datasets
 
     if output is None and not dry_run:
         raise UsageError("the option --output is missing; name the folder of the data set with -o DIR")
     names = None if writers is None else [name.strip() for name in writers.split(",") if name.strip()]
-    plan = DatasetPlan.of(load_spec(spec, names), ascii(str(spec))[1:-1], spec.parent, allow_paths=allow_paths)
+    plan = DatasetPlan.load(spec, names, allow_paths)
     wanted = _wanted(plan.spec.images, images, part)
     if dry_run:
         for index in wanted:
@@ -148,7 +148,7 @@ class _Lines:
 
 def _result(folder: Path, plan: DatasetPlan, progress: DatasetProgress, what: str) -> str:
     """Summary of the result in one line."""
-    parts = [f"{folder}: {progress.rendered} images {what}"]
+    parts = [f"{folder}: {progress.rendered} {'image' if progress.rendered == 1 else 'images'} {what}"]
     if progress.missing:
         parts.append(f"{progress.missing} of {plan.spec.images} are missing")
         return ", ".join(parts)

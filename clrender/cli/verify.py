@@ -155,9 +155,7 @@ def _verify_dataset(
         least = found.detected() if found.sound else None
         click.echo(json.dumps({**dataclasses.asdict(found), "sound": found.sound, "detected_95": least}, indent=2))
     elif found.sound:
-        done = (
-            f"{found.files} files of {found.images} images as the manifest says, {found.checked} images rendered again"
-        )
+        done = f"{found.files} files of {found.images} images as the manifest says, {found.checked} rendered again"
         line = f"{folder}: {done}, identical bit for bit"
         if found.checked < found.images:
             least = found.detected()

@@ -300,6 +300,8 @@ def _place_of(folder: Path, name: str, arrays: Mapping[str, Any] | None) -> str:
     data = _Archives(folder).bytes_of(name)
     if data is None:
         return f"{name}: is missing"
+    if not name.endswith((".png", ".exr")):
+        return f"{name}: its bytes are not those of the manifest"
     try:
         there = decoded(name, data)
     except Exception:  # see `_pixels_sha256`
@@ -307,8 +309,6 @@ def _place_of(folder: Path, name: str, arrays: Mapping[str, Any] | None) -> str:
     shapes = {each: array.shape for each, array in there.items()}
     if arrays is None or shapes != {each: array.shape for each, array in arrays.items()}:
         return f"{name}: has another size or other channels than the manifest says"
-    if not name.endswith((".png", ".exr")):
-        return f"{name}: its bytes are not those of the manifest"
     some = next(iter(arrays.values()))
     differs = np.zeros(some.shape[:2], bool)
     for each, array in arrays.items():

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from clrender.datasets.placing import Drawer, placed_camera, with_distractors, with_objects
-from clrender.datasets.spec import Spec
+from clrender.datasets.spec import Spec, load_spec
 from clrender.errors import SceneError, UsageError
 from clrender.exact.counters import key_of, philox
 from clrender.importers.cameras.read import load_cameras, with_camera
@@ -69,8 +70,53 @@ class DatasetPlan:
     categories: tuple[str, ...] = field(default=())
 
     @classmethod
+    def load(
+        cls, path: str | Path, writers: Iterable[str] | None = None, allow_paths: Sequence[str | Path] = ()
+    ) -> DatasetPlan:
+        """Read the file of a data set and what it names, and check its first image.
+
+        Parameters
+        ----------
+        path : path
+            `.toml` or `.json`; names of files in it are relative to its folder.
+        writers : iterable of str, optional
+            In place of those of the file.
+        allow_paths : sequence of path
+            See `clrender.load`.
+
+        Raises
+        ------
+        SceneError, UsageError
+            See `of`.
+        """
+        spec = load_spec(path, writers)
+        return cls.of(spec, ascii(str(path))[1:-1], Path(path).parent, allow_paths=allow_paths)
+
+    @classmethod
+    def from_table(cls, content: Mapping[str, Any], folder: str | Path = ".") -> DatasetPlan:
+        """A data set as its file would say it.
+
+        Parameters
+        ----------
+        content : mapping
+        folder : path
+            That names of files are relative to.
+
+        Raises
+        ------
+        SceneError, UsageError
+            See `of`.
+        """
+        return cls.of(Spec.of(content, "data set"), "data set", Path(folder))
+
+    @classmethod
     def of(
-        cls, spec: Spec, source: str, folder: Path, scene: str | Path | None = None, allow_paths: Any = ()
+        cls,
+        spec: Spec,
+        source: str,
+        folder: Path,
+        scene: str | Path | None = None,
+        allow_paths: Sequence[str | Path] = (),
     ) -> DatasetPlan:
         """Load the scene of a data set, and check its first image.
 
