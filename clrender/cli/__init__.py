@@ -31,8 +31,8 @@ STARTED: Final = time.perf_counter()
 
 COMMANDS: Final[dict[str, str]] = {
     "render": "Render a scene to image files.",
-    "dataset": "Make a labelled data set of many images.",
     "view": "Show a scene live in the browser.",
+    "dataset": "Make a labelled data set of many images.",
     "devices": "List OpenCL devices and their check results.",
     "doctor": "Diagnose OpenCL on this machine: problems, causes and fixes.",
     "new": "Write a commented example scene.",
