@@ -54,7 +54,7 @@ class Drawer:
 
     def value(self, place: str, value: Any) -> Any:
         """A value with its distributions drawn."""
-        found = drawn(value, self.draws(place))
+        found = drawn(value, self.draws, place)
         if found != value:
             self.drawn[place] = found
         return found

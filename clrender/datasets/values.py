@@ -144,30 +144,37 @@ _CHECKS: Final[Mapping[str, Callable[[Mapping[str, Any], tuple[str | int, ...]],
 }
 
 
-def drawn(value: Any, draws: Draws) -> Any:
+def drawn(value: Any, draws: Callable[[str], Draws], place: str = "") -> Any:
     """A value with a number, or whatever is chosen, in the place of each distribution.
 
     Parameters
     ----------
     value
         That `checked_value` accepts.
-    draws : Draws
-        For this value.
+    draws : callable
+        Random numbers for the distribution at a place within the value: each has its own, whatever the order of tables.
+    place : str
+        Of the value.
     """
     kind = _kind(value)
     if kind is None:
         if isinstance(value, Mapping):
-            return {key: drawn(each, draws) for key, each in value.items()}
-        return [drawn(each, draws) for each in value] if isinstance(value, list | tuple) else value
+            return {key: drawn(each, draws, f"{place}.{key}") for key, each in value.items()}
+        if isinstance(value, list | tuple):
+            return [drawn(each, draws, f"{place}[{index}]") for index, each in enumerate(value)]
+        return value
     if kind == "choice":
-        return drawn(value["choice"][_chosen(value, draws)], draws)
+        index = _chosen(value, draws(place))
+        return drawn(value["choice"][index], draws, f"{place}.choice[{index}]")
     if kind == "temperature":
-        return _light(drawn(value["temperature"], draws), drawn(value.get("power", 1.0), draws))
+        kelvin = drawn(value["temperature"], draws, f"{place}.temperature")
+        return _light(kelvin, drawn(value.get("power", 1.0), draws, f"{place}.power"))
     low, high = value[kind]
     one = {"uniform": _uniform, "log_uniform": _log_uniform, "integer": _integer, "normal": _normal}[kind]
+    numbers = draws(place)
     if isinstance(low, list | tuple):
-        return [one(*ends, value, draws) for ends in zip(low, high, strict=True)]
-    return one(low, high, value, draws)
+        return [one(*ends, value, numbers) for ends in zip(low, high, strict=True)]
+    return one(low, high, value, numbers)
 
 
 def _chosen(value: Mapping[str, Any], draws: Draws) -> int:

@@ -178,9 +178,11 @@ def test_instances_of_groups(device: Device) -> None:
     """A group with a lamp in it, which is written out; placed once, thrice, and from a file's array."""
     group = {"shapes": [
         strip(0.0, 0.625, name="leg", category="leg"),
-        strip(0.625, 0.75, emission=[1, 1, 1], material=None),
+        strip(0.625, 0.75, emission=[1, 1, 1]),
+            strip(0.75, 0.8125, emission=[2, 2, 2]),
     ]}  # fmt: skip
-    del group["shapes"][1]["material"]
+    for lamp in group["shapes"][1:]:
+        del lamp["material"]
 
     def at(x: float) -> list[list[float]]:
         return [[1, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
@@ -198,17 +200,18 @@ def test_instances_of_groups(device: Device) -> None:
         strip(3.0, 3.75, name="chairs"),
     ]
     what = scene(*shapes, groups={"chair": group})
-    image = rendered(device, what)
+    image = rendered(device, what, amodal="all")
     assert image.mask("instance")[1].tolist() == [1, 2, 0, 3, 0, 4, 5, 5]
     assert image.mask("category")[1].tolist() == [1, 1, 0, 1, 0, 2, 0, 0], "the instance's, else that of the shape"
     assert image.mask("part")[1].tolist() == [3, 3, 0, 3, 0, 3, 1, 2]
-    assert [image.aovs[layer][1, 0, 1] for layer in ALL] == [0.75, 0.75, 0.625]
+    assert [image.aovs[layer][1, 0, 1] for layer in ALL] == [0.8125, 0.8125, 0.625]
     told = {label.number: (label.name, label.category, label.area) for label in image.labels["instance"]}
+    assert all(label.whole_area == label.area for label in image.labels["instance"])
     assert told == {
-        1: ("chairs[0]", "chair", 3.0),
-        2: ("chairs[1]", "chair", 3.0),
-        3: ("chairs[2]", "chair", 3.0),
-        4: ("instance_1", None, 3.0),
+        1: ("chairs[0]", "chair", 3.25),
+        2: ("chairs[1]", "chair", 3.25),
+        3: ("chairs[2]", "chair", 3.25),
+        4: ("instance_1", None, 3.25),
         5: ("chairs", None, 6.0),
     }
     parts = {label.number: (label.name, label.area) for label in image.labels["part"]}
@@ -217,6 +220,7 @@ def test_instances_of_groups(device: Device) -> None:
         2: ("chairs", 3.0),
         3: ("chair/leg", 10.0),
         4: ("chair/quad_1", 2.0),
+        5: ("chair/quad_2", 1.0),
     }
     assert Labelling.of(what).numbered(["chairs"]) == [1, 2, 3, 5]
     assert Labelling.of(what).numbered(["chairs[1]", "instance_1"]) == [2, 4]
