@@ -13,7 +13,8 @@ import numpy.typing as npt
 
 from clrender import layout
 from clrender.aov.cryptomatte import matte_names, name_id, ranked
-from clrender.aov.labels import Labelling, LabelNumbers, majority
+from clrender.aov.label_numbers import LabelNumbers, majority
+from clrender.aov.labels import Labelling
 from clrender.aov.names import LABELS, MATTES, OF_FILM, RANKS
 from clrender.aov.samples import PrimitiveSamples
 from clrender.device.scene_arrays import scene_array_names

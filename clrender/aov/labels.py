@@ -14,21 +14,18 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.errors import SceneError
-from clrender.flatten.assembly import assemble
 from clrender.scene.groups import Instance
 from clrender.wording import quoted, suggestion
 
 if TYPE_CHECKING:
-    from clrender.flatten.flat_scene import FlatScene
     from clrender.scene import Scene
 
-__all__ = ["Label", "LabelNumbers", "Labelling", "labels_told", "majority"]
+__all__ = ["Label", "Labelling", "is_many", "labels_told"]
 
 _Integers = npt.NDArray[np.int64]
 
 _MOST: Final = 1 << 24
 """Whole numbers up to this one are exact in single precision."""
-_CHUNK: Final = 1 << 21
 
 
 @dataclass(frozen=True)
@@ -105,7 +102,7 @@ class Labelling:
     def _made(cls, scene: Scene) -> Labelling:
         first, runs, entries, known, count = [], list[int](), list[int](), dict[str, int](), 0
         for at, shape in enumerate(scene.shapes):
-            many = _is_many(shape)
+            many = is_many(shape)
             if not many and shape.name in known:
                 first.append(known[shape.name])
                 continue
@@ -128,9 +125,10 @@ class Labelling:
         told = tuple(sorted(each for each in categories if each is not None))
         return cls(scene, told, tuple(parts), count, np.array(first, np.int64), tuple(runs), tuple(entries))
 
-    def first(self, entry: int) -> int:
-        """The first number of an entry of the scene's list of shapes."""
-        return int(self._first[entry])
+    @property
+    def firsts(self) -> _Integers:
+        """The first number of each entry of the scene's list of shapes, (entries,) int64."""
+        return self._first
 
     def name(self, layer: str, number: int) -> str:
         """The name of a number of a layer."""
@@ -139,7 +137,7 @@ class Labelling:
         run = bisect.bisect_right(self._runs, number) - 1
         entry = self._entries[run]
         shape = self.scene.shapes[entry]
-        return _named(shape, entry) + (f"[{number - self._runs[run]}]" if _is_many(shape) else "")
+        return _named(shape, entry) + (f"[{number - self._runs[run]}]" if is_many(shape) else "")
 
     def entries(self, number: int) -> Iterator[tuple[int, int | None]]:
         """Entries of the scene's list that make up an instance.
@@ -151,11 +149,11 @@ class Labelling:
             Which of the entry's `transforms`; None if it has none.
         """
         entry = self._entries[bisect.bisect_right(self._runs, number) - 1]
-        if _is_many(self.scene.shapes[entry]):
-            yield entry, number - self.first(entry)
+        if is_many(self.scene.shapes[entry]):
+            yield entry, number - int(self._first[entry])
             return
         for at in np.flatnonzero(self._first == number).tolist():
-            if not _is_many(self.scene.shapes[at]):
+            if not is_many(self.scene.shapes[at]):
                 yield at, None
 
     def category(self, number: int) -> str | None:
@@ -189,94 +187,6 @@ class Labelling:
             if name not in every:
                 raise SceneError(f"{self.scene.source}: has no instance {quoted(name)}{suggestion(name, every)}")
         return sorted({number for name in names for number in every[name]})
-
-
-class LabelNumbers:
-    """Numbers of what rays hit.
-
-    Parameters
-    ----------
-    labelling : Labelling
-    flat : FlatScene
-        The arrays of its scene.
-    """
-
-    def __init__(self, labelling: Labelling, flat: FlatScene) -> None:
-        scene, assembly = labelling.scene, assemble(labelling.scene)
-        instances = flat.instances
-        first = np.append(labelling._first, 0)
-        own, placed = instances.own_places, instances.placed
-        self._own_instance = first[own] + instances.own_turns * _many(scene, own)
-        self._placed_instance = first[placed[:, 0]] + placed[:, 1] * _many(scene, placed[:, 0])
-        places = {place: number for number, (place, _) in enumerate(scene.all_shapes(), 1)}
-        shapes = assembly.scene.shapes
-        self._part = np.array([places[assembly.scene.place_of(at)] for at in range(len(shapes))], np.int64)
-        numbers: dict[str | None, int] = {None: 0} | {name: n for n, name in enumerate(labelling.categories, 1)}
-        of_entry = np.array([*(numbers[shape.category] for shape in scene.shapes), 0], np.int64)
-        self._shape_category = np.array([numbers[shape.category] for shape in shapes], np.int64)
-        self._own_category, self._placed_category = of_entry[own], of_entry[placed[:, 0]]
-
-    def of(self, layer: str, shape: _Integers, instance: _Integers) -> _Integers:
-        """Numbers of a layer.
-
-        Parameters
-        ----------
-        layer : str
-            One of `clrender.aov.names.LABELS`.
-        shape : (n,) int64
-            Shapes of the assembled scene that were hit.
-        instance : (n,) int64
-            Instances that they are in; -1: none.
-
-        Returns
-        -------
-        (n,) int64
-        """
-        if layer == "part":
-            return self._part[shape]
-        own, placed = {
-            "instance": (self._own_instance, self._placed_instance),
-            "category": (self._own_category, self._placed_category),
-        }[layer]
-        # What is in an instance comes after all shapes in world space
-        found = np.append(own, 0)[np.minimum(shape, len(own))]
-        found = np.where(instance >= 0, np.append(placed, 0)[instance], found)
-        return np.where(found == 0, self._shape_category[shape], found) if layer == "category" else found
-
-
-def majority(numbers: npt.NDArray[np.uint32], taken: npt.NDArray[np.uint32]) -> npt.NDArray[np.float32]:
-    """The number that most samples of each pixel have, and its share of them.
-
-    Parameters
-    ----------
-    numbers : (P, N) uint32
-        Of the samples of each pixel; 0: nothing.
-    taken : (P,) uint32
-        Number of samples of each pixel; further entries of `numbers` are 0.
-
-    Returns
-    -------
-    (2, P) float32
-        Numbers, the smallest of those that are equally frequent, and shares, the count divided by `taken` and rounded
-        once. Zeros where no samples were taken.
-    """
-    result = np.zeros((2, len(numbers)), np.float32)
-    rows = max(1, _CHUNK // max(numbers.shape[1], 1))
-    for begin in range(0, len(numbers), rows):
-        part = slice(begin, begin + rows)
-        found = np.sort(numbers[part], axis=1)
-        starts = np.ones(found.shape, bool)
-        np.not_equal(found[:, 1:], found[:, :-1], out=starts[:, 1:])
-        places = np.flatnonzero(starts)
-        counts = np.diff(places, append=found.size)
-        pixels, values = places // found.shape[1], found.reshape(-1)[places]
-        counts = counts - np.where(values == 0, found.shape[1] - taken[part].astype(np.int64)[pixels], 0)
-        order = np.lexsort((values, -counts, pixels))
-        _, first = np.unique(pixels[order], return_index=True)
-        best = order[first]
-        share = np.divide(counts[best], taken[part], out=np.zeros(len(best)), where=taken[part] > 0)
-        result[0, part], result[1, part] = values[best], share
-    return result
 
 
 def labels_told(
@@ -317,13 +227,9 @@ def labels_told(
     return made
 
 
-def _is_many(shape: Any) -> bool:
+def is_many(shape: Any) -> bool:
+    """Whether an entry of a scene's list has `transforms`, each of which is an instance of its own."""
     return isinstance(shape, Instance) and shape.transforms is not None
-
-
-def _many(scene: Scene, entries: _Integers) -> _Integers:
-    """1 where an entry's transforms are instances of their own, else 0."""
-    return np.array([*(_is_many(shape) for shape in scene.shapes), False], np.int64)[entries]
 
 
 def _named(shape: Any, at: int) -> str:

@@ -12,7 +12,7 @@ from clrender.errors import RenderError
 from clrender.film.unit import BLOCK_SLOTS, Unit, UnitSums, tile_slots
 
 if TYPE_CHECKING:
-    from clrender.aov.labels import LabelNumbers
+    from clrender.aov.label_numbers import LabelNumbers
     from clrender.flatten.flat_scene import FlatScene
 
 __all__ = ["PrimitiveSamples"]

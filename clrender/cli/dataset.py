@@ -152,13 +152,7 @@ def _result(folder: Path, plan: DatasetPlan, progress: DatasetProgress, what: st
     if progress.missing:
         parts.append(f"{progress.missing} of {plan.spec.images} are missing")
         return ", ".join(parts)
-    from clrender.datasets.records import MANIFEST
+    from clrender.datasets.records import MANIFEST, file_sha256
 
-    digest = _sha256(folder / MANIFEST)
+    digest = file_sha256(folder / MANIFEST)
     return ", ".join([*parts, f"all {plan.spec.images} are there, manifest sha256 {digest}"])
-
-
-def _sha256(path: Path) -> str:
-    import hashlib
-
-    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-import tarfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from numbers import Integral, Real
 from pathlib import Path
@@ -14,10 +12,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from clrender.datasets.files import ImageFiles, channels_sha256, decoded, read_json
+from clrender.datasets.files import ImageFiles, read_json
 from clrender.datasets.making import produce
 from clrender.datasets.records import FORMAT, MANIFEST, manifest_head
 from clrender.datasets.spec import Spec
+from clrender.datasets.stored import StoredFiles
 from clrender.datasets.variation import DatasetPlan
 from clrender.errors import UsageError
 from clrender.rendering.session import Session
@@ -41,7 +40,7 @@ class DatasetVerification:
     images : int
         Images of the data set; the files of all of them were compared with its manifest.
     files : int
-        Files, and members of archives, that were compared.
+        Files, and members of stored, that were compared.
     checked : int
         Images that were rendered again.
     faults : tuple of str
@@ -150,7 +149,7 @@ def verify_dataset(
             record = produce(plan, session, index, made)
             faults += _differences(index, images[index], record)
             for name in damaged.get(index, ()):
-                faults.append(_place_of(folder, name, made.arrays.get(name)))
+                faults.append(StoredFiles(folder).difference(name, made.arrays.get(name)))
             if on_progress is not None:
                 on_progress(number, len(again))
     return DatasetVerification(len(images), files, len(again), tuple(faults))
@@ -202,55 +201,20 @@ def _files_checked(
 ) -> tuple[int, dict[int, list[str]], list[str]]:
     """Number of files compared, those of each image that differ, and sentences about those of the whole set."""
     count, damaged, faults = 0, dict[int, list[str]](), list[str]()
+    stored = StoredFiles(folder)
     for name, sha256 in manifest["files"].items():
         count += 1
-        with suppress(OSError):
-            if hashlib.sha256((folder / name).read_bytes()).hexdigest() == sha256:
-                continue
+        data = stored.bytes_of(name)
+        if data is None:
+            faults.append(f"{name}: is missing")
+        elif hashlib.sha256(data).hexdigest() != sha256:
             faults.append(f"{name}: its bytes are not those of the manifest")
-            continue
-        faults.append(f"{name}: is missing")
-    archives = _Archives(folder)
     for index, image in enumerate(images):
         for name, sha256 in image["pixels"].items():
             count += 1
-            data = archives.bytes_of(name)
-            if data is None or _pixels_sha256(name, data) != sha256:
+            if stored.pixels_sha256(name) != sha256:
                 damaged.setdefault(index, []).append(name)
     return count, damaged, faults
-
-
-class _Archives:
-    """Files of a data set by name; archives are read one after the other."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._name, self._members = "", dict[str, tuple[int, int]]()
-
-    def bytes_of(self, name: str) -> bytes | None:
-        """A file, or a member ``ARCHIVE#MEMBER``; None if it is not there."""
-        archive, _, member = name.partition("#")
-        try:
-            if not member:
-                return (self._folder / name).read_bytes()
-            if archive != self._name:
-                self._name, self._members = archive, {}
-                with tarfile.open(self._folder / archive, "r:") as opened:
-                    self._members = {each.name: (each.offset_data, each.size) for each in opened}
-            begin, size = self._members[member]
-            with (self._folder / archive).open("rb") as file:
-                file.seek(begin)
-                return file.read(size)
-        except (OSError, KeyError, tarfile.TarError):
-            return None
-
-
-def _pixels_sha256(name: str, data: bytes) -> str | None:
-    """Hash of what a file holds; None if it is damaged."""
-    try:
-        return channels_sha256(decoded(name, data))
-    except Exception:  # of damaged files, libraries raise almost any exception
-        return None
 
 
 def _plan(
@@ -293,32 +257,3 @@ def _differences(index: int, said: Mapping[str, Any], made: Mapping[str, Any]) -
     if said["linear_sha256"] != made["linear_sha256"] or names:
         which = f" ({', '.join(sorted(names)[:4])})" if names else ""
         yield f"image {index}: rendered again, it is not what the manifest says{which}"
-
-
-def _place_of(folder: Path, name: str, arrays: Mapping[str, Any] | None) -> str:
-    """A sentence about a file that is not what the manifest says: where it differs from the image rendered again."""
-    data = _Archives(folder).bytes_of(name)
-    if data is None:
-        return f"{name}: is missing"
-    if not name.endswith((".png", ".exr")):
-        return f"{name}: its bytes are not those of the manifest"
-    try:
-        there = decoded(name, data)
-    except Exception:  # see `_pixels_sha256`
-        return f"{name}: is damaged and cannot be read"
-    shapes = {each: array.shape for each, array in there.items()}
-    if arrays is None or shapes != {each: array.shape for each, array in arrays.items()}:
-        return f"{name}: has another size or other channels than the manifest says"
-    some = next(iter(arrays.values()))
-    differs = np.zeros(some.shape[:2], bool)
-    for each, array in arrays.items():
-        here = np.ascontiguousarray(array)
-        other = np.ascontiguousarray(there[each].astype(here.dtype))
-        unequal = (here.view(np.uint8) != other.view(np.uint8)).reshape(*here.shape[:2], -1).any(axis=2)
-        differs |= unequal
-    places = np.argwhere(differs)
-    if not len(places):
-        return f"{name}: its numbers are of another kind than the manifest says"
-    row, column = places[0].tolist()
-    what = "1 pixel differs" if len(places) == 1 else f"{len(places)} pixels differ, the first"
-    return f"{name}: {what} from the manifest, in column {column} of row {row}"

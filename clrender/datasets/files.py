@@ -17,6 +17,7 @@ from clrender.errors import UsageError
 from clrender.files.access import atomic_write, open_input
 from clrender.image.deep_png import deep_png_bytes
 from clrender.image.display import deep_pixels, is_deep, open_display, png_bytes
+from clrender.image.exr import exr_size
 from clrender.image.exr_write import write_exr
 
 __all__ = ["ImageFiles", "channels_sha256", "decoded", "json_bytes", "png_of", "read_json"]
@@ -92,6 +93,7 @@ def decoded(name: str, data: bytes) -> dict[str, _Array]:
             pixels = deep_pixels(file, picture) if is_deep(picture) else np.asarray(picture)
         return {"": pixels[..., 0] if pixels.ndim == 3 and pixels.shape[2] == 1 else pixels}
     if name.endswith(_EXR):
+        exr_size(io.BytesIO(data))  # refuses more pixels than the file can hold
         library: Any = importlib.import_module("OpenEXR")
         with library.File(io.BytesIO(data), separate_channels=True) as picture:
             return {each: np.asarray(channel.pixels) for each, channel in picture.channels().items()}

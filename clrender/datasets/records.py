@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import IO, Any, Final
 
 from clrender.datasets.files import json_bytes
@@ -16,11 +16,12 @@ from clrender.device.source import kernels_sha256
 from clrender.files.access import atomic_write
 from clrender.version import __version__
 
-__all__ = ["FORMAT", "MANIFEST", "Records", "manifest_head"]
+__all__ = ["FORMAT", "MANIFEST", "Records", "file_sha256", "manifest_head"]
 
 MANIFEST: Final = "manifest.json"
 FORMAT: Final = "clrender dataset 1"
 _CHUNK: Final = 1 << 20
+_PARTS: Final = {"scene_sha256": str, "linear_sha256": str, "pixels": dict}
 
 
 def manifest_head(plan: DatasetPlan) -> dict[str, Any]:
@@ -68,7 +69,26 @@ class Records:
         except (OSError, ValueError):
             return None
         sound = isinstance(record, dict) and record.get("key") == self._key and record.get("image") == index
-        return record if sound else None
+        return record if sound and self._is_whole(record) else None
+
+    def _is_whole(self, record: Mapping[str, Any]) -> bool:
+        """Whether a record has all that is read of it; those of other folders may name any file."""
+        written, told, writers = record.get("written"), record.get("told"), self.plan.spec.writers
+        if not isinstance(written, dict) or not isinstance(told, dict) or set(told) != set(writers):
+            return False
+        if not all(isinstance(record.get(key), kind) for key, kind in _PARTS.items()):
+            return False
+        for name, entry in written.items():
+            parts = PurePosixPath(name).parts
+            if not parts or parts[0] not in writers or ".." in parts or not isinstance(entry, list) or len(entry) != 2:
+                return False
+        if "webdataset" not in told:
+            return True
+        stored = told["webdataset"]
+        archive = archive_of(record["image"], self.plan.spec.images_per_shard)
+        if not isinstance(stored, dict) or stored.get("archive") != archive or stored.get("part") not in written:
+            return False
+        return isinstance(stored.get("bytes"), int) and isinstance(stored.get("sha256"), str)
 
     def every(self) -> Iterator[dict[str, Any]]:
         """The records of all images, in order; those that are missing are left out."""
@@ -89,7 +109,7 @@ class Records:
         for name, (size, sha256) in record["written"].items():
             path = self.folder / name
             if path.is_file():
-                if path.stat().st_size != size or _file_sha256(path) != sha256:
+                if path.stat().st_size != size or file_sha256(path) != sha256:
                     return False
             elif self.part(record, name) is None:
                 return False
@@ -178,7 +198,8 @@ def write_manifest(file: IO[bytes], head: Mapping[str, Any], records: Iterator[M
     file.write(b"\n ]\n}\n")
 
 
-def _file_sha256(path: Path) -> str:
+def file_sha256(path: Path) -> str:
+    """SHA-256 of a file, of any size."""
     digest = hashlib.sha256()
     with path.open("rb") as file:
         while data := file.read(_CHUNK):

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import OpenEXR
 import pytest
-from dataset_support import write_dataset
+from dataset_support import SCENE, write_dataset
 
 import clrender
 from clrender.datasets import DatasetPlan, load_spec, make_dataset, merge_datasets, verify_dataset
@@ -566,10 +566,40 @@ def test_what_cannot_be_verified(made: tuple[DatasetPlan, Path], device: Device,
             verify_dataset(folder, **wrong, device=device)
 
 
-@pytest.mark.long
+def test_names_do_not_lead_out_of_the_folder(made: tuple[DatasetPlan, Path], device: Device, tmp_path: Path) -> None:
+    plan, folder = made
+    shutil.copytree(folder, tmp_path / "a")
+    shutil.copy(folder.parent / "scene.json", tmp_path)
+    (tmp_path / "secret.txt").write_text("x")
+    (tmp_path / "a" / "link.txt").symlink_to(tmp_path / "secret.txt")
+    manifest = told(tmp_path, "a/manifest.json")
+    sha256 = hashlib.sha256(b"x").hexdigest()
+    manifest["files"] |= dict.fromkeys(("../secret.txt", str(tmp_path / "secret.txt"), "link.txt"), sha256)
+    (tmp_path / "a/manifest.json").write_text(json.dumps(manifest))
+    found = verify_dataset(tmp_path / "a", sample=1, device=device)
+    assert len(found.faults) == 3 and all(fault.endswith("is missing") for fault in found.faults)
+    path = tmp_path / "a/records/000003.json"
+    record = json.loads(path.read_text())
+    record["written"]["images/../../stolen.txt"] = [1, sha256]
+    path.write_text(json.dumps(record))
+    (tmp_path / "a/records/000004.json").write_text(
+        json.dumps({**json.loads(path.read_text()), "image": 4, "told": []})
+    )
+    (tmp_path / "stolen.txt").write_text("x")
+    assert merge_datasets(plan, tmp_path / "c" / "d", [tmp_path / "a"]).missing == 3, (
+        "the archive of 5 has lost its order"
+    )
+    assert not (tmp_path / "c" / "stolen.txt").exists()
+
+
+@pytest.mark.slow
 def test_the_same_manifest_on_every_device(all_devices: list[Device], tmp_path: Path) -> None:
-    plan = plan_of(tmp_path, images=2, writers=["images", "coco"])
-    digests = set()
+    """Of matt things: rusticl compiles other materials for longer."""
+    path = write_dataset(tmp_path, images=2, writers=["images", "coco"], vary=None, objects=None, distractors=None)
+    scene = {**SCENE, "materials": {key: {"type": "lambert", "reflectance": [0.5] * 3} for key in SCENE["materials"]}}
+    scene["shapes"] = [shape for shape in SCENE["shapes"] if shape["type"] != "instance"]
+    (tmp_path / "scene.json").write_text(json.dumps({**scene, "groups": {}}))
+    plan, digests = DatasetPlan.load(path), set()
     for number, device in enumerate(all_devices):
         make_dataset(plan, tmp_path / f"{number}", device=device)
         digests.add((tmp_path / f"{number}" / "manifest.json").read_bytes())

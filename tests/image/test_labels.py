@@ -14,7 +14,8 @@ import numpy.typing as npt
 import pytest
 
 import clrender
-from clrender.aov.labels import Labelling, majority
+from clrender.aov.label_numbers import majority
+from clrender.aov.labels import Labelling
 from clrender.errors import SceneError, UsageError
 from clrender.image.files import read_provenance
 from clrender.scene import Scene
