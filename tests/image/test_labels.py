@@ -346,6 +346,7 @@ def test_files(device: Device, tmp_path: Path) -> None:
         for at, letter in enumerate("VA"):
             assert held[f"{layer}.{letter}"].tobytes() == image.aovs[layer][..., at].tobytes()
     assert held["amodal.2.V"].tobytes() == image.amodal[2].tobytes()
+    assert clrender.verify(tmp_path / "a.exr", 1.0, scene=occluded(), device=device).sound
     said = read_provenance(tmp_path / "a.exr")
     assert said is not None and said["labels"]["instance"][1]["name"] == "behind"
     assert said["labels"]["category"][0]["name"] == "ball"
