@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from clrender.errors import UsageError as UsageError
     from clrender.importers.cameras.read import load_cameras as load_cameras
     from clrender.importers.load import load as load
+    from clrender.plugins import plugin as plugin
     from clrender.rendering.convergence_plot import ConvergencePlot as ConvergencePlot
     from clrender.rendering.job import RenderJob as RenderJob
     from clrender.rendering.rendered_image import Progress as Progress
@@ -50,6 +51,7 @@ _HOMES = {
     "devices": "clrender.drivers",
     "load": "clrender.importers",
     "load_cameras": "clrender.importers.cameras",
+    "plugin": "clrender.plugins",
     "render": "clrender.api",
     "render_batch": "clrender.api",
     "verify": "clrender.verification",

@@ -60,7 +60,8 @@ def render(
         ``tcp://HOST:PORT`` of a Dask scheduler whose workers take the samples, or ``local:N`` for N processes on this
         machine. For several renders, use `clrender.cluster.open_cluster`.
     **settings
-        See `Session.render`: ``size``, ``samples``, ``aov``, ``denoise`` and the fields of `RenderSettings`.
+        See `Session.render`: ``size``, ``samples``, ``aov``, ``denoise``, ``plugins`` and the fields of
+        `RenderSettings`.
 
     Returns
     -------
@@ -75,6 +76,7 @@ def render(
     with ExitStack() as stack:
         opened = None
         if cluster is not None:
+            job.check_for_cluster()
             from clrender.cluster import open_cluster
 
             opened = stack.enter_context(open_cluster(cluster, device=device, notify=notify))  # type: ignore[arg-type]  # it looks

@@ -39,6 +39,7 @@ MATERIAL_MIX: Final = 6
 MATERIAL_BY_ROW: Final = 7
 MATERIAL_MEDIUM: Final = 8
 MATERIAL_SUBSURFACE: Final = 9
+MATERIAL_PLUGIN: Final = 10
 """Kinds of a primitive's material. A material with rows of its own has its kind in the first of them."""
 
 MATERIAL_FLAG_THIN: Final = 1
@@ -47,6 +48,9 @@ MATERIAL_FLAG_SCHLICK: Final = 4
 MATERIAL_FLAG_BECKMANN: Final = 8
 MATERIAL_FLAG_SINGLE_SCATTERING: Final = 16
 """Flags of a material's row: a wall without thickness; black from behind; a metal by its colour, not by eta and k."""
+
+PLUGIN_NUMBERS: Final = 16
+"""Most numbers that the parameters of a plugin are."""
 
 MEDIUM_FLAG_SUBSURFACE: Final = 1
 MEDIUM_FLAG_DARK: Final = 2
@@ -218,6 +222,7 @@ TEXTURE_SLOTS: Final[Mapping[str, int]] = {
 
 TEXEL_FOUR: Final = 8
 TEXEL_FLOAT: Final = 16
+TEXTURE_PLUGIN: Final = 1 << 15
 TEXTURE_WRAPS: Final = {"repeat": 0, "clamp": 1, "mirror": 2}
 TEXTURE_FILTERS: Final = {"nearest": 0, "linear": 1, "exact": 2}
 TEXTURE_CHANNELS: Final = {None: 0, "r": 1, "g": 2, "b": 3, "a": 4, "luminance": 5}
@@ -233,6 +238,9 @@ FIRST_HIT_UV: Final = 6
 FIRST_HIT_TANGENT: Final = 7
 FIRST_HIT_ALPHA: Final = 8
 FIRST_HIT_Z_DEPTH: Final = 9
+FIRST_HIT_NORMAL_CAMERA: Final = 10
+FIRST_HIT_FLOW: Final = 11
+FIRST_HIT_SCENE_FLOW: Final = 12
 """Attributes of a camera ray's first hit."""
 
 CONSTANTS: Final[Mapping[str, int]] = {
@@ -276,13 +284,15 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
             "unit; IES: horizontal angle 0, projector: right; spot: w one over what the cosine gains in its fall",
         ),
         ("kind", "uint", "LIGHT_*"),
-        ("primitive", "uint", "area lights: the primitive that shines"),
+        ("primitive", "uint", "area lights: row of the primitive that shines"),
         ("probability", "float", "with which the alias table picks this light"),
         ("alias_threshold", "float", "Vose: keep this entry when the rescaled number is below it"),
         ("alias", "uint", "otherwise take this one"),
         ("place", "uint", "in the tree of lights; NONE where the alias table picks"),
         ("texture", "uint", "number of the texture that it shines as, plus 1; 0: none, it is the same all over"),
         ("table", "uint", "IES, projector: row of lamp_tables where its own begins"),
+        ("offset", "uint", "of a moving light: number of its primitive, less the row"),
+        ("unused", "uint[3]", ""),
     ),
     "Camera": (
         ("origin", "float4", "xyz, metres"),
@@ -311,6 +321,14 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("aspect", "float", "fisheye: width over height of the image"),
         ("angle", "float", "fisheye: from the axis to the upper edge, fraction of a turn"),
         ("cuts_media", "uint", "whether other media may be around the origins of its other rays"),
+        ("first_knot", "uint", "of a moving camera: row of camera_knots where its motion begins"),
+        ("segments", "uint", "between its knots; 0: it rests"),
+        (
+            "readout",
+            "float",
+            "rolling shutter: share of the interval between the first row's opening and the last row's",
+        ),
+        ("open", "float", "share of the interval for which each row is open"),
     ),
     "Settings": (
         ("width", "uint", "pixels"),
@@ -406,6 +424,14 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("SCALE", 14, 1, "factor of lengths, of a similarity"),
         ("FACING", 15, 1, "-1 if it mirrors, else 1"),
     ),
+    "MOTION": (
+        ("ROTATION", 0, 4, "knot of a motion: quaternion of about unit length, the scalar last"),
+        ("OFFSET", 4, 3, ""),
+        ("STRETCH", 7, 6, "symmetric matrix, before the rotation: xx, yy, zz, xy, xz, yz"),
+        ("TIME", 13, 1, "share of the interval, from 0 on"),
+        ("INVERSE_SPAN", 14, 1, "one over the time to the next knot"),
+        ("MOTION_SPARE", 15, 1, ""),
+    ),
     "PRIMITIVE": (
         ("A", 0, 3, "triangle: its vertices"),
         ("B", 3, 3, ""),
@@ -437,6 +463,8 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("WEIGHT", 1, 1, "mix: share of the second material"),
         ("FIRST", 2, 1, "mix, bits: row of the first"),
         ("SECOND", 3, 1, "mix, bits: row of the second"),
+        ("PLUGIN", 5, 1, "plugin, bits: its number among those of the scene"),
+        ("NUMBERS", 7, 8, "plugin: what its parameters are, the first half"),
     ),
     "LAYER": (
         ("SHEEN_COLOR", 0, 3, "second row of a material"),
@@ -448,6 +476,7 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("FRESNEL", 12, 3, "and the cosine-weighted average of its Fresnel term"),
         ("DIFFUSE_TRANSMISSION", 6, 1, "principled: share of the diffuse light that leaves on the other side"),
         ("DIFFUSE_TRANSMISSION_COLOR", 7, 3, "and its colour"),
+        ("MORE_NUMBERS", 6, 8, "plugin: the second half of what its parameters are"),
         ("OPACITY", 15, 1, "or, where it is a texture, the value below which that is a hole; 0: it counts as it is"),
     ),
     "ATTRIBUTE": (
@@ -473,11 +502,18 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("HEIGHT", 2, 1, "bits"),
         ("FORMAT", 3, 1, "bits: 0-2 logarithm of the bytes of a texel, 3 TEXEL_FOUR, 4 TEXEL_FLOAT, 5-6 WRAP_* of u,"),
         ("VALUES", 4, 1, "bits: where the table of what its numbers stand for begins;   7-8 of v, 9-10 FILTER_*,"),
-        ("ALPHAS", 5, 1, "bits: the same of its alpha;   11-13 channel, 14 set of texture coordinates"),
+        (
+            "ALPHAS",
+            5,
+            1,
+            "bits: the same of its alpha;   11-13 channel, 14 set of texture coordinates, 15 TEXTURE_PLUGIN",
+        ),
         ("U", 6, 3, "column of the picture, 0 to 1: what to multiply u and v by, and what to add"),
         ("V", 9, 3, "row of the picture, 0 at its top, likewise"),
         ("FACTOR", 12, 3, "of the value"),
         ("BIAS", 15, 1, "added then"),
+        ("PLUGIN", 0, 1, "plugin, bits: its number among those of the scene"),
+        ("NUMBERS", 4, 1, "plugin, bits: the row of what its parameters are"),
     ),
     "MEDIUM": (
         ("IOR", 0, 1, "of a dielectric: its index of refraction; row 0: 1"),

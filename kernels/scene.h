@@ -39,6 +39,9 @@
     X(float, masked_analytic_packs)                                                                                         \
     X(float, instance_rows)  /* of instances, two each: geometry/instance.h */                                              \
     X(uint, instance_guides) /* which of them a primitive's number belongs to */                                            \
+    X(uint, instance_motions) /* of each, where its motion is among these knots: geometry/motion.h */                        \
+    X(float, motion_rows)                                                                                                   \
+    X(float, camera_knots)   /* and those of cameras that move */                                                           \
     X(float, chain_table)    /* of specular chains, where they are sampled: specular/table.h */                             \
     X(Camera, camera)                                                                                                       \
     X(Settings, settings)
@@ -72,8 +75,17 @@ typedef struct {
 #define SCENE_HOLES(scene)
 #endif
 
+#if defined(INSTANCES) && defined(MOTION)
+#define SCENE_MOTION(scene)                                                                                                 \
+    scene.bvh.motion_rows = scene.masked.motion_rows = motion_rows;                                                         \
+    scene.bvh.instance_motions = scene.masked.instance_motions = instance_motions
+#else
+#define SCENE_MOTION(scene)
+#endif
+
 #ifdef INSTANCES
 #define SCENE_INSTANCES(scene)                                                                                              \
+    SCENE_MOTION(scene);                                                                                                    \
     scene.bvh.instance_rows = scene.masked.instance_rows = instance_rows;                                                   \
     scene.bvh.instance_root = INSTANCE_ROW_ROOT;                                                                            \
     scene.masked.instance_root = INSTANCE_ROW_MASKED_ROOT

@@ -14,11 +14,13 @@
 #define MATERIAL_BY_ROW 7u
 #define MATERIAL_MEDIUM 8u
 #define MATERIAL_SUBSURFACE 9u
+#define MATERIAL_PLUGIN 10u
 #define MATERIAL_FLAG_THIN 1u
 #define MATERIAL_FLAG_ONE_SIDED 2u
 #define MATERIAL_FLAG_SCHLICK 4u
 #define MATERIAL_FLAG_BECKMANN 8u
 #define MATERIAL_FLAG_SINGLE_SCATTERING 16u
+#define PLUGIN_NUMBERS 16u
 #define MEDIUM_FLAG_SUBSURFACE 1u
 #define MEDIUM_FLAG_DARK 2u
 #define MEDIUM_FLAG_OPEN 4u
@@ -126,6 +128,7 @@
 #define HOLE_GRID 32u
 #define TEXEL_FOUR 8u
 #define TEXEL_FLOAT 16u
+#define TEXTURE_PLUGIN 32768u
 #define FIRST_HIT_ALBEDO 0u
 #define FIRST_HIT_NORMAL 1u
 #define FIRST_HIT_POSITION 2u
@@ -136,6 +139,9 @@
 #define FIRST_HIT_TANGENT 7u
 #define FIRST_HIT_ALPHA 8u
 #define FIRST_HIT_Z_DEPTH 9u
+#define FIRST_HIT_NORMAL_CAMERA 10u
+#define FIRST_HIT_FLOW 11u
+#define FIRST_HIT_SCENE_FLOW 12u
 #define TEXTURE_BASE_COLOR 0u
 #define TEXTURE_ROUGHNESS 1u
 #define TEXTURE_METALLIC 2u
@@ -185,13 +191,15 @@ typedef struct {
     float4 axis;                // lamp: unit, middle of its light; spot: w 1 - cosine of half its cone
     float4 zero;                // unit; IES: horizontal angle 0, projector: right; spot: w one over what the cosine gains in its fall
     uint kind;                  // LIGHT_*
-    uint primitive;             // area lights: the primitive that shines
+    uint primitive;             // area lights: row of the primitive that shines
     float probability;          // with which the alias table picks this light
     float alias_threshold;      // Vose: keep this entry when the rescaled number is below it
     uint alias;                 // otherwise take this one
     uint place;                 // in the tree of lights; NONE where the alias table picks
     uint texture;               // number of the texture that it shines as, plus 1; 0: none, it is the same all over
     uint table;                 // IES, projector: row of lamp_tables where its own begins
+    uint offset;                // of a moving light: number of its primitive, less the row
+    uint unused[3];
 } Light;
 
 typedef struct {
@@ -217,6 +225,10 @@ typedef struct {
     float aspect;               // fisheye: width over height of the image
     float angle;                // fisheye: from the axis to the upper edge, fraction of a turn
     uint cuts_media;            // whether other media may be around the origins of its other rays
+    uint first_knot;            // of a moving camera: row of camera_knots where its motion begins
+    uint segments;              // between its knots; 0: it rests
+    float readout;              // rolling shutter: share of the interval between the first row's opening and the last row's
+    float open;                 // share of the interval for which each row is open
 } Camera;
 
 typedef struct {
@@ -291,6 +303,13 @@ typedef struct {
 #define PLACEMENT_ROW_SCALE 14          // factor of lengths, of a similarity
 #define PLACEMENT_ROW_FACING 15         // -1 if it mirrors, else 1
 
+#define MOTION_ROW_ROTATION 0           // knot of a motion: quaternion of about unit length, the scalar last
+#define MOTION_ROW_OFFSET 4
+#define MOTION_ROW_STRETCH 7            // symmetric matrix, before the rotation: xx, yy, zz, xy, xz, yz
+#define MOTION_ROW_TIME 13              // share of the interval, from 0 on
+#define MOTION_ROW_INVERSE_SPAN 14      // one over the time to the next knot
+#define MOTION_ROW_MOTION_SPARE 15
+
 #define PRIMITIVE_ROW_A 0               // triangle: its vertices
 #define PRIMITIVE_ROW_B 3
 #define PRIMITIVE_ROW_C 6
@@ -320,6 +339,8 @@ typedef struct {
 #define MATERIAL_ROW_WEIGHT 1           // mix: share of the second material
 #define MATERIAL_ROW_FIRST 2            // mix, bits: row of the first
 #define MATERIAL_ROW_SECOND 3           // mix, bits: row of the second
+#define MATERIAL_ROW_PLUGIN 5           // plugin, bits: its number among those of the scene
+#define MATERIAL_ROW_NUMBERS 7          // plugin: what its parameters are, the first half
 
 #define LAYER_ROW_SHEEN_COLOR 0         // second row of a material
 #define LAYER_ROW_SHEEN_ROUGHNESS 3
@@ -330,6 +351,7 @@ typedef struct {
 #define LAYER_ROW_FRESNEL 12            // and the cosine-weighted average of its Fresnel term
 #define LAYER_ROW_DIFFUSE_TRANSMISSION 6// principled: share of the diffuse light that leaves on the other side
 #define LAYER_ROW_DIFFUSE_TRANSMISSION_COLOR 7// and its colour
+#define LAYER_ROW_MORE_NUMBERS 6        // plugin: the second half of what its parameters are
 #define LAYER_ROW_OPACITY 15            // or, where it is a texture, the value below which that is a hole; 0: it counts as it is
 
 #define ATTRIBUTE_ROW_UV 0              // triangle: texture coordinates at A, B and C
@@ -352,11 +374,13 @@ typedef struct {
 #define TEXTURE_ROW_HEIGHT 2            // bits
 #define TEXTURE_ROW_FORMAT 3            // bits: 0-2 logarithm of the bytes of a texel, 3 TEXEL_FOUR, 4 TEXEL_FLOAT, 5-6 WRAP_* of u,
 #define TEXTURE_ROW_VALUES 4            // bits: where the table of what its numbers stand for begins;   7-8 of v, 9-10 FILTER_*,
-#define TEXTURE_ROW_ALPHAS 5            // bits: the same of its alpha;   11-13 channel, 14 set of texture coordinates
+#define TEXTURE_ROW_ALPHAS 5            // bits: the same of its alpha;   11-13 channel, 14 set of texture coordinates, 15 TEXTURE_PLUGIN
 #define TEXTURE_ROW_U 6                 // column of the picture, 0 to 1: what to multiply u and v by, and what to add
 #define TEXTURE_ROW_V 9                 // row of the picture, 0 at its top, likewise
 #define TEXTURE_ROW_FACTOR 12           // of the value
 #define TEXTURE_ROW_BIAS 15             // added then
+#define TEXTURE_ROW_PLUGIN 0            // plugin, bits: its number among those of the scene
+#define TEXTURE_ROW_NUMBERS 4           // plugin, bits: the row of what its parameters are
 
 #define MEDIUM_ROW_IOR 0                // of a dielectric: its index of refraction; row 0: 1
 #define MEDIUM_ROW_SIGMA 1              // absorption coefficients, per metre

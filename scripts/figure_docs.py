@@ -46,6 +46,16 @@ def _denoise(file: str) -> None:
     write_sheet(file, [[shown_linear(image.linear), shown_linear(image.denoised)]], gap=0)
 
 
+def _plugins(file: str) -> None:
+    """The scenes beside the plugins of docs/write-a-material.md."""
+    folder = DOCS.parent / "scenes" / "plugins"
+    given = sorted(folder.glob("*.cl"))
+    images = [
+        clrender.render(clrender.load(folder / f"{name}.toml", plugins=given), spp=400) for name in ("moon", "workshop")
+    ]
+    write_sheet(file, [[shown(image) for image in images]])
+
+
 def _first(file: str) -> None:
     """Figure of the scene in docs/start.md."""
     (block,) = [each for each in blocks(DOCS / "start.md") if each.file == "first.toml"]
@@ -181,6 +191,7 @@ FIGURES: Final[Mapping[str, Callable[[str], None]]] = {
     "how-strategies.jpg": _strategies,
     "how-sampler.svg": _sampler,
     "how-error.jpg": _error,
+    "write-a-material.jpg": _plugins,
 }
 """Functions that make the files, by name."""
 

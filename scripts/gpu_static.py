@@ -19,7 +19,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
 
@@ -107,7 +107,7 @@ class Usage:
 
 _OF_SETTINGS: Final = {"PIXEL_FILTER": 1, "PIXEL_FILTER_NEGATIVE": 1, "PATH_SPLITS": 1}
 """What settings define, not scenes."""
-_EVERYTHING: Final = Features(**{each.name: True for each in fields(Features)})
+_EVERYTHING: Final = Features.all()
 _TIERS: Final[Mapping[str, Mapping[str, int | str]]] = {
     "simple": Features().macros,
     "materials": Features(materials=True).macros,

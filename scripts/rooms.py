@@ -42,7 +42,7 @@ LAYERS: Final = (
     ("settings",),
     ("integrators",),
     ("sensor",),
-    ("meshes", "image", "cameras"),
+    ("meshes", "image", "cameras", "plugins"),
     ("limits",),
     ("files",),
     ("process",),

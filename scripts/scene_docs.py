@@ -49,6 +49,7 @@ def tables(schema: dict[str, Any]) -> str:
     parts = ["## Top of the file", "", *_table(schema, schema), ""]
     for title, key, group in (
         ("The camera", "[camera]", ["Camera"]),
+        ("Motion of the camera", "[[camera.motion]]", ["CameraKey"]),
         ("The image", "[image]", ["Image"]),
         ("Render settings", "[render]", ["Render"]),
         ("Materials", "[materials.NAME]", _kinds(schema["properties"]["materials"]["additionalProperties"])),
@@ -56,11 +57,13 @@ def tables(schema: dict[str, Any]) -> str:
         ("Transforms of texture coordinates", "transform = { … }", ["TextureTransform"]),
         ("Checkers", "{ checker = … }", ["Checker"]),
         ("Ramps", "{ ramp = … }", ["Ramp"]),
+        ("Textures of plugins", "{ plugin = … }", ["PluginTexture"]),
         ("Normal maps", "normal_map = { … }", ["NormalMap"]),
         ("Bump maps", "bump_map = { … }", ["BumpMap"]),
         ("Shapes", "[[shapes]]", _kinds(schema["properties"]["shapes"]["items"])),
         ("Groups", "[groups.NAME]", ["Group"]),
         ("Transforms", "transform = { … }", ["Transform"]),
+        ("Motions", "[[shapes.motion]]", ["MotionKey"]),
         ("Media", "[media.NAME]", ["Medium"]),
         ("Lights", "[[lights]]", _kinds(schema["properties"]["lights"]["items"])),
     ):
@@ -135,6 +138,7 @@ def _type(value: dict[str, Any], schema: dict[str, Any]) -> str:
     if "$ref" in value:
         name = re.sub(r"(?<!^)(?=[A-Z])", " ", str(value["$ref"]).rpartition("/")[2]).lower()
         name = name.replace("texture transform", "transforms of texture coordinates")
+        name = name.replace("camera key", "motion of the camera").replace("motion key", "motions")
         return f"table, see {name}s" if name.endswith(" map") else f"table, see {name}"
     if "oneOf" in value:
         textured = ["a texture"] if any("$ref" in each for each in value["oneOf"]) else []
@@ -148,6 +152,11 @@ def _type(value: dict[str, Any], schema: dict[str, Any]) -> str:
     kind = value.get("type")
     if kind == "array":
         return _array(value, schema)
+    if kind == "object" and "oneOf" in value.get("additionalProperties", {}):
+        entries = value["additionalProperties"]["oneOf"]
+        if any(each.get("type") == "number" for each in entries):
+            pictured = any("$ref" in each for each in entries)
+            return "numbers, colours and textures by name" if pictured else "numbers and colours by name"
     if kind in ("number", "integer"):
         return _bounded("whole number" if kind == "integer" else "number", value)
     return {"boolean": "`true` or `false`", "string": "text", "object": "tables by name"}.get(str(kind), str(kind))

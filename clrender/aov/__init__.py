@@ -18,6 +18,7 @@ from clrender.aov.labels import Label, Labelling, labels_told
 from clrender.aov.names import (
     AOVS,
     ERRORS,
+    FLOWS,
     LABELS,
     MATTES,
     OF_FILM,
@@ -31,6 +32,7 @@ __all__ = [
     "AOVS",
     "ERRORS",
     "FIRST_HITS",
+    "FLOWS",
     "GUIDES",
     "GUIDE_SAMPLES",
     "LABELS",

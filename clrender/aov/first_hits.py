@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
@@ -15,7 +15,7 @@ from clrender import layout
 from clrender.aov.cryptomatte import matte_names, name_id, ranked
 from clrender.aov.label_numbers import LabelNumbers, majority
 from clrender.aov.labels import Labelling
-from clrender.aov.names import LABELS, MATTES, OF_FILM, RANKS
+from clrender.aov.names import FLOWS, LABELS, MATTES, OF_FILM, RANKS
 from clrender.aov.samples import PrimitiveSamples
 from clrender.device.scene_arrays import scene_array_names
 from clrender.device.team import DeviceTeam, most_slots
@@ -23,6 +23,7 @@ from clrender.exact.matrices import inner
 from clrender.film import Film
 from clrender.film.unit import tile_side
 from clrender.flatten.assembly import assemble
+from clrender.flatten.flat_scene import moving_from
 from clrender.flatten.surfaces import flat_surfaces
 from clrender.integrators.descriptor import Pipeline
 from clrender.process.memory import largest_tile
@@ -69,6 +70,7 @@ FIRST_HITS: Final = Pipeline("integrator/first_hit.cl", "integrator_first_hit", 
 LAYER_KINDS: Final[Mapping[str, int]] = {
     "albedo": layout.FIRST_HIT_ALBEDO,
     "normal": layout.FIRST_HIT_NORMAL,
+    "normal_camera": layout.FIRST_HIT_NORMAL_CAMERA,
     "depth": layout.FIRST_HIT_DEPTH,
     "z_depth": layout.FIRST_HIT_Z_DEPTH,
     "position": layout.FIRST_HIT_POSITION,
@@ -77,12 +79,14 @@ LAYER_KINDS: Final[Mapping[str, int]] = {
     "uv": layout.FIRST_HIT_UV,
     "tangent": layout.FIRST_HIT_TANGENT,
     "alpha": layout.FIRST_HIT_ALPHA,
+    "flow": layout.FIRST_HIT_FLOW,
+    "scene_flow": layout.FIRST_HIT_SCENE_FLOW,
 }
 
 _COORDINATES: Final = ("uv", "tangent")
 _NUMBERS: Final = ("object", "material")
 _TURNED: Final = "normal_camera"
-_CHANNELS: Final[Mapping[str, int]] = {"depth": 1, "z_depth": 1, "uv": 2, "alpha": 1}
+_CHANNELS: Final[Mapping[str, int]] = {"depth": 1, "z_depth": 1, "uv": 2, "flow": 2, "alpha": 1}
 """Number of channels of layers that do not have three."""
 
 _SAMPLES_BYTES: Final = 128 << 20
@@ -205,13 +209,16 @@ def first_hits(
         emits towards the camera. ``normal`` : shading normal on the visible side, world space; zero where nothing is
         hit. ``tangent`` : unit vector perpendicular to it along which the first texture coordinate grows, world space;
         zero where nothing is hit or there are no coordinates. ``position`` : world space, metres; NaN where nothing is
-        hit. ``uv`` : texture coordinates of the first set; NaN where nothing is hit, 0 on meshes without any.
-        ``normal_camera`` : the normal along the image's right, its up, and backward. ``depth`` : distance from the
-        camera's position, metres; ``z_depth`` : the same along the view; infinite where nothing is hit. ``object``,
-        ``material`` : indices in the scene's lists of shapes and of materials, from 0, of the first sample's hit; -1 if
-        it hits nothing, or a shape without a material. ``instance``, ``category``, ``part`` : the number that most
-        samples of the pixel have (`clrender.aov.labels.Labelling`), 0 for nothing, and the share of its samples that
-        have it. ``crypto_object``, ``crypto_material`` :
+        hit. ``flow`` : where what is seen at the time of the image, or when the shutter opens, will be after
+        `Camera.flow_step`, or when the shutter closes, less where it is then: pixels to the right and down; NaN where
+        nothing is hit or the camera sees it at one end only. ``scene_flow`` : the same in world space, metres; NaN
+        where nothing is hit. ``uv`` : texture coordinates of the first set; NaN where nothing is hit, 0 on meshes
+        without any. ``normal_camera`` : the normal along the image's right, its up, and backward. ``depth`` : distance
+        from the camera's position, metres; ``z_depth`` : the same along the view; infinite where nothing is hit.
+        ``object``, ``material`` : indices in the scene's lists of shapes and of materials, from 0, of the first
+        sample's hit; -1 if it hits nothing, or a shape without a material. ``instance``, ``category``, ``part`` : the
+        number that most samples of the pixel have (`clrender.aov.labels.Labelling`), 0 for nothing, and the share of
+        its samples that have it. ``crypto_object``, ``crypto_material`` :
         `clrender.aov.cryptomatte.ranked` of the names of shapes and materials. The others are means over samples;
         those of depth, z_depth, position and uv are over samples that hit something.
 
@@ -241,10 +248,11 @@ def first_hits(
         most = most_slots(devices, settings.max_memory)
         passes = _Passes(team, asked, settings, should_stop, notify or (lambda line: None), apart, most)
         for name in wanted:
-            if name not in (*_NUMBERS, *MATTES, *LABELS, _TURNED):
+            if name not in (*_NUMBERS, *MATTES, *FLOWS, *LABELS, _TURNED):
                 found[name] = _layer(name, *passes.mean(name, _alpha_samples(settings) if name == "alpha" else samples))
         if _TURNED in wanted:
-            normal = found["normal"] if "normal" in found else _layer("normal", *passes.mean("normal", samples))
+            kind = _TURNED if flat.camera["segments"].any() else "normal"
+            normal = found[kind] if kind in found else _layer(kind, *passes.mean(kind, samples))
             found[_TURNED] = _planar(_in_camera(normal, scene))
         if any(name in _NUMBERS for name in wanted):
             seen = _seen(*passes.mean("primitive", 1), flat)
@@ -252,6 +260,14 @@ def first_hits(
         counted = [name for name in wanted if name in MATTES or name in LABELS]
         if counted:
             found |= _counted(counted, passes, samples, scene, flat, {} if areas is None else areas)
+    flows = [name for name in wanted if name in FLOWS]
+    if flows:
+        moving = partial(make, pipeline=FIRST_HITS, on_device=partial(LayerArguments, asked=asked))
+        with DeviceTeam(
+            devices, partial(moving, flat=moving_from(flat, scene, (settings.width, settings.height)))
+        ) as team:
+            passes = replace(passes, team=team)
+            found |= {name: _layer(name, *passes.mean(name, samples)) for name in flows}
     return {name: found[name] for name in wanted}
 
 
@@ -295,7 +311,7 @@ def _alpha_samples(settings: RenderSettings) -> int:
 
 def _layer(name: str, mean: _Array, hit: npt.NDArray[np.bool_]) -> _Array:
     """Convert a mean to a layer."""
-    if name in ("position", "uv"):
+    if name in ("position", "uv", *FLOWS):
         mean[~hit] = np.nan
     elif name in ("depth", "z_depth"):
         mean[~hit] = np.inf
@@ -308,7 +324,7 @@ def _layer(name: str, mean: _Array, hit: npt.NDArray[np.bool_]) -> _Array:
 
 def _in_camera(normal: _Array, scene: Scene) -> _Array:
     """Normals along the image's right, its up and backward, as cameras of OpenGL and Blender have their axes."""
-    right, upward, forward = (np.array(axis) for axis in scene.camera.axes)
+    right, upward, forward = (np.array(axis) for axis in scene.camera.opened.axes)
     turned = [inner(normal, axis) for axis in (right, upward, -forward)]
     return np.stack(turned, axis=2).astype(np.float32)
 

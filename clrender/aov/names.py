@@ -14,6 +14,7 @@ from clrender.wording import suggestion
 __all__ = [
     "AOVS",
     "ERRORS",
+    "FLOWS",
     "LABELS",
     "MATTES",
     "OF_FILM",
@@ -39,6 +40,8 @@ AOVS: Final[Mapping[str, str]] = {
     "depth": "Z",
     "z_depth": "Z",
     "position": "XYZ",
+    "flow": "UV",
+    "scene_flow": "XYZ",
     "uv": "UV",
     "object": "V",
     "material": "V",
@@ -58,6 +61,9 @@ ERRORS: Final = frozenset(("stderr", "unconverged"))
 
 OF_FILM: Final = frozenset(("samples", *ERRORS))
 """The layers that come from the image's own film instead of first hits."""
+
+FLOWS: Final = frozenset(("flow", "scene_flow"))
+"""The layers of what moves from the time of the image to another."""
 
 MATTES: Final[Mapping[str, str]] = {"crypto_object": "CryptoObject", "crypto_material": "CryptoMaterial"}
 """The layers that are mattes, and their names in files."""

@@ -11,7 +11,7 @@ import click
 
 from clrender.cli.completing import complete_devices, complete_files, complete_scenes
 from clrender.cli.inputs import read_linear
-from clrender.cli.options import allow_path_option, number, setting_option
+from clrender.cli.options import allow_path_option, number, plugin_option, setting_option
 from clrender.cli.options import size as parse_size
 from clrender.cli.outputs import check_distinct
 from clrender.cli.pages import check_page, write_page
@@ -56,6 +56,7 @@ _LINES: Final = (
 )
 @click.option("--check", is_flag=True, help="Exit with code 1 if integrators differ that should agree.")
 @click.option("--quiet", is_flag=True, help="No progress; only errors on stderr.")
+@plugin_option
 @allow_path_option
 @click.pass_context
 def compare(ctx: click.Context, /, first: str, second: str | None, integrators: str | None, **options: Any) -> None:

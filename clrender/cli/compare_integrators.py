@@ -42,6 +42,7 @@ def compare_on_scene(
     check: bool,
     quiet: bool,
     allow_paths: Sequence[Path],
+    plugins: Sequence[Path],
     **options: int | tuple[int, int] | None,
 ) -> None:
     """Compare integrators on a scene; write and print the results.
@@ -56,7 +57,7 @@ def compare_on_scene(
 
     names = [name.strip() for name in integrators]
     check_integrators(names)
-    description = load(scene, allow_paths=allow_paths)
+    description = load(scene, allow_paths=allow_paths, plugins=plugins)
     if output is not None:
         check_distinct([output / _NUMBERS], scene_files(scene, description))
     given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}

@@ -13,7 +13,7 @@ import click
 from clrender.cli.completing import complete_devices, complete_scenes
 from clrender.cli.folder import output_folder
 from clrender.cli.interrupt import interruptible
-from clrender.cli.options import allow_path_option, numbers, setting_option
+from clrender.cli.options import allow_path_option, numbers, plugin_option, setting_option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -50,16 +50,19 @@ _NUMBERS: Final = "furnace.json"
 @click.option("--quick", is_flag=True, help="Use 1/16 of the samples.")
 @click.option("--check", is_flag=True, help="Exit with code 1 if a fault is found.")
 @click.option("--quiet", is_flag=True, help="No progress; only errors on stderr.")
+@plugin_option
 @allow_path_option
 def furnace(
     subject: str, names: tuple[str, ...], uvs: tuple[tuple[float, float], ...], as_json: bool, output: Path | None,
-    seed: int, device: str | None, quick: bool, check: bool, quiet: bool, allow_paths: tuple[Path, ...],
+    seed: int, device: str | None, quick: bool, check: bool, quiet: bool, plugins: tuple[Path, ...],
+    allow_paths: tuple[Path, ...],
 ) -> None:  # fmt: skip
     """Test the physical properties of materials.
 
     MATERIAL is a type, such as conductor, tested with its defaults (white, gold, index 1.5) over a range of
     roughnesses; or a table as in a scene file, such as '{type = "conductor", metal = "Au", roughness = 0.3}'. For a
-    SCENE, all its materials are tested.
+    SCENE, all its materials are tested. A plugin is given by --plugin and named like a type, and is tested with its
+    defaults and with the bounds of each of its numbers.
 
     The tests are: the directional albedo in a white furnace; reciprocity; and whether sampled directions match the
     probability density. Each fault is reported with its size. Delta distributions, such as smooth glass, have no
@@ -73,7 +76,7 @@ def furnace(
         if not quiet:
             click.echo(line, err=True)
 
-    what = subjects_of(subject, names, allow_paths, uvs)
+    what = subjects_of(subject, names, allow_paths, uvs, plugins)
     if output is not None:
         from clrender.drawing.svg import require_matplotlib
 

@@ -29,6 +29,7 @@ __all__ = [
     "number",
     "numbers",
     "outputs_option",
+    "plugin_option",
     "progress_options",
     "scene_argument",
     "setting_option",
@@ -164,8 +165,30 @@ class _ShutterType(DomainType):
         return super().convert(value, param, ctx)
 
 
-def tone_options(command: Any) -> Any:
-    """Decorator: the options of every command that writes display images."""
+class _IntervalType(_ShutterType):
+    """Option type: an exposure time, or when a shutter opens and closes, such as 0:1/48."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if not (isinstance(value, str) and ":" in value):
+            return super().convert(value, param, ctx)
+        ends = []
+        for end in value.split(":"):
+            match = re.fullmatch(r"(-?\d{1,9})/(\d{1,9})", end, re.ASCII)
+            try:
+                ends.append(int(match[1]) / int(match[2]) if match else float(end))
+            except (ValueError, ZeroDivisionError):
+                ends.clear()
+                break
+        if len(ends) != 2 or not all(math.isfinite(end) for end in ends) or ends[1] < ends[0]:
+            self.fail(
+                f"{shown(value)} is no interval such as 0:1/48, in seconds from the time of the image.", param, ctx
+            )
+        return tuple(ends)
+
+
+def tone_options(command: Any, *, moving: bool = False) -> Any:
+    """Decorator: the options of every command that writes display images; of `moving` ones with motion blur."""
+    interval = " Or when it opens and closes, such as 0:1/48, for motion blur." if moving else ""
     options = [
         click.option(
             "--tone-map",
@@ -190,9 +213,9 @@ def tone_options(command: Any) -> Any:
         ),
         click.option(
             "--shutter",
-            type=_ShutterType(PHOTOGRAPHIC["shutter"]),
+            type=(_IntervalType if moving else _ShutterType)(PHOTOGRAPHIC["shutter"]),
             metavar="S",
-            help="Exposure time in seconds, such as 1/125; see --f-stop (none).",
+            help=f"Exposure time in seconds, such as 1/125; see --f-stop (none).{interval}",
         ),
         click.option(
             "--iso", type=DomainType(PHOTOGRAPHIC["iso"]), metavar="S", help="Film speed; see --f-stop (100)."
@@ -290,16 +313,29 @@ def allow_path_option(command: Any) -> Any:
     )(command)
 
 
+def plugin_option(command: Any) -> Any:
+    """Decorator: the option for plugins that materials of a scene may use."""
+    return click.option(
+        "--plugin",
+        "plugins",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        multiple=True,
+        shell_complete=complete_files,
+        help="BSDF or texture in OpenCL C that materials may use; it is compiled and run. Repeatable.",
+    )(command)
+
+
 def load_options(command: Any) -> Any:
     """Decorator: the options of `clrender.importers.load`, which the command gets together as `reading`."""
-    names = ("allow_paths", "time_at", "variant", "up", "define", "camera", "hide_environment", "strict")
+    names = ("allow_paths", "time_at", "variant", "up", "define", "camera", "hide_environment", "strict", "plugins")
 
     @functools.wraps(command)
     def run(*arguments: Any, **options: Any) -> Any:
         reading = {name: options.pop(name) for name in names}
         return command(*arguments, reading=reading, **options)
 
-    return _choice_options(allow_path_option(run))
+    return _choice_options(allow_path_option(plugin_option(run)))
 
 
 def _choice_options(command: Any) -> Any:
@@ -338,7 +374,8 @@ def _choice_options(command: Any) -> Any:
         "--time-at",
         type=float,
         metavar="S",
-        help="Animation time of a glTF file, seconds; default: rest pose.",
+        help="Time of the image, seconds, in a scene with motions or a glTF file with an animation; default: that of "
+        "the camera (0), or the rest pose.",
     )(command)
 
 

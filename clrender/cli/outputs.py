@@ -52,7 +52,8 @@ def check_formats(ctx: click.Context, outputs: Iterable[Path]) -> None:
     endings = {path.suffix.lower() for path in outputs}
     given = {name for name in ctx.params if ctx.get_parameter_source(name) == ParameterSource.COMMANDLINE}
     for name in ("tone_map", "exposure", "f_stop", "shutter", "iso"):
-        if name in given and not endings.intersection(DISPLAY_ENDINGS):
+        interval = isinstance(ctx.params.get(name), tuple)  # of a shutter, for motion blur
+        if name in given and not interval and not endings.intersection(DISPLAY_ENDINGS):
             option = name.replace("_", "-")
             raise UsageError(f"--{option}: only .png and .jpg files are tone-mapped; name one with -o, or leave it out")
     for name in ("exr_type", "exr_compression", "exr_tile"):

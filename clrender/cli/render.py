@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 import sys
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -16,12 +17,14 @@ import click
 
 from clrender.cli import STARTED
 from clrender.cli.completing import complete_layers
+from clrender.cli.frames import FRAMES_PER_SECOND, Frames, frames, is_done, named
 from clrender.cli.interrupt import Interrupt, interruptible
 from clrender.cli.options import (
     device_option,
     environment_option,
     exr_options,
     load_options,
+    number,
     outputs_option,
     progress_options,
     scene_argument,
@@ -52,12 +55,13 @@ _FILM_PIXELS: Final = 1 << 24
 @device_option
 @setting_options
 @environment_option
-@tone_options
+@functools.partial(tone_options, moving=True)
 @click.option(
     "--aov",
     metavar="LIST",
     shell_complete=complete_layers,
-    help="Layers of the .exr: alpha,albedo,emission,normal,normal_camera,tangent,depth,z_depth,position,uv,"
+    help="Layers of the .exr: alpha,albedo,emission,normal,normal_camera,tangent,depth,z_depth,position,uv,flow,"
+    "scene_flow,"
     "object,material,instance,category,part,samples,crypto_object,crypto_material,stderr,unconverged.",
 )
 @click.option(
@@ -88,7 +92,11 @@ _FILM_PIXELS: Final = 1 << 24
     metavar="FILE",
     help="Save the render to this film every few seconds and when it ends, for whatever reason.",
 )
-@click.option("--resume", is_flag=True, help="Resume from the checkpoint, if it exists; --spp may be increased.")
+@click.option(
+    "--resume",
+    is_flag=True,
+    help="Resume from the checkpoint, if it exists; --spp may be increased. With --frames: keep those that are done.",
+)
 @click.option(
     "--cluster",
     metavar="ADDRESS",
@@ -105,6 +113,18 @@ _FILM_PIXELS: Final = 1 << 24
     type=click.Path(path_type=Path),
     metavar="FILE",
     help="Write the field that guided the paths to this file.",
+)
+@click.option(
+    "--frames",
+    type=frames,
+    metavar="A:B[:S]",
+    help="Render frames A to B (in steps of S) of an animation; outputs are named like frame_%04d.png.",
+)
+@click.option(
+    "--fps",
+    type=number(1e-3, 1e6),
+    metavar="N",
+    help=f"Frames per second, from time 0 on ({FRAMES_PER_SECOND:g}).",
 )
 @click.option("--denoise", is_flag=True, help="Denoise with Open Image Denoise; introduces bias.")
 @click.option("--stats", type=click.Path(path_type=Path), metavar="FILE", help="Write render statistics as JSON.")
@@ -123,7 +143,7 @@ def render(
     tone_map: str,
     exposure: float,
     f_stop: float | None,
-    shutter: float | None,
+    shutter: float | tuple[float, float] | None,
     iso: float | None,
     aov: str | None,
     amodal: str | None,
@@ -139,6 +159,8 @@ def render(
     denoise: bool,
     guiding_field: Path | None,
     save_guiding_field: Path | None,
+    frames: Frames | None,
+    fps: float | None,
     stats: Path | None,
     progress: str,
     preview: bool,
@@ -152,14 +174,15 @@ def render(
     second, writes the image so far and exits with code 130.
     """
     written = [*outputs, *(path for path in (stats, checkpoint, save_guiding_field) if path)]
-    _check_outputs(ctx, outputs, stats)
+    _check_frames(ctx, frames, outputs)
+    _check_outputs(ctx, outputs if frames is None else named(outputs, frames.first), stats)
     _check_field(save_guiding_field, cluster)
     if denoise:
         from clrender.image.denoise import check_denoiser
 
         check_denoiser()
     _check_progress(progress, preview, quiet)
-    how = {**_saving(checkpoint, resume), **_on_cluster(cluster)}
+    how = {**_saving(checkpoint, resume and frames is None), **_on_cluster(cluster)}
     check_distinct(written, [Path(scene), *([guiding_field] if guiding_field else [])])
     layers = _layers(aov, outputs)
     _check_layers(light_groups, "--light-groups", outputs)
@@ -169,6 +192,7 @@ def render(
     exr = {"exr_type": exr_type, "exr_compression": exr_compression, "exr_tile": exr_tile}
     _check_exr((*layers, "instance") if amodal else layers, exr)
     with interruptible() as interrupt, ExitStack() as stack:
+        from clrender.aov import FLOWS
         from clrender.importers import load
         from clrender.rendering.job import RenderJob
         from clrender.rendering.rendered_image import IncompleteRender
@@ -176,14 +200,40 @@ def render(
         begun = time.perf_counter()
         waiting = stack.enter_context(Waiting(None if quiet else STYLES[progress]().say))
         waiting.stage("reading")
-        description = load(scene, environment=environment, **reading)
-        description = description.with_exposure(f_stop, shutter, iso)
-        read_seconds = time.perf_counter() - begun
-        check_distinct(written, scene_files(scene, description))
         chosen = {name: value for name, value in settings.items() if value is not None}
         chosen |= {"aov": layers, "denoise": denoise, "guiding_field": guiding_field, "light_groups": light_groups}
         chosen |= {"amodal": amodal} if amodal else {}
-        job = RenderJob.of(description, size=size, **chosen)
+        photographic: dict[str, Any] = {"f_stop": f_stop, "shutter": shutter, "iso": iso}
+        if isinstance(shutter, tuple):
+            reading["shutter"], photographic["shutter"] = shutter, None
+
+        def job_at(seconds: float | None) -> RenderJob:
+            moment = {} if seconds is None else {"time_at": seconds}
+            description = load(scene, environment=environment, **{**reading, **moment})
+            if frames is not None and FLOWS.intersection(layers) and description.camera.flow_step is None:
+                description = description.changed({"camera.flow_step": frames.step / (fps or FRAMES_PER_SECOND)})
+            return RenderJob.of(description.with_exposure(**photographic), size=size, **chosen)
+
+        if frames is not None:
+            _render_frames(
+                frames,
+                1.0 / (fps or FRAMES_PER_SECOND),
+                job_at,
+                outputs,
+                written,
+                scene,
+                devices,
+                interrupt,
+                waiting,
+                {"tone_map": tone_map, "exposure": exposure, **exr},
+                resume,
+                quiet,
+                progress,
+            )
+            return
+        job = job_at(None)
+        read_seconds = time.perf_counter() - begun
+        check_distinct(written, scene_files(scene, job.scene))
         if save_guiding_field is not None and job.settings.guiding == "off":
             raise UsageError("--save-guiding-field: no field guides this render; ask for one with --guiding on")
         job = job.shard(*shard) if shard else job
@@ -209,6 +259,83 @@ def render(
         raise RenderError(f"{failure}; {' '.join(map(str, outputs))} contains the samples taken until then")
     if interrupt.wanted():
         sys.exit(interrupt.exit_code)
+
+
+def _check_frames(ctx: click.Context, frames: Frames | None, outputs: Sequence[Path]) -> None:
+    """Check that nothing contradicts --frames, nor is for it alone."""
+    given = ctx.params
+    if frames is None:
+        if given["fps"] is not None:
+            raise UsageError("--fps: is for --frames; leave it out, or name the frames")
+        return
+    of_one = ("time_at", "shard", "checkpoint", "cluster", "stats", "save_guiding_field", "preview", "time")
+    frames.check(outputs, {f"--{name.replace('_', '-')}": given.get(name) for name in of_one}, given["resume"])
+
+
+def _render_frames(
+    frames: Frames,
+    spacing: float,
+    job_at: Callable[[float | None], RenderJob],
+    outputs: Sequence[Path],
+    written: Sequence[Path],
+    scene: str,
+    devices: Sequence[str],
+    interrupt: Interrupt,
+    waiting: Waiting,
+    how: Mapping[str, Any],
+    resume: bool,
+    quiet: bool,
+    progress: str,
+) -> None:
+    """Render one frame after the other, in one session; one that is interrupted is not written.
+
+    Parameters
+    ----------
+    frames : Frames
+    spacing : float
+        Seconds between two frames.
+    job_at : callable
+        The job of the image at a time.
+    outputs, written : sequence of pathlib.Path
+        Patterns of names of a frame's files, and of all files.
+    scene : str
+        As the command has it.
+    devices : sequence of str
+    interrupt : Interrupt
+    waiting : Waiting
+    how : mapping
+        How files are written.
+    resume : bool
+        Keep frames that are done.
+    quiet, progress
+        Of the display.
+    """
+    from clrender.rendering.session import Session
+
+    style = None if quiet else STYLES[progress]()
+    kept = 0
+    with Session(list(devices) or None, notify=waiting.say, on_stage=waiting.stage) as session:
+        for number in frames:
+            paths, job = named(outputs, number), job_at(number * spacing)
+            if number == frames.first:
+                check_distinct(written, scene_files(scene, job.scene))
+                check_image_size(paths, *job.settings.film_size)
+            if resume and is_done(paths, job, how):
+                kept += 1
+                continue
+            with ProgressDisplay(quiet=style is None, view=None if quiet else STYLES[progress]()) as display:
+                image = session.render(
+                    job, on_progress=display, should_stop=interrupt.wanted, keep_film=_keeps_film(job, paths)
+                )
+                display.finish(image)
+            if interrupt.wanted():
+                text = f"interrupted before frame {number} was done; --resume keeps the others"
+                click.echo(f"error: {text}", err=True)
+                sys.exit(interrupt.exit_code)
+            _write(image, paths, how, None, None)
+            click.echo(f"frame {number}: {_result_line(image, paths)}")
+    if kept:
+        click.echo(f"{kept} of {len(frames)} frames were done before")
 
 
 def _check_outputs(ctx: click.Context, outputs: Sequence[Path], stats: Path | None) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from clrender.cli.completing import complete_devices, complete_scenes
-from clrender.cli.options import EnvironmentType, allow_path_option, number
+from clrender.cli.options import EnvironmentType, allow_path_option, number, plugin_option
 from clrender.cli.progress import ProgressDisplay
 from clrender.errors import UsageError
 
@@ -69,6 +69,7 @@ __all__ = ["verify"]
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
 @click.option("--quiet", is_flag=True, help="No progress; only errors on stderr.")
+@plugin_option
 @allow_path_option
 def verify(
     image: Path,
@@ -81,6 +82,7 @@ def verify(
     seed: int | None,
     as_json: bool,
     quiet: bool,
+    plugins: tuple[Path, ...],
     allow_paths: tuple[Path, ...],
 ) -> None:
     """Render random tiles of IMAGE (.film .exr .png) again with its own settings and compare them bit for bit.
@@ -107,6 +109,7 @@ def verify(
             environment=environment,
             guiding_field=guiding_field,
             allow_paths=allow_paths,
+            plugins=plugins,
             device=list(devices) or None,
             seed=seed,
             on_progress=display,

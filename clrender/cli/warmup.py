@@ -9,7 +9,7 @@ import click
 
 from clrender.cli.completing import complete_devices, complete_scenes
 from clrender.cli.interrupt import interruptible
-from clrender.cli.options import allow_path_option, setting_option
+from clrender.cli.options import allow_path_option, plugin_option, setting_option
 
 __all__ = ["warmup"]
 
@@ -19,9 +19,15 @@ __all__ = ["warmup"]
 @setting_option("integrator")
 @click.option("-d", "--device", metavar="SPEC", shell_complete=complete_devices, help="As for `clrender render`.")
 @click.option("--quiet", is_flag=True, help="No progress; only errors on stderr.")
+@plugin_option
 @allow_path_option
 def warmup(
-    names: tuple[str, ...], integrator: str | None, device: str | None, quiet: bool, allow_paths: tuple[Path, ...]
+    names: tuple[str, ...],
+    integrator: str | None,
+    device: str | None,
+    quiet: bool,
+    plugins: tuple[Path, ...],
+    allow_paths: tuple[Path, ...],
 ) -> None:
     """Check devices and compile kernels now, so that later renders begin at once.
 
@@ -38,7 +44,7 @@ def warmup(
         if not quiet:
             click.echo(line, err=True)
 
-    scenes = {name: load(name, allow_paths=allow_paths) for name in names}
+    scenes = {name: load(name, allow_paths=allow_paths, plugins=plugins) for name in names}
     with interruptible() as interrupt:
         settings = {} if integrator is None else {"integrator": integrator}
         warm_up(select(device, notify=say), scenes, interrupt.wanted, say, **settings)

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 from clrender.device.driver_settings import driver_settings
 from clrender.device.program_cache import load_binary, store_binary
-from clrender.errors import DeviceError
+from clrender.errors import DeviceError, UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import pyopencl as cl
 
     from clrender.device.info import DeviceInfo
@@ -38,6 +40,8 @@ def build(context: cl.Context, handle: cl.Device, info: DeviceInfo, options: str
     ------
     DeviceError
         When the compiler rejects the program; the message has its first errors.
+    UsageError
+        When it rejects a plugin of it.
     """
     import pyopencl as cl
 
@@ -53,11 +57,24 @@ def build(context: cl.Context, handle: cl.Device, info: DeviceInfo, options: str
     except cl.Error as error:
         log = str(program.get_build_info(handle, cl.program_build_info.LOG) or "")
         reason = first_errors(log, source) or str(error)
+        if wrong := _errors_of(reason, source.plugins):
+            raise UsageError(f"{wrong}: the plugin cannot be compiled for {info.title}; correct it") from None
         raise DeviceError(f"{info.title} cannot build {source.entry}: {reason}; see `clrender doctor`") from error
     # PoCL would compile every kernel again for a binary. It keeps them itself, and finds them in some 25 ms a program.
     if "pocl" not in info.version.lower():
         store(info, options, source, program)
     return program
+
+
+def _errors_of(reason: str, files: Sequence[str]) -> str:
+    """Those of some errors that are in one of these files, beginning with their place; empty: there are none."""
+    found = []
+    for each in reason.split(" | "):
+        for file in files:
+            if f"{file}:" in each:
+                found.append(file + each.partition(file)[2].replace(": error: ", ": "))
+                break
+    return " | ".join(found)
 
 
 def _program(context: cl.Context, *parts: Any) -> Any:

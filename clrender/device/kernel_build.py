@@ -92,7 +92,7 @@ def kernel_build(
     lanes = 1 if launch.staged and pipeline.staged else launch.lanes or lanes_of(device)
     defines: dict[str, int | str] = {"LANES": lanes}
     if universal:
-        features = Features.all()
+        features = Features.all(features.plugins)
         defines["UNIVERSAL"] = 1
     elif arrays.masked_tree is None:  # a given BVH holds all primitives
         features = replace(features, opacity=False, holes=False)

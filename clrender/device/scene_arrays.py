@@ -33,7 +33,7 @@ _PAGES = 4
 _AS_THEY_ARE = (
     *("material_rows", "media_rows", "albedo_tables", "light_nodes", "light_order", "environment_map"),
     *("light_cones", "lamp_tables"),
-    *("instance_rows", "instance_guides"),
+    *("instance_rows", "instance_guides", "instance_motions", "motion_rows"),
     *("hole_rows", "attribute_rows", "texture_rows", "texture_slots", "texel_values"),
 )
 """Host arrays that the kernels read unchanged."""
@@ -202,6 +202,7 @@ class SceneArrays:
             **dict(zip(_TREE, self.tree.buffers, strict=True)),
             **dict(zip((f"masked_{name}" for name in _TREE), (self.masked_tree or self.tree).buffers, strict=True)),
             "camera": device.upload(scene.camera),
+            "camera_knots": device.upload(scene.camera_knots),
         }
         self.buffers["chain_table"] = self.buffers["light_alias"]  # a substitute, which no kernel without chains reads
         self._compute_rows(scene, arrays)
@@ -273,7 +274,7 @@ class SceneArrays:
         finally:
             for buffer in arrays.values():
                 device.release(buffer)
-        self.look(scene.camera)
+        self.look(scene)
         if self._chains is not None:
             device.release(self._chains)
             self._chains = None
@@ -331,14 +332,15 @@ class SceneArrays:
     def _trees(self) -> list[bvh.Bvh]:
         return [self.tree, self.masked_tree] if self.masked_tree else [self.tree]
 
-    def look(self, camera: NDArray[np.void]) -> None:
-        """Replace the cameras by others, (n,) `Camera`."""
-        held = self.buffers["camera"]
-        if held.nbytes == camera.nbytes:
-            self._device.write(held, camera)
-            return
-        self.buffers["camera"] = self._device.upload(camera)
-        self._device.release(held)
+    def look(self, scene: FlatScene) -> None:
+        """Replace the cameras and their motions by those of a scene that has the same arrays."""
+        for name, array in (("camera", scene.camera), ("camera_knots", scene.camera_knots)):
+            held = self.buffers[name]
+            if held.nbytes == array.nbytes:
+                self._device.write(held, array)
+                continue
+            self.buffers[name] = self._device.upload(array)
+            self._device.release(held)
 
     def release(self) -> None:
         """Release the device memory."""

@@ -27,6 +27,7 @@ _COLD: Final = "#pragma clang attribute push(__attribute__((cold)), apply_to = f
 _DIRECTIVE = re.compile(r"\s*#\s*(\w+)\s*(.*?)\s*$")
 _INCLUDES = re.compile(rb'#[ \t]*include[ \t]*"([^"\n]+)"')
 _DECIDE = ("include", "if", "ifdef", "ifndef", "else", "elif", "endif")
+_PLUGIN = re.compile(r'^// plugin \w+\n#line 1 "([^"]*)"', re.MULTILINE)
 _LINE = re.compile(r'#line (\d+) "([^"]*)"')
 _COMMENTS = re.compile(r"/\*.*?\*/|//[^\n]*|/\*.*\Z", re.DOTALL)
 
@@ -49,6 +50,11 @@ class Source:
     text: str
     sha256: str
 
+    @property
+    def plugins(self) -> tuple[str, ...]:
+        """Files of plugins, whose texts are in `text` by their own names and lines; see `clrender.plugins.program`."""
+        return tuple(dict.fromkeys(_PLUGIN.findall(self.text)))
+
     def place(self, line: int) -> str:
         """File and line, such as ``core/exact.h:12``, of a line of `text`, counted from 1."""
         file, number = self.entry, 0
@@ -66,7 +72,8 @@ def load_source(entry: str | Path, defines: Mapping[str, int | str] | None = Non
     entry : str or Path
         Name below the kernels folder, or an absolute path.
     defines : mapping, optional
-        Macros defined before the first line.
+        Macros defined before the first line. A name that ends in ``.h`` is no macro, but a file whose text is given in
+        the place of the folder's.
     root : Path, optional
         Folder that includes are relative to; default: the kernels folder.
 
@@ -75,16 +82,18 @@ def load_source(entry: str | Path, defines: Mapping[str, int | str] | None = Non
     RenderError
         When a file is missing or cannot be read, or includes form a cycle.
     """
-    macros = "".join(f"#define {name} {value}\n" for name, value in sorted((defines or {}).items()))
+    given = {name: str(value) for name, value in sorted((defines or {}).items()) if name.endswith(".h")}
+    named = {name: value for name, value in (defines or {}).items() if name not in given}
+    macros = "".join(f"#define {name} {value}\n" for name, value in sorted(named.items()))
     # Set here for the whole program: contraction would make results differ between drivers.
-    text = "#pragma OPENCL FP_CONTRACT OFF\n" + macros + expand(entry, root)
+    text = "#pragma OPENCL FP_CONTRACT OFF\n" + macros + expand(entry, root, given)
     if SMALL_CODE in (defines or {}):
         # Clang optimizes functions for size that are seldom called, and inlines less
         text = f"{_COLD}\n{text}#pragma clang attribute pop\n"
     return Source(str(entry), text, hashlib.sha256(text.encode()).hexdigest())
 
 
-def expand(entry: str | Path, root: Path | None = None) -> str:
+def expand(entry: str | Path, root: Path | None = None, given: Mapping[str, str] | None = None) -> str:
     """Text of a kernel file with every include replaced by the file's contents.
 
     A header with an include guard that was already included unconditionally, or in the same branch of an `#if`, is
@@ -96,24 +105,26 @@ def expand(entry: str | Path, root: Path | None = None) -> str:
         Name below `root`, or an absolute path.
     root : Path, optional
         Folder that includes are relative to; default: the kernels folder, whose files are expanded only once.
+    given : mapping of str to str, optional
+        Texts of files in the place of the folder's, by name.
 
     Raises
     ------
     RenderError
         When a file is missing or cannot be read, an include is not quoted, or includes form a cycle.
     """
-    if root is None and not Path(entry).is_absolute():
+    if root is None and not given and not Path(entry).is_absolute():
         return _expand_once(str(entry))
-    return _expand(str(entry), root or kernels_folder())
+    return _expand(str(entry), root or kernels_folder(), given or {})
 
 
-def _expand(entry: str, root: Path) -> str:
-    return "".join(_Expander(root).file(entry, []))
+def _expand(entry: str, root: Path, given: Mapping[str, str]) -> str:
+    return "".join(_Expander(root, given).file(entry, []))
 
 
 @cache
 def _expand_once(entry: str) -> str:
-    return _expand(entry, kernels_folder())
+    return _expand(entry, kernels_folder(), {})
 
 
 def kernels_sha256(root: Path | None = None) -> str:
@@ -153,8 +164,8 @@ def _kernel_files(folder: Path) -> list[Path]:
 class _Expander:
     """State of one expansion: the guarded headers that are certainly included at the current line."""
 
-    def __init__(self, root: Path) -> None:
-        self.root = root
+    def __init__(self, root: Path, given: Mapping[str, str]) -> None:
+        self.root, self.given = root, given
         # One set per open conditional branch, outermost first. A header in any of them is included here.
         self.branches: list[set[str]] = [set()]
 
@@ -203,6 +214,8 @@ class _Expander:
         return [] if any(name in branch for branch in self.branches) else self.file(name, chain)
 
     def _read(self, name: str, chain: list[str]) -> str:
+        if name in self.given:
+            return self.given[name]
         path = Path(name) if not chain and Path(name).is_absolute() else self.root / name
         place = f"{chain[-1]}: " if chain else ""
         if chain and (".." in Path(name).parts or Path(name).is_absolute()):

@@ -48,6 +48,7 @@ def exported_to_cycles(scene: Scene, folder: str, merge: bool = False) -> Cycles
         Cycles has no such camera, or a file cannot be read.
     """
     target = Target(scene, folder, NO_ID, ".", apart=True)
+    scene = target.scene
     textures = TextureWriter(target)
     materials, lights = MaterialWriter(target, textures), LightWriter(target, textures)
     shapes = ShapeWriter(target, materials, merge)

@@ -20,6 +20,7 @@ from clrender.flatten.near_pairs import near_pairs
 from clrender.meshes.data import MeshData
 from clrender.scene import Scene
 from clrender.scene.groups import Instance
+from clrender.scene.resting import placements
 from clrender.scene.shapes import AnyShape
 
 __all__ = ["ShapeWriter"]
@@ -68,7 +69,7 @@ class ShapeWriter:
             if name not in groups:
                 inside = enumerate(scene.groups[name].shapes)
                 groups[name] = self._pieces([(("groups", name, "shapes", i), each) for i, each in inside])
-            for each in scene.transforms(index).maps:
+            for each in placements(scene, index):
                 if not self._differs(name, each):
                     for piece in groups[name]:
                         self._object(piece, np.concatenate([each, [[0.0, 0.0, 0.0, 1.0]]]))

@@ -49,6 +49,7 @@ def exported_to_luxcore(scene: Scene, folder: str, merge: bool = False) -> LuxCo
         LuxCore has no such camera, or a file cannot be read.
     """
     target = Target(scene, folder, NO_ID, "-")
+    scene = target.scene
     properties: Properties = {}
     textures = TextureWriter(target, properties)
     materials = MaterialWriter(target, properties, textures)

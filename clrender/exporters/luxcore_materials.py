@@ -162,6 +162,7 @@ class MaterialWriter:
             first, second = map(self._part, material.materials)
             amount = self._textures.number(material.weight, (*at, "weight"))
             return {"type": "mix", "material1": first, "material2": second, "amount": amount}
+        assert isinstance(material, Principled)  # scenes with plugins are refused
         return self._principled(material, at)
 
     def _roughness(self, material: Any, at: At) -> Properties:

@@ -15,6 +15,7 @@ from clrender.exporters.surfaces import boundaries, tell_of_meshes, tell_of_roun
 from clrender.exporters.target import Target
 from clrender.exporters.triangles import At, Piece, pieces_of, shapes_of_instances, write_plain_ply
 from clrender.scene.groups import Instance
+from clrender.scene.resting import placements
 from clrender.scene.shapes import AnyShape
 
 __all__ = ["ShapeWriter"]
@@ -51,7 +52,7 @@ class ShapeWriter:
             if name not in groups:
                 inside = enumerate(scene.groups[name].shapes)
                 groups[name] = self._pieces([(("groups", name, "shapes", i), each) for i, each in inside])
-            for each in scene.transforms(index).maps:
+            for each in placements(scene, index):
                 if determinant(each[:, :3]) < 0.0:
                     continue
                 # Column by column

@@ -52,6 +52,7 @@ def exported_to_mitsuba(scene: Scene, folder: str, merge: bool = False) -> Mitsu
         Mitsuba has no such camera, or a file cannot be read.
     """
     target = Target(scene, folder, NO_ID)
+    scene = target.scene
     textures = TextureWriter(target)
     materials, media = MaterialWriter(target, textures), MediumWriter(target)
     shapes = ShapeWriter(target, textures, materials, media, merge).shapes()

@@ -138,6 +138,7 @@ class MaterialWriter:
         if isinstance(material, Mix):
             weight = self._textures.number("weight", material.weight, (*at, "weight"))
             return element("bsdf", weight, *map(self.reference, material.materials), type="blendbsdf")
+        assert isinstance(material, Principled)  # scenes with plugins are refused
         return self._principled(material, at)
 
     def _diffuse(self, reflectance: Any, at: _At) -> Element:
@@ -271,7 +272,7 @@ class MaterialWriter:
     def _index(self, material: Principled, at: _At) -> float:
         """The index of refraction that has the reflectance at normal incidence, scaled by `specular`."""
         root = (material.ior - 1.0) / (material.ior + 1.0)
-        if isinstance(material.specular, Texture):
+        if not isinstance(material.specular, float):
             self._target.leave_out("the texture of the strength of the dielectric reflection", *at, "specular")
         elif material.transmission == 0.0:
             root *= math.sqrt(material.specular)
@@ -280,7 +281,7 @@ class MaterialWriter:
 
     def _coat(self, material: Principled, at: _At) -> list[Element]:
         coat = material.coat
-        if isinstance(coat, Texture) or isinstance(material.coat_roughness, Texture):
+        if not isinstance(coat, float) or not isinstance(material.coat_roughness, float):
             self._target.leave_out("clear coats where they, or their roughness, are textures", *at, "coat")
             return []
         if coat > _COAT:

@@ -34,6 +34,7 @@ from clrender.flatten.emission import emits
 from clrender.meshes.data import MeshData
 from clrender.scene import Disk, Mesh, Sphere
 from clrender.scene.groups import Instance
+from clrender.scene.resting import placements
 from clrender.scene.shapes import AnyShape, Box, Quad
 
 __all__ = ["ShapeWriter"]
@@ -71,7 +72,7 @@ class ShapeWriter:
         # Mitsuba has no lights in groups
         for index, instance in scene.instances():
             for at, shape in self._shining(instance.group):
-                own += [(at, placed(shape, each)) for each in scene.transforms(index).maps]
+                own += [(at, placed(shape, each)) for each in placements(scene, index)]
         for at, shape in own:
             if passes(scene, shape) and not isinstance(shape, Disk):
                 self._media.add(shape, *world(shape, triangles_of(scene, at, shape)))
@@ -106,7 +107,7 @@ class ShapeWriter:
                     written.append(element("shape", *inside, type="shapegroup", id=ids[name]))
             if not ids[name]:
                 continue
-            for each in scene.transforms(index).maps:
+            for each in placements(scene, index):
                 placed = transform(np.concatenate([each, [[0.0, 0.0, 0.0, 1.0]]]))
                 written.append(element("shape", element("ref", id=ids[name]), placed, type="instance"))
         return written

@@ -152,7 +152,7 @@ def alphas_of(target: Target, material: Conductor | Principled, at: At) -> tuple
     """Alpha along u and along v; None if the surface is isotropic, or has textures of them."""
     if material.anisotropy == 0.0:
         return None
-    if isinstance(material.anisotropy, Texture) or isinstance(material.roughness, Texture):
+    if not isinstance(material.anisotropy, float) or not isinstance(material.roughness, float):
         target.leave_out("anisotropy where it, or the roughness, is a texture", *at)
         return None
     quarters = material.anisotropy_rotation / 90.0

@@ -11,7 +11,10 @@ from typing import ClassVar, Final
 from clrender.errors import SceneError
 from clrender.exporters.files import NamedFiles
 from clrender.files.access import atomic_write
-from clrender.scene import Scene
+from clrender.scene import PluginMaterial, Scene
+from clrender.scene.motion import rests
+from clrender.scene.resting import has_motion, opened
+from clrender.scene.textures import PluginTexture, textures_of
 from clrender.wording import place
 
 __all__ = ["ForeignExport", "Target", "write_foreign"]
@@ -115,6 +118,33 @@ class Target:
     _ids: set[tuple[str, str]] = field(default_factory=set)
     _numbers: dict[tuple[str, str], int] = field(default_factory=dict)
     _notes: dict[str, list[str]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse what no other program has, and take what moves as it is when the shutter opens.
+
+        Raises
+        ------
+        SceneError
+            A material is made by a plugin.
+        """
+        moving, (begin, end) = self.scene, self.scene.camera.interval
+        self.scene = opened(moving)
+        sentence = "motion: it is where it is when the shutter opens"
+        if moving.camera.track is not None:
+            self.leave_out(sentence, "camera", "motion")
+        for index, shape in enumerate(moving.shapes if has_motion(moving) else ()):
+            if shape.motion and rests(shape.motion, begin, end) is None:
+                self.leave_out(sentence, "shapes", index, "motion")
+        if moving.camera.rolling_shutter > 0.0:
+            self.leave_out("a rolling shutter", "camera", "rolling_shutter")
+        for name, material in self.scene.materials.items():
+            textures = ((key, each) for key, each in textures_of(material) if isinstance(each, PluginTexture))
+            at, plugin = next(textures, ("", material if isinstance(material, PluginMaterial) else None))
+            if plugin is not None:
+                where = place(("materials", name, *(at.split(".", 1) if at else ())))
+                text = f"is made by the plugin {plugin.plugin}, which other programs do not have"
+                cure = "give it another, or convert to clrender's own format"
+                raise SceneError(f"{self.scene.source}: {where} {text}; {cure}")
 
     def id(self, kind: str, wanted: str) -> str:
         """A new id: `wanted` as far as the program takes it and no other object has it.

@@ -19,6 +19,7 @@ from clrender.flatten.polyhedra import polyhedron
 from clrender.meshes.data import MeshData
 from clrender.scene import Disk, Mesh, Scene, Sphere
 from clrender.scene.materials import Mix, material_textures
+from clrender.scene.resting import placements
 from clrender.scene.shapes import AnyShape, Transform
 from clrender.scene.textures import BumpMap, Checker, ImageTexture, NormalMap, Ramp
 from clrender.scene.transforms import affine
@@ -224,7 +225,7 @@ def shapes_of_instances(scene: Scene, chosen: Callable[[str, _Floats], bool] = m
     return [
         (("groups", instance.group, "shapes", i), placed(shape, each))
         for index, instance in scene.instances()
-        for each in scene.transforms(index).maps
+        for each in placements(scene, index)
         if chosen(instance.group, each)
         for i, shape in enumerate(scene.groups[instance.group].shapes)
     ]

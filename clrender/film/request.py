@@ -15,6 +15,7 @@ _HASHES: Final = {
     "scene_sha256": "the scene is another one, or was changed",
     "kernel_sha256": "the kernels are others",
     "sampler_sha256": "the kernels are others",
+    "plugins": "the plugins are others, or their texts have changed",
 }
 _ARRAYS: Final = "the arrays made of the scene are others, as of another version of clrender or NumPy"
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 from clrender.flatten.emission import emits
+from clrender.flatten.motion import Knots, knots_of
 from clrender.scene.description import Scene
 from clrender.scene.groups import Instance
-from clrender.scene.shapes import AnyShape, Disk, Mesh, Sphere, Transform
-from clrender.scene.transforms import Affine, affine, combined
+from clrender.scene.motion import Track, rests
+from clrender.scene.resting import carried, opened, placements, resting
+from clrender.scene.shapes import AnyShape, Disk, Mesh, Sphere
+from clrender.scene.transforms import Affine
 from clrender.scene.values import SHAPE_LIMIT
 from clrender.wording import place, quoted
 
@@ -26,6 +29,7 @@ _PLACES: Final = 8
 """Most shapes, over all its instances, of a small group."""
 _TRIANGLES: Final = 2**12
 """Most triangles, over all its instances, of a small group. Duplicating small groups is faster than building trees."""
+_ONCE: Final = np.eye(4)[None, :3]
 _Placed: TypeAlias = "tuple[tuple[str | int, ...], AnyShape]"
 
 
@@ -57,6 +61,9 @@ class Assembly:
         Of each shape in world space: which transform of its entry in the original list placed it, from 0.
     placed : (N, 2) int64
         Of each instance: its entry in the original list, and which transform of the entry placed it.
+    motion_of : (N,) int64
+        Of each instance: which of `motions` follows its map while the shutter is open; -1: it rests.
+    motions : tuple of Knots
     """
 
     scene: Scene
@@ -69,6 +76,24 @@ class Assembly:
     seen_begin: NDArray[np.int64]
     own_turns: NDArray[np.int64]
     placed: NDArray[np.int64]
+    motion_of: NDArray[np.int64]
+    motions: tuple[Knots, ...] = ()
+
+    @property
+    def at_rest(self) -> Assembly:
+        """The same without what moves."""
+        if not self.motions:
+            return self
+        still = self.motion_of < 0
+        return replace(
+            self,
+            group_of=self.group_of[still],
+            maps=self.maps[still],
+            seen_begin=self.seen_begin[still],
+            placed=self.placed[still],
+            motion_of=self.motion_of[still],
+            motions=(),
+        )
 
 
 def assemble(scene: Scene) -> Assembly:
@@ -80,73 +105,107 @@ def assemble(scene: Scene) -> Assembly:
         If an instance stretches a sphere or disk unevenly, a file of transforms cannot be read, or too many shapes that
         shine would have to be written out.
     """
+    scene = resting(scene)
     own, own_places = _own(scene)
     none = np.zeros(0, np.int64)
     if len(own) == len(scene.shapes):
         all_own = np.arange(len(own))
         nowhere = np.zeros((0, 3, 4)), all_own, all_own, none, np.zeros_like(all_own), np.zeros((0, 2), np.int64)
-        return Assembly(scene, len(own), (), none, *nowhere)
+        return Assembly(scene, len(own), (), none, *nowhere, none)
     written: list[_Placed] = []
     kept: list[_Placed] = []
-    groups: dict[str, tuple[int, range]] = {}
-    placed: list[tuple[int, int, int]] = []  # entry, group, how often
+    groups: dict[Hashable, tuple[int, range]] = {}
+    placed: list[tuple[int, int, int, int, int]] = []  # entry, group, how often, motion, first transform
     maps: list[NDArray[np.float64]] = []
     turns = [np.zeros(len(own), np.int64)]
+    motions: list[Knots] = []
     small = _small_groups(scene)
-    for index, instance in scene.instances():
-        array = scene.transforms(index).maps
+
+    def place_group(
+        entry: int, name: Hashable, shapes: list[_Placed], array: NDArray[np.float64], motion: int, turn: int = 0
+    ) -> None:
+        if name not in groups:
+            begin = len(kept)
+            kept.extend(shapes)
+            groups[name] = len(groups), range(begin, len(kept))
+        placed.append((entry, groups[name][0], len(array), motion, turn))
+        maps.append(array)
+
+    for index, instance in enumerate(scene.shapes):
+        if not isinstance(instance, Instance):
+            if instance.motion:
+                motions.append(knots_of(Track(instance.motion), scene, index))
+                shapes = [(scene.place_of(index), instance.with_checked(motion=()))]
+                place_group(index, (index,), _written(shapes, motions[-1].before), _ONCE, len(motions) - 1)
+            continue
+        array = placements(scene, index)
         shapes = _shapes_of(scene, instance.group)
         _check_similar(scene, index, instance.group, shapes, array)
-        alone = shapes if instance.group in small else [each for each in shapes if emits(scene, each[1])]
-        if len(own) + len(written) + len(alone) * len(array) > SHAPE_LIMIT:
-            text = f"places {len(array)} times a group of which {len(alone)} shapes shine; at most {SHAPE_LIMIT} may"
-            raise SceneError(f"{scene.source}: shapes[{index}] {text}")
+        shining = [each for each in shapes if emits(scene, each[1])]
+        if instance.motion and rests(instance.motion, *scene.camera.interval) is None:
+            _check_keys_similar(scene, index, instance, shapes)
+            motions.append(knots_of(Track(instance.motion), scene, index))
+            array = motions[-1].before[0, 0, 0] * array
+            _check_number(scene, index, len(kept) + len(shining) * len(array), len(array), len(shining))
+            # Each place of what shines is a light of its own, with a row of its own
+            for number, each in enumerate(array if shining else ()):
+                place_group(index, (index, number), _written(shining, each[None]), _ONCE, len(motions) - 1, number)
+            if len(shining) < len(shapes):
+                dark = [each for each in shapes if not emits(scene, each[1])]
+                place_group(index, instance.group, dark, array, len(motions) - 1)
+            continue
+        alone = shapes if instance.group in small else shining
+        _check_number(scene, index, len(own) + len(written) + len(alone) * len(array), len(array), len(alone))
         written += _written(alone, array)
         own_places += [index] * (len(alone) * len(array))
         turns.append(np.repeat(np.arange(len(array)), len(alone)))
-        if len(alone) == len(shapes):
-            continue
-        if instance.group not in groups:
-            begin = len(kept)
-            kept += [each for each in shapes if not emits(scene, each[1])]
-            groups[instance.group] = len(groups), range(begin, len(kept))
-        placed.append((index, groups[instance.group][0], len(array)))
-        maps.append(array)
+        if len(alone) < len(shapes):
+            place_group(index, instance.group, [each for each in shapes if not emits(scene, each[1])], array, -1)
     in_world = [*own, *written]
     ranges = tuple(range(len(in_world) + each.start, len(in_world) + each.stop) for _, each in groups.values())
     seen_place, seen_shape, begins = [np.array(own_places, np.int64)], [np.arange(len(in_world))], [none]
     total = len(in_world)
-    for index, group, count in placed:
+    for index, group, count, _, _ in placed:
         seen_place.append(np.full(len(ranges[group]), index))
         seen_shape.append(np.array(ranges[group]))
         begins.append(np.full(count, total - ranges[group].start))
         total += len(ranges[group])
+    counts = np.array([count for _, _, count, _, _ in placed], np.int64)
     return Assembly(
         scene.assembled([*in_world, *kept]),
         len(in_world),
         ranges,
-        np.repeat(*np.array([(group, count) for _, group, count in placed], np.int64).reshape(-1, 2).T),
+        np.repeat(np.array([group for _, group, _, _, _ in placed], np.int64), counts),
         np.concatenate([np.zeros((0, 3, 4)), *maps]),
         np.concatenate(seen_place),
         np.concatenate(seen_shape),
         np.concatenate(begins),
         np.concatenate(turns),
         np.concatenate(
-            [np.zeros((0, 2), np.int64), *(_numbered(index, count) for index, _, count in placed)], dtype=np.int64
+            [np.zeros((0, 2), np.int64), *(_numbered(entry, count, turn) for entry, _, count, _, turn in placed)],
+            dtype=np.int64,
         ),
+        np.repeat(np.array([motion for _, _, _, motion, _ in placed], np.int64), counts),
+        tuple(motions),
     )
 
 
-def _numbered(entry: int, count: int) -> NDArray[np.int64]:
-    """(count, 2): an entry, and the number of each of its transforms."""
-    return np.stack([np.full(count, entry), np.arange(count)], axis=1)
+def _numbered(entry: int, count: int, turn: int) -> NDArray[np.int64]:
+    """(count, 2): an entry, and the numbers of its transforms from `turn` on."""
+    return np.stack([np.full(count, entry), np.arange(turn, turn + count)], axis=1)
+
+
+def _check_number(scene: Scene, index: int, total: int, places: int, shining: int) -> None:
+    if total > SHAPE_LIMIT:
+        text = f"places {places} times a group of which {shining} shapes shine; at most {SHAPE_LIMIT} may"
+        raise SceneError(f"{scene.source}: shapes[{index}] {text}")
 
 
 def _small_groups(scene: Scene) -> set[str]:
     """Groups too small for their own trees: building a tree takes as long as some thousand more triangles."""
     places: dict[str, int] = {}
     for index, instance in scene.instances():
-        places[instance.group] = places.get(instance.group, 0) + len(scene.transforms(index).maps)
+        places[instance.group] = places.get(instance.group, 0) + len(placements(scene, index))
     if len(places) <= _MANY:
         return set()
     small: set[str] = set()
@@ -167,18 +226,19 @@ def _triangles(scene: Scene, at: tuple[str | int, ...], shape: AnyShape) -> int:
 
 
 def written_out(scene: Scene) -> Scene:
-    """A copy of the scene in which each instance is replaced by the shapes of its group.
+    """A copy of the scene in which each instance is replaced by the shapes of its group; nothing moves.
 
     Raises
     ------
     SceneError
         Like `assemble`, or if there would be too many shapes.
     """
+    scene = opened(scene)
     shapes, _ = _own(scene)
     if len(shapes) == len(scene.shapes):
         return scene
     for index, instance in scene.instances():
-        array, group = scene.transforms(index).maps, _shapes_of(scene, instance.group)
+        array, group = placements(scene, index), _shapes_of(scene, instance.group)
         _check_similar(scene, index, instance.group, group, array)
         if len(shapes) + len(group) * len(array) > SHAPE_LIMIT:
             text = f"places {len(array)} times a group of {len(group)} shapes, which have to be written out here"
@@ -188,8 +248,9 @@ def written_out(scene: Scene) -> Scene:
 
 
 def _own(scene: Scene) -> tuple[list[_Placed], list[int]]:
-    """Shapes of the scene that are not instances, and their indices in its list."""
-    own = [(index, shape) for index, shape in enumerate(scene.shapes) if not isinstance(shape, Instance)]
+    """Shapes of the scene that are not instances and do not move, and their indices in its list."""
+    shapes = enumerate(scene.shapes)
+    own = [(index, shape) for index, shape in shapes if not (isinstance(shape, Instance) or shape.motion)]
     return [(scene.place_of(index), shape) for index, shape in own], [index for index, _ in own]
 
 
@@ -205,13 +266,7 @@ def _written(shapes: Sequence[_Placed], array: NDArray[np.float64]) -> list[_Pla
         Affine(((a, b, c), (e, f, g), (i, j, k)), (d, h, o))
         for (a, b, c, d), (e, f, g, h), (i, j, k, o) in array.tolist()
     ]
-    return [(at, _moved(shape, outer)) for outer in outers for at, shape in shapes]
-
-
-def _moved(shape: AnyShape, outer: Affine) -> AnyShape:
-    inner = combined(outer, affine(shape.transform))
-    rows = tuple((*row, offset) for row, offset in zip(inner.linear, inner.offset, strict=True))
-    return shape.with_checked(transform=Transform(matrix=(*rows, (0.0, 0.0, 0.0, 1.0))))
+    return [(at, carried(shape, outer)) for outer in outers for at, shape in shapes]
 
 
 def _check_similar(scene: Scene, index: int, group: str, shapes: Sequence[_Placed], array: NDArray[np.float64]) -> None:
@@ -227,3 +282,14 @@ def _check_similar(scene: Scene, index: int, group: str, shapes: Sequence[_Place
         at = place(("shapes", index, *which))
         text = f"stretches a sphere or disk of the group {quoted(group)} unevenly, which is not supported"
         raise SceneError(f"{scene.source}: {at} {text}; scale all axes alike or use a mesh")
+
+
+def _check_keys_similar(scene: Scene, index: int, instance: Instance, shapes: Sequence[_Placed]) -> None:
+    """Raise an error if a key of a motion would stretch a sphere or disk unevenly."""
+    if not any(isinstance(shape, Sphere | Disk) for _, shape in shapes):
+        return
+    for number, key in enumerate(instance.motion):
+        if not key.is_similarity():
+            text = f"stretches a sphere or disk of the group {quoted(instance.group)} unevenly, which is not supported"
+            at = place(("shapes", index, "motion", number))
+            raise SceneError(f"{scene.source}: {at} {text}; scale all axes alike or use a mesh")

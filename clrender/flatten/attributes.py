@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.errors import SceneError
 from clrender.exact.matrices import product
+from clrender.flatten.plugin_rows import needs_uvs
 from clrender.meshes.data import MeshData
 from clrender.scene.description import Scene
-from clrender.scene.materials import material_textures
+from clrender.scene.materials import PluginMaterial, material_textures
 from clrender.scene.shapes import Box, Disk, Mesh, Quad, Shape, Sphere
-from clrender.scene.textures import AnyTexture, Checker, ImageTexture, NormalMap, Ramp
+from clrender.scene.textures import Checker, ImageTexture, MaterialTexture, NormalMap, Ramp
 from clrender.scene.transforms import Affine
 from clrender.scene.values import Vector, cross, length
 from clrender.wording import place, quoted
@@ -57,12 +58,15 @@ def has_tangents(scene: Scene, index: int) -> bool:
     shape = scene.shapes[index]
     if not isinstance(shape, Mesh) or shape.material is None:
         return False
-    asked = getattr(scene.materials[shape.material], "anisotropy", 0.0) != 0.0
+    material = scene.materials[shape.material]
+    asked = getattr(material, "anisotropy", 0.0) != 0.0
+    if isinstance(material, PluginMaterial):
+        asked = any(each.name == material.plugin and "tangents" in each.header.needs for each in scene.plugins)
     asked = asked or any(isinstance(texture, NormalMap) for _, texture in _textures(scene, shape))
     return asked and scene.mesh(index).tangents is not None
 
 
-def _textures(scene: Scene, shape: Shape) -> Iterator[tuple[str, AnyTexture]]:
+def _textures(scene: Scene, shape: Shape) -> Iterator[tuple[str, MaterialTexture]]:
     """Textures of a shape, each with a description of what uses it."""
     if isinstance(shape.emission, ImageTexture | Checker | Ramp):
         yield "its emission", shape.emission
@@ -100,7 +104,7 @@ def triangle_attributes(
     shape = scene.plain_shapes[index]
     sets = (corner_uvs(shape, mesh), mesh.uvs_1)
     for user, texture in _textures(scene, shape):
-        if sets[texture.uv_set] is None:
+        if sets[texture.uv_set] is None and needs_uvs(scene, texture):
             which = "texture coordinates" if texture.uv_set == 0 else "second set of texture coordinates (uvs_1)"
             text = f"has no {which}, which {user} needs"
             raise SceneError(f"{scene.source}: {place(scene.place_of(index))} {text}; export the mesh with them")

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.flatten.assembly import assemble
+from clrender.flatten.motion import swept_boxes
 from clrender.flatten.polyhedra import polyhedron
 from clrender.scene.description import Scene
 from clrender.scene.shapes import AnyShape, Disk, Mesh, Sphere
@@ -43,12 +44,19 @@ def scene_bounds(scene: Scene, seen_only: bool = False) -> tuple[NDArray[np.floa
     for group, shapes in enumerate(assembly.groups):
         low, high = _bounds(scene, shapes, seen_only)
         if (low <= high).all():
-            maps = assembly.maps[assembly.group_of == group]
+            of_group = assembly.group_of == group
+            maps, motion_of = assembly.maps[of_group], assembly.motion_of[of_group]
             middle, half = (low + high) / 2.0, (high - low) / 2.0
             center = (maps[:, :, :3] * middle).sum(axis=2) + maps[:, :, 3]
             extent = (np.abs(maps[:, :, :3]) * half).sum(axis=2)
-            lows.append(center - extent)
-            highs.append(center + extent)
+            still = motion_of < 0
+            lows.append((center - extent)[still])
+            highs.append((center + extent)[still])
+            for number in np.unique(motion_of[~still]).tolist():
+                some = motion_of == number
+                swept = swept_boxes(assembly.motions[number], (center - extent)[some], (center + extent)[some])
+                lows.append(swept[0])
+                highs.append(swept[1])
     low, high = _bounds(scene, range(assembly.own_shapes), seen_only)
     return np.concatenate([*lows, low[None]]).min(axis=0), np.concatenate([*highs, high[None]]).max(axis=0)
 

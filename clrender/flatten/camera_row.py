@@ -14,7 +14,7 @@ from clrender.cameras.projection import Intrinsics, Projection, Rectilinear
 from clrender.errors import SceneError
 from clrender.exact.angles import tan_degrees
 from clrender.exact.matrices import lengths
-from clrender.flatten.instances import FlatInstances
+from clrender.flatten.instances import FlatInstances, box_of
 from clrender.flatten.interiors import media_around, media_in_box, packed
 from clrender.flatten.surfaces import SMALLEST
 from clrender.meshes.data import COORDINATE_LIMIT
@@ -54,6 +54,8 @@ def camera_row(scene: Scene, width: int, height: int, origin: Vector) -> _Rows:
     row = np.zeros(1, dtype=layout.dtype("Camera"))
     row["origin"][0, :3], row["world"][0, :3] = _difference(camera.position, origin), origin
     row["kind"] = layout.CAMERA_PERSPECTIVE
+    row["open"] = camera.row_share
+    row["readout"] = 1.0 - camera.row_share
     if camera.type != "intrinsics":
         row["kind"] = getattr(layout, f"CAMERA_{camera.type.upper()}")
     unit_axes = {"right": right, "down": _scaled(upward, -1.0), "axis": forward}
@@ -158,12 +160,33 @@ def surrounded(
     """
     known = np.array(_difference(camera.position, origin))
     low, high = _origins_of_rays(row[0], camera, size)
+    if (instances.moves or row["segments"][0]) and len(arrays["media_rows"]) > 1:
+        # Where rays begin changes with time, and so do the volumes there; far outside there are none
+        row[0]["cuts_media"] = 1
+        row[0]["around"][:3] = _outside(arrays, triangle_count, instances, low, high)
+        return row
     if (low < high).any() and media_in_box(arrays, triangle_count, low, high, instances):
         row[0]["cuts_media"] = 1
         row[0]["around"][:3] = _origin_aside(row[0], camera)
         known = row[0]["around"][:3].astype(np.float64)
     row[0]["interior_first"], row[0]["interior_last"] = packed(media_around(arrays, triangle_count, known, instances))
     return row
+
+
+def _outside(
+    arrays: Mapping[str, NDArray[Any]],
+    triangle_count: int,
+    instances: FlatInstances,
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """A point outside of all volumes of a scene, and beyond the origins of the camera's rays."""
+    own = arrays["analytic_shapes"]["center_radius"][: instances.own_analytic]
+    shapes = box_of(arrays["vertices"][: instances.own_vertices], own, instances.boxes)
+    low = np.minimum(low, np.where(np.isfinite(shapes[0]), shapes[0], low))
+    high = np.maximum(high, np.where(np.isfinite(shapes[1]), shapes[1], high))
+    size = high - low
+    return np.asarray(high + np.array([0.37, 0.29, 0.43]) * size + 1e-3 * (1.0 + np.abs(high)))
 
 
 def _origin_aside(row: np.void, camera: Camera) -> NDArray[np.float64]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -10,11 +10,14 @@ import numpy as np
 
 from clrender import layout
 from clrender.flatten.lamps import LAMP_KINDS
+from clrender.plugins import kernel_files
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from clrender.flatten.instances import FlatInstances
     from clrender.flatten.media import Media
+    from clrender.plugins import Plugin
 
 __all__ = ["Features"]
 
@@ -57,6 +60,10 @@ class Features:
         Some shapes have textured emission.
     terminator_offset : bool
         Some shape's shadow terminator is moved.
+    motion : bool
+        Something moves while the shutter is open, or rows of the image are exposed one after the other.
+    plugins : tuple of (str, str)
+        Names and texts of the kernel files that some materials' plugins make; see `clrender.plugins.kernel_files`.
     """
 
     materials: bool = False
@@ -81,16 +88,25 @@ class Features:
     tangents: bool = False
     emission_textures: bool = False
     terminator_offset: bool = False
+    motion: bool = False
+    plugins: tuple[tuple[str, str], ...] = ()
 
     @property
     def macros(self) -> dict[str, int | str]:
         """Macros of the features that are there."""
-        return {each.name.upper(): 1 for each in fields(self) if getattr(self, each.name)}
+        return {each.name.upper(): 1 for each in fields(self) if getattr(self, each.name)} | dict(self.plugins)
 
     @classmethod
-    def all(cls) -> Features:
-        """All of them: a program for these renders any scene, if it is told what the scene has (`stated`)."""
-        return cls(**{each.name: True for each in fields(cls)})
+    def all(cls, plugins: tuple[tuple[str, str], ...] = ()) -> Features:
+        """All but motion: a program for these renders any scene without, if it is told what it has (`stated`).
+
+        Parameters
+        ----------
+        plugins : tuple of (str, str)
+            Those of the scene: no program has any plugin.
+        """
+        flags: dict[str, Any] = {each.name: each.name != "motion" for each in fields(cls) if each.type == "bool"}
+        return cls(**flags, plugins=plugins)
 
     def stated(self, masked: bool) -> int:
         """Features that kernels are not only able to handle but take for granted: ``HAS_*``.
@@ -112,18 +128,21 @@ class Features:
         }
         return sum(flag for flag, has in stated.items() if has)
 
-    def seen_by(self, camera: NDArray[np.void]) -> Features:
+    def seen_by(self, camera: NDArray[np.void], moves: bool) -> Features:
         """The features of the same scene with another camera.
 
         Parameters
         ----------
         camera : (n,) `Camera`
             One, or several for a batch.
+        moves : bool
+            Whether anything but the camera moves.
         """
         return replace(
             self,
             camera_cuts_media=self.interiors and bool(camera["cuts_media"].any()),
             calibrated_camera=bool(np.isin(camera["kind"], _CALIBRATED).any()),
+            motion=moves or bool((camera["segments"] > 0).any()),
         )
 
     @classmethod
@@ -132,8 +151,9 @@ class Features:
         arrays: Mapping[str, NDArray[Any]],
         camera: NDArray[np.void],
         media: Media,
-        instances: int,
+        instances: FlatInstances,
         hidden_environment: bool,
+        plugins: Sequence[Plugin] = (),
     ) -> Features:
         """The features of a flat scene.
 
@@ -143,10 +163,11 @@ class Features:
             As `clrender.flatten.flat_scene.FlatScene` has them.
         camera : (1,) `Camera`
         media : Media
-        instances : int
-            Number of instances.
+        instances : FlatInstances
         hidden_environment : bool
             Whether the camera does not see the environment.
+        plugins : sequence of Plugin
+            Those that it uses.
         """
         lights, flags, attributes = arrays["lights"], arrays["shapes"]["flags"], arrays["attribute_rows"]
         opacity = bool((flags & layout.SHAPE_MASKED).any())
@@ -166,7 +187,7 @@ class Features:
             equiangular=interiors and media.fog,
             subsurface=interiors and media.subsurface,
             straight_shadows=interiors and media.straight,
-            instances=instances > 0,
+            instances=instances.count > 0,
             opacity=opacity,
             holes=opacity and len(arrays["hole_rows"]) > 1,
             hidden_shapes=bool((flags & layout.SHAPE_HIDDEN).any()),
@@ -175,5 +196,6 @@ class Features:
             tangents=bool(attributes[:, tangents].view(np.uint32).any()),
             emission_textures=emission_textures,
             terminator_offset=bool((flags & layout.SHAPE_TERMINATOR_OFFSET).any()),
+            plugins=tuple(kernel_files(plugins).items()) if plugins else (),
         )
-        return found.seen_by(camera)
+        return found.seen_by(camera, instances.moves)

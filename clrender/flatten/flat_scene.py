@@ -25,6 +25,8 @@ from clrender.flatten.lights import FlatLights, flat_environment, flat_lights
 from clrender.flatten.material_rows import flat_materials
 from clrender.flatten.media import Media, Solid, scene_media, solid_of
 from clrender.flatten.microfacets import albedo_tables
+from clrender.flatten.motion import camera_knots, knot_rows
+from clrender.flatten.plugin_rows import used_plugins
 from clrender.flatten.surfaces import flat_surfaces
 from clrender.flatten.texture_rows import flat_textures
 from clrender.scene.description import (
@@ -39,9 +41,10 @@ from clrender.scene.description import (
     SunSkyLight,
 )
 from clrender.scene.materials import Conductor, Dielectric, Material, Mirror, Subsurface
+from clrender.scene.resting import has_motion
 from clrender.scene.values import Vector, length
 
-__all__ = ["FlatScene", "flatten", "scene_origin"]
+__all__ = ["FlatScene", "flatten", "moving_from", "scene_origin", "seen_by"]
 
 _Rows: TypeAlias = NDArray[np.void]
 _WHITE: Final = 0.9999
@@ -66,11 +69,14 @@ class FlatScene:
         `Light`, see `clrender.flatten.lights.FlatLights`; ``light_nodes`` (N, 16) float32 and ``light_order`` (N,)
         uint32, the light BVH, and ``light_cones`` (N, 8) float32 if there are lamps, else one row; ``lamp_tables`` (N,)
         float32, of IES files, or one zero; ``environment_map`` (N,) float32, one zero if the environment has no image;
-        ``instance_rows`` and ``instance_guides``: see `instances`. Shapes are in the order of
-        `clrender.flatten.assembly`: those of groups come last, in the space of their group. Little-endian,
+        ``instance_rows``, ``instance_guides``, ``motion_rows`` and ``instance_motions``: see `instances`. Shapes are in
+        the order of `clrender.flatten.assembly`: those of groups come last, in the space of their group. Little-endian,
         C-contiguous.
     camera : (1,) `Camera`
-        All camera parameters; nothing else but `origin` depends on the camera.
+        All camera parameters; nothing else but `origin` and `camera_knots` depends on the camera, and where something
+        moves on its interval.
+    camera_knots : (K, 16) float32
+        Knots of its motion; one row of zeros if it rests.
     environment : int
         Index of the environment light, or `layout.NONE`.
     triangle_count, analytic_count : int
@@ -99,6 +105,7 @@ class FlatScene:
 
     arrays: Mapping[str, NDArray[Any]]
     camera: _Rows
+    camera_knots: NDArray[np.float32]
     environment: int
     triangle_count: int
     analytic_count: int
@@ -116,7 +123,9 @@ class FlatScene:
     @property
     def sha256(self) -> str:
         """Hash of all scene data that the kernels read, including the camera."""
-        return hashlib.sha256(self.arrays_sha256.encode() + self.camera.tobytes()).hexdigest()
+        return hashlib.sha256(
+            self.arrays_sha256.encode() + self.camera.tobytes() + self.camera_knots.tobytes()
+        ).hexdigest()
 
     @property
     def messages(self) -> list[str]:
@@ -145,6 +154,7 @@ def scene_origin(camera: Camera) -> Vector:
     (3,) float
         World space, metres.
     """
+    camera = camera.opened
     _, exponent = math.frexp(64.0 * length(_difference(camera.target, camera.position)))
     side = math.ldexp(1.0, -(-exponent // 4) * 4)
     x, y, z = (round(p / side) * side for p in camera.position)
@@ -184,7 +194,7 @@ def flatten(
     if width < 1 or height < 1:
         raise UsageError(f"an image of {width}x{height} pixels cannot be rendered; give positive numbers")
     origin = scene_origin(scene.camera) if origin is None else origin
-    camera = camera_row(scene, width, height, origin)
+    scene, camera, knots = _seen(scene, width, height, origin)
     assembly = assemble(scene)
     scene = assembly.scene
     surfaces = flat_surfaces(scene, origin, assembly.own_shapes, assembly)
@@ -225,8 +235,10 @@ def flatten(
         "environment_map": around.words,
         "instance_rows": instances.rows,
         "instance_guides": instances.guides,
+        "instance_motions": instances.motion_places,
+        "motion_rows": instances.motion_rows,
     }
-    if media.subsurface:
+    if media.subsurface and not instances.moves:  # lights may come to be inside
         _darken(arrays, triangle_count, lights.count, instances)
     unbounded = _mark_open(arrays, triangle_count, media) if media.scatters else []
     digest = hashlib.sha256(f"{lights.environment} {triangle_count} {analytic_count} {lights.count}".encode())
@@ -240,16 +252,20 @@ def flatten(
     hidden = any(light is not None and not light.visible_to_camera for light in around_lights)
     if hidden:
         digest.update(b"hidden environment")
+    plugins = used_plugins(scene)
+    for each in plugins:
+        digest.update(f"plugin {each.name} {each.sha256}".encode())
     camera = surrounded(camera, arrays, triangle_count, instances, scene.camera, origin, (width, height))
     return FlatScene(
         arrays=arrays,
         camera=camera,
+        camera_knots=knots,
         environment=lights.environment,
         triangle_count=triangle_count,
         analytic_count=analytic_count,
         light_count=lights.count,
         light_levels=tree.levels if tree else 0,
-        features=Features.of(arrays, camera, media, instances.count, hidden),
+        features=Features.of(arrays, camera, media, instances, hidden, plugins),
         instances=instances,
         arrays_sha256=digest.hexdigest(),
         notes=scene.notes,
@@ -278,10 +294,50 @@ def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene
     SceneError, UsageError
         See `flatten`.
     """
-    camera = camera_row(scene, width, height, flat.origin)
+    scene, camera, knots = _seen(scene, width, height, flat.origin)
     size = (width, height)
     around = surrounded(camera, flat.arrays, flat.triangle_count, flat.instances, scene.camera, flat.origin, size)
-    return dataclasses.replace(flat, camera=around, features=flat.features.seen_by(around))
+    features = flat.features.seen_by(around, flat.instances.moves)
+    return dataclasses.replace(flat, camera=around, camera_knots=knots, features=features)
+
+
+def moving_from(flat: FlatScene, scene: Scene, size: tuple[int, int]) -> FlatScene:
+    """The scene for layers of what moves from the time of the image on: all rays have that time.
+
+    Parameters
+    ----------
+    flat : FlatScene
+        The arrays of its image; they are used again, if they are the same.
+    scene : Scene
+    size : (int, int)
+        Of the image, pixels.
+
+    Raises
+    ------
+    SceneError, UsageError
+        See `flatten`.
+    """
+    camera, step = scene.camera, scene.camera.flow_step
+    if step is not None:
+        opening = {"time": camera.interval[0], "shutter": (0.0, step), "rolling_shutter": 0.0}
+        camera = camera.with_checked(**opening)
+        scene = scene.with_checked(camera=camera)
+        moves = has_motion(scene)
+        flat = flatten(scene, *size, "uniform", flat.origin) if moves else seen_by(flat, scene, *size)
+    rows = flat.camera.copy()
+    rows["open"] = rows["readout"] = 0.0
+    return dataclasses.replace(flat, camera=rows)
+
+
+def _seen(scene: Scene, width: int, height: int, origin: Vector) -> tuple[Scene, _Rows, NDArray[np.float32]]:
+    """The scene with its camera where it is when the shutter opens, the camera's row, and the knots of its motion."""
+    motion = camera_knots(scene.camera, scene.source)
+    scene = scene if scene.camera.opened is scene.camera else scene.with_checked(camera=scene.camera.opened)
+    knots, places = knot_rows([] if motion is None else [motion], origin)
+    row = camera_row(scene, width, height, origin)
+    if motion is not None:
+        row["segments"] = places[0, 1]
+    return scene, row, knots
 
 
 def _darken(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.errors import SceneError
 from clrender.flatten.assembly import Assembly
+from clrender.flatten.motion import Knots, knot_rows, swept_boxes
 from clrender.flatten.surface_arrays import FlatSurfaces
 from clrender.scene.values import Vector
 
@@ -79,6 +80,14 @@ class FlatInstances:
     own_turns : (S,) int64
     placed : (N, 2) int64
         See `clrender.flatten.assembly.Assembly`.
+    motion_rows : (K, 16) float32
+        Knots of what moves; one row of zeros if nothing does.
+    motion_places : (N, 2) uint32
+        Of each instance, its first knot, and the number of ways between its knots; 0: it rests. One row if there are
+        no instances.
+    motion_of : (N,) int64
+        See `clrender.flatten.assembly.Assembly`.
+    motions : tuple of Knots
     """
 
     rows: NDArray[np.float32]
@@ -93,6 +102,10 @@ class FlatInstances:
     seen_begin: NDArray[np.int64]
     own_turns: NDArray[np.int64]
     placed: NDArray[np.int64]
+    motion_rows: NDArray[np.float32]
+    motion_places: NDArray[np.uint32]
+    motion_of: NDArray[np.int64]
+    motions: tuple[Knots, ...] = ()
 
     @classmethod
     def none(
@@ -108,13 +121,50 @@ class FlatInstances:
         own = own_triangles, own_analytic, own_vertices, own_places
         empty = np.zeros(0, np.int64)
         turns = np.zeros_like(own_places) if own_turns is None else own_turns
+        resting = np.zeros((1, 16), np.float32), np.zeros((1, 2), np.uint32), empty
         nothing = np.zeros((2, 16), np.float32), nowhere, np.zeros((0, 6), np.float32), (), empty
-        return cls(*nothing, *own, empty, turns, np.zeros((0, 2), np.int64))
+        return cls(*nothing, *own, empty, turns, np.zeros((0, 2), np.int64), *resting)
 
     @property
     def count(self) -> int:
         """Number of instances."""
         return len(self.group_of)
+
+    @property
+    def moves(self) -> bool:
+        """Whether any of them moves while the shutter is open."""
+        return bool((self.motion_of >= 0).any())
+
+    def moving_light(self, first: int, triangle_count: int) -> tuple[Knots, int] | None:
+        """The motion of a shape that shines, and what to add to rows of its primitives for their numbers.
+
+        Of the instances' shapes only those shine that move, each in one place.
+
+        Parameters
+        ----------
+        first : int
+            Row of its first primitive.
+        triangle_count : int
+
+        Returns
+        -------
+        Knots and int, or None
+            None if the shape is none of an instance.
+        """
+        triangle = first < triangle_count
+        if first < self.own_triangles or triangle_count <= first < triangle_count + self.own_analytic:
+            return None
+        for number, group in enumerate(self.groups):
+            begin, count = (
+                (group.first_triangle, group.triangle_count)
+                if triangle
+                else (group.first_analytic, group.analytic_count)
+            )
+            if begin <= first < begin + count:
+                (instance,) = np.flatnonzero(self.group_of == number).tolist()
+                column = _INSTANCE["TRIANGLE_OFFSET" if triangle else "ANALYTIC_OFFSET"]
+                return self.motions[self.motion_of[instance]], int(self.rows.view(np.uint32)[2 * instance, column])
+        raise AssertionError(first)
 
     @property
     def primitive_count(self) -> int:
@@ -187,7 +237,11 @@ def flat_instances(assembly: Assembly, surfaces: FlatSurfaces) -> FlatInstances:
     if numbers[-1] > NUMBER_LIMIT:
         text = f"{int(counts.sum())} triangles with all instances counted, but {NUMBER_LIMIT} is the most"
         raise SceneError(f"{assembly.scene.source}: shapes hold {text}; place fewer, or simpler groups")
-    to_world, to_object = _both_ways(maps, surfaces.origin)
+    motion_of = assembly.motion_of[present]
+    moving = motion_of >= 0
+    # A motion leads to world space, and has the origin in its own offsets
+    shifts = np.where(moving[:, None], 0.0, np.array(surfaces.origin))
+    to_world, to_object = _both_ways(maps, shifts)
     rows = np.zeros((len(group_of), 2, 16), np.float32)
     rows[:, 0, :12], rows[:, 1, :12] = to_object.reshape(-1, 12), to_world.reshape(-1, 12)
     words = rows.view(np.uint32)
@@ -206,8 +260,20 @@ def flat_instances(assembly: Assembly, surfaces: FlatSurfaces) -> FlatInstances:
     rows[:, 1, _PLACEMENT["FACING"]] = np.sign(_cofactors(linear)[1])
     centers = surfaces.analytic_shapes["center_radius"][:own_analytic]
     own_box = box_of(surfaces.vertices[:own_vertices], centers)
-    boxes = _boxes(surfaces, groups, group_of, to_world, to_object, own_box)
+    low, high = _bounds(surfaces, groups, group_of, to_world, np.flatnonzero(~moving))
+    parts: dict[int, NDArray[np.float64]] = {}
+    conditions = np.zeros(len(maps))
+    for instance in np.flatnonzero(moving).tolist():
+        group, knots = int(group_of[instance]), assembly.motions[motion_of[instance]]
+        if group not in parts:
+            parts[group] = _group_boxes(surfaces, groups[group], 1)
+        low[instance], high[instance] = _swept(parts[group], maps[instance], knots, surfaces.origin)
+        conditions[instance] = knots.condition
+    boxes = _enlarged(low, high, to_world, to_object, own_box, conditions)
     own = own_triangles, own_analytic, own_vertices, assembly.seen_place[: assembly.own_shapes]
+    motion_rows, places = knot_rows(assembly.motions, surfaces.origin)
+    at = np.zeros((len(maps), 2), np.uint32)
+    at[moving] = places[motion_of[moving]]
     return FlatInstances(
         rows.reshape(-1, 16),
         _guides(numbers),
@@ -218,6 +284,10 @@ def flat_instances(assembly: Assembly, surfaces: FlatSurfaces) -> FlatInstances:
         assembly.seen_begin[present],
         assembly.own_turns,
         assembly.placed[present],
+        motion_rows,
+        at,
+        motion_of,
+        assembly.motions,
     )
 
 
@@ -256,10 +326,12 @@ def _cofactors(linear: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
     return adjugate, determinant
 
 
-def _both_ways(maps: NDArray[np.float64], origin: Vector) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """(N, 3, 4) maps to and from world space, relative to the origin; the second inverts the rounded first."""
+def _both_ways(
+    maps: NDArray[np.float64], shifts: NDArray[np.float64]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """(N, 3, 4) maps to and from world space, less their (N, 3) shifts; the second inverts the rounded first."""
     to_world = maps.copy()
-    to_world[:, :, 3] -= np.array(origin)
+    to_world[:, :, 3] -= shifts
     rounded = to_world.astype(np.float32)
     linear, offset = rounded[:, :, :3].astype(np.float64), rounded[:, :, 3].astype(np.float64)
     adjugate, determinant = _cofactors(linear)
@@ -321,26 +393,20 @@ def _carried(maps: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[
     )
 
 
-def _boxes(
+def _bounds(
     surfaces: FlatSurfaces,
     groups: Sequence[FlatGroup],
     group_of: NDArray[np.int64],
     to_world: NDArray[np.float32],
-    to_object: NDArray[np.float32],
-    own_box: tuple[NDArray[np.float64], NDArray[np.float64]],
-) -> NDArray[np.float32]:
-    """World-space boxes, enlarged by the rounding error of a ray that is transformed to group space.
-
-    Each coordinate in group space is the sum of three products and an offset, rounded three times, of numbers rounded
-    once: the error is at most four roundings of the sum of their magnitudes, which the inverse map carries to world
-    space. The inverse map itself was rounded likewise.
-    """
-    out, inside = to_world.astype(np.float64), to_object.astype(np.float64)
+    resting: NDArray[np.int64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(N, 3) each: boxes of the instances that rest, in world space; zeros for others."""
+    out = to_world.astype(np.float64)
     sizes = np.abs(out)
     sizes[:, :, 3] = 0.0
-    low, high = np.empty((len(out), 3)), np.empty((len(out), 3))
-    order, counts = np.argsort(group_of, kind="stable"), np.bincount(group_of, minlength=len(groups))
-    for group, of_it in zip(groups, np.split(order, np.cumsum(counts)[:-1]), strict=True):
+    low, high = np.zeros((len(out), 3)), np.zeros((len(out), 3))
+    order, counts = np.argsort(group_of[resting], kind="stable"), np.bincount(group_of[resting], minlength=len(groups))
+    for group, of_it in zip(groups, np.split(resting[order], np.cumsum(counts)[:-1]), strict=True):
         if not len(of_it):
             continue
         parts = _group_boxes(surfaces, group, len(of_it))
@@ -348,10 +414,44 @@ def _boxes(
         for some in np.array_split(of_it, -(-len(of_it) * len(parts) // _BATCH)):
             center, extent = _carried(out[some, None], middles), _carried(sizes[some, None], halves)
             low[some], high[some] = (center - extent).min(axis=1), (center + extent).max(axis=1)
+    return low, high
+
+
+def _swept(
+    parts: NDArray[np.float64], map_: NDArray[np.float64], knots: Knots, origin: Vector
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Box of all places of an instance that moves, in world space, relative to the origin; (n, 2, 3) parts of it."""
+    middles, halves = parts.mean(axis=1), (parts[:, 1] - parts[:, 0]) / 2.0
+    sizes = np.abs(map_)
+    sizes[:, 3] = 0.0
+    center, extent = _carried(map_, middles), _carried(sizes, halves)
+    low, high = swept_boxes(knots, center - extent, center + extent)
+    return low.min(axis=0) - np.array(origin), high.max(axis=0) - np.array(origin)
+
+
+def _enlarged(
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    to_world: NDArray[np.float32],
+    to_object: NDArray[np.float32],
+    own_box: tuple[NDArray[np.float64], NDArray[np.float64]],
+    conditions: NDArray[np.float64],
+) -> NDArray[np.float32]:
+    """(N, 6) world-space boxes, enlarged by the rounding error of a ray that is transformed to group space.
+
+    Each coordinate in group space is the sum of three products and an offset, rounded three times, of numbers rounded
+    once: the error is at most four roundings of the sum of their magnitudes, which the inverse map carries to world
+    space. The inverse map itself was rounded likewise. What moves is on a way of its own before that, where errors have
+    nothing to do with single entries of maps (MOTION_ROUNDINGS of kernels/geometry/instance.h); `conditions` are those
+    of the motions, 0 of what rests.
+    """
+    out, inside = to_world.astype(np.float64), to_object.astype(np.float64)
     own_low, own_high = (np.where(np.isfinite(corner), corner, 0.0) for corner in own_box)
     reach = np.abs(np.concatenate([low, high, [own_low, own_high]])).max(axis=0)
     lost = _carried(np.abs(inside), np.broadcast_to(_REACH * reach, low.shape))
     room = 8.0 * _ROUNDING * _carried(np.abs(out), lost)
+    spread = np.abs(out[:, :, :3]).max(axis=(1, 2)) * np.abs(inside[:, :, :3]).max(axis=(1, 2))
+    room += 64.0 * _ROUNDING * _REACH * reach.sum() * (spread * conditions)[:, None]
     low, high = low - room, high + room
     boxes = np.concatenate([low, high], axis=1)
     # Round outwards where single precision rounds inwards

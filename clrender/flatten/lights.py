@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.errors import SceneError
-from clrender.exact.matrices import lengths
+from clrender.exact.angles import root
+from clrender.exact.matrices import determinant, lengths, times
 from clrender.flatten.alias import alias_table
 from clrender.flatten.emission import Emission, shape_emission
 from clrender.flatten.emission_means import EmissionMeans
@@ -20,11 +21,13 @@ from clrender.flatten.instances import FlatInstances, box_of
 from clrender.flatten.lamp_tables import LampTables
 from clrender.flatten.lamps import AT_POINT, LAMP_KINDS, POINT_KINDS, Lamp, lamp_at
 from clrender.flatten.light_tree import Emitters, LightTree, light_tree
+from clrender.flatten.motion import Knots, swept_boxes
 from clrender.flatten.sky import Sun, sky_picture
 from clrender.flatten.surface_arrays import FlatSurfaces
 from clrender.flatten.surfaces import triangle_areas
 from clrender.flatten.texture_rows import FlatTextures
 from clrender.scene.description import DirectionalLight, Scene, SunSkyLight
+from clrender.scene.motion import matrices_of
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.values import POWER_LIMIT, Color, length
 from clrender.wording import place
@@ -130,6 +133,7 @@ def flat_lights(
     unsampled: list[_Rows] = []
     powers: list[NDArray[np.float64]] = []
     total, environment = 0, layout.NONE
+    ways: list[tuple[slice, Knots]] = []
     darkest: dict[int, float] = {}
     means: dict[int, NDArray[np.float64]] = {}
     for index in range(len(scene.shapes)):
@@ -148,6 +152,10 @@ def flat_lights(
                 f"{scene.source}: {at}: more than {_LIGHT_LIMIT} triangles would shine; use fewer, or an environment"
             )
         some, areas = _area_lights(scene, surfaces, index)
+        moving = instances.moving_light(int(surfaces.first[index]), len(surfaces.triangles))
+        if moving is not None:
+            ways.append((slice(total, total + count), moving[0]))
+            some["offset"], areas = moving[1], areas * _grown(moving[0])
         surfaces.shapes["first_light"][index] = total
         rows.append(some)
         groups.append(_group(scene.shapes[index], count))
@@ -216,7 +224,7 @@ def flat_lights(
     sampled["place"] = layout.NONE
     if total < 2 or choice in ("power", "uniform") or (choice == "auto" and total < _TREE_FROM):
         return FlatLights(lights, total, environment, None, of_groups)
-    tree = light_tree(_emitters(sampled, power, radius, surfaces, lamps))
+    tree = light_tree(_emitters(sampled, power, radius, surfaces, lamps, ways))
     sampled["place"] = tree.place
     return FlatLights(lights, total, environment, tree, of_groups)
 
@@ -248,10 +256,35 @@ def _sun_row(scene: Scene, light: SunSkyLight, sun: Sun) -> _Rows:
     return row
 
 
+def _grown(knots: Knots) -> float:
+    """The factor by which a motion makes areas larger, about: that of its first knot."""
+    linear = knots.linear[0]
+    factor = root(determinant(linear), 3)
+    return factor * factor
+
+
+def _steady(knots: Knots) -> NDArray[np.float64] | None:
+    """The rotation of a motion that does not turn and stretches evenly, (3, 3); None for others."""
+    linear = knots.linear
+    size = math.sqrt(float((linear[0] * linear[0]).sum()))
+    even = np.abs(knots.stretches - knots.stretches[:, :1, :1] * np.eye(3)).max() <= 1e-9 * size
+    turned = np.abs(knots.rotations - knots.rotations[0]).max() > 1e-9
+    rotation: NDArray[np.float64] = matrices_of(knots.rotations[0])
+    return rotation if even and not turned else None
+
+
 def _emitters(
-    lights: _Rows, power: NDArray[np.float64], radius: float, surfaces: FlatSurfaces, at_point: dict[int, Lamp]
+    lights: _Rows,
+    power: NDArray[np.float64],
+    radius: float,
+    surfaces: FlatSurfaces,
+    at_point: dict[int, Lamp],
+    ways: list[tuple[slice, Knots]],
 ) -> Emitters:
-    """Data for the light tree; `radius` is the scene's, which set the power of infinitely distant lights."""
+    """Data for the light tree; `radius` is the scene's, which set the power of infinitely distant lights.
+
+    `ways` has the lights that move, and their motions.
+    """
     kind, primitive = lights["kind"], lights["primitive"]
     low, normal = np.zeros((len(lights), 3)), np.zeros((len(lights), 3))
     high = np.zeros((len(lights), 3))
@@ -274,6 +307,13 @@ def _emitters(
     # For finite lights, flux over π: what a flat light emits along its normal. Others emit in all directions, for which
     # the tree expects a quarter of that. For infinitely distant ones, the irradiance.
     flat = triangles | (kind == layout.LIGHT_AREA_DISK)
+    for some, knots in ways:
+        swept = swept_boxes(knots, low[some], high[some])
+        low[some], high[some] = (corner - np.array(surfaces.origin) for corner in swept)
+        rotation = _steady(knots)
+        # Of one that turns nothing is known about where it shines
+        flat[some] &= rotation is not None
+        normal[some] = 0.0 if rotation is None else times(rotation, normal[some])
     per_power = np.where(infinite, 1.0 / (math.pi * radius * radius), 1.0 / math.pi)
     normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
     cone_axis, cone_cosine = normal.copy(), np.where(flat, 0.0, -1.0)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.flatten.media import MATCHED_IOR, Solid, solid_of
 from clrender.flatten.microfacets import fresnel, fresnel_average
+from clrender.flatten.plugin_rows import parameter_numbers, plugin_number, used_plugins
 from clrender.scene.materials import (
     Conductor,
     Dielectric,
@@ -21,14 +22,16 @@ from clrender.scene.materials import (
     Mirror,
     Mix,
     OrenNayar,
+    PluginMaterial,
     Principled,
     Subsurface,
     passes_light,
 )
-from clrender.scene.textures import Checker, ImageTexture, Ramp
+from clrender.scene.textures import Checker, ImageTexture, PluginTexture, Ramp
 from clrender.scene.values import Vector
 
 if TYPE_CHECKING:
+    from clrender.plugins import Plugin
     from clrender.scene.description import Scene
 
 __all__ = ["MaterialArrays", "flat_materials", "has_row", "material_numbers"]
@@ -109,7 +112,7 @@ def flat_materials(scene: Scene, medium_of: Mapping[Solid, int]) -> MaterialArra
         row = materials[number]
         row["medium"] = medium_of.get((name, None), 0)
         color = _color(scene, material)
-        default = 0.0 if passes_light(scene.materials, material) else min(1.0 - max(color), _MOST_TERMINATION)
+        default = 0.0 if _passes_light(scene, material) else min(1.0 - max(color), _MOST_TERMINATION)
         row["color"] = (*color, default if material.termination is None else material.termination)
         row["kind"] = _kind(material)
         row["ior"] = _index(material)
@@ -120,6 +123,8 @@ def flat_materials(scene: Scene, medium_of: Mapping[Solid, int]) -> MaterialArra
             _put(rows[number], KIND=_bits(int(row["kind"])), COLOR=color, IOR=float(row["ior"]), FLAGS=_bits(0))
             _put(rows[number], OPACITY=_opacity(material))
             _fill(material, rows[number], numbers)
+            if isinstance(material, PluginMaterial):
+                _fill_plugin(scene, material, rows[number])
         if has_row(material):
             row["kind"], row["row"] = layout.MATERIAL_BY_ROW, number
     for solid, number in list(numbered.items())[len(scene.materials) :]:
@@ -156,6 +161,7 @@ _KINDS: Final[dict[type, int]] = {
     OrenNayar: layout.MATERIAL_OREN_NAYAR,
     Conductor: layout.MATERIAL_CONDUCTOR,
     Principled: layout.MATERIAL_PRINCIPLED,
+    PluginMaterial: layout.MATERIAL_PLUGIN,
     Mix: layout.MATERIAL_MIX,
 }
 
@@ -173,7 +179,7 @@ def _bits(number: int) -> np.float32:
 
 def _put(row: _Row, **of: Any) -> None:
     for name, value in of.items():
-        row[_COLUMNS[name]] = _UNKNOWN if isinstance(value, ImageTexture | Checker | Ramp) else value
+        row[_COLUMNS[name]] = _UNKNOWN if isinstance(value, ImageTexture | Checker | Ramp | PluginTexture) else value
 
 
 def _opacity(material: Material) -> float:
@@ -208,8 +214,46 @@ def _color(scene: Scene, material: Material) -> Vector:
             return material.f0 if isinstance(material.f0, tuple) else (_UNKNOWN,) * 3
         red, green, blue = (fresnel(1.0, eta, k) for eta, k in zip(*material.index, strict=True))
         return (red, green, blue)
+    if isinstance(material, PluginMaterial):
+        return _plugin_color(scene, material)
     color = material.base_color if isinstance(material, Principled) else material.reflectance
     return color if isinstance(color, tuple) else (_UNKNOWN,) * 3
+
+
+def _plugin(scene: Scene, material: PluginMaterial) -> Plugin:
+    return next(each for each in used_plugins(scene) if each.name == material.plugin)
+
+
+def _plugin_color(scene: Scene, material: PluginMaterial) -> Vector:
+    """The first colour among a plugin's parameters, or grey."""
+    numbers, at = parameter_numbers(scene, material), 0
+    for each in _plugin(scene, material).parameters:
+        if each.type == "color" and each.textured:
+            red, green, blue = numbers[at : at + 3]
+            return (red, green, blue)
+        at += each.count
+    return (_UNKNOWN,) * 3
+
+
+def _passes_light(scene: Scene, material: Material) -> bool:
+    """Whether a material transmits light; of a plugin, it says so itself."""
+    if isinstance(material, Mix):
+        return any(_passes_light(scene, scene.materials[name]) for name in material.materials)
+    if isinstance(material, PluginMaterial):
+        return _plugin(scene, material).header.transmits
+    return passes_light(scene.materials, material)
+
+
+def _fill_plugin(scene: Scene, material: PluginMaterial, row: _Row) -> None:
+    """Write the number of a plugin and its parameters. The other columns keep it from being taken for a mirror."""
+    numbers = np.zeros(layout.PLUGIN_NUMBERS, np.float32)
+    given = parameter_numbers(scene, material)
+    numbers[: len(given)] = given
+    half = layout.PLUGIN_NUMBERS // 2
+    _put(row, PLUGIN=_bits(plugin_number(scene, material.plugin)), NUMBERS=numbers[:half], MORE_NUMBERS=numbers[half:])
+    turned = "tangents" in _plugin(scene, material).header.needs
+    turn = (material.anisotropy_rotation / 360.0) % 1.0
+    _put(row, ROUGHNESS=1.0, ANISOTROPY=1.0 if turned else 0.0, ROTATION=turn)
 
 
 @singledispatch

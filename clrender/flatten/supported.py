@@ -5,14 +5,17 @@ from __future__ import annotations
 from clrender.errors import SceneError
 from clrender.flatten.emission import emits
 from clrender.flatten.material_rows import has_row
+from clrender.flatten.plugin_rows import used_plugins
 from clrender.integrators import INTEGRATORS
 from clrender.scene.description import Scene
 from clrender.scene.materials import Dielectric, Principled, Subsurface, material_textures
+from clrender.scene.motion import rests
+from clrender.scene.resting import has_motion
 from clrender.scene.shapes import Mesh
-from clrender.scene.textures import Checker, ImageTexture, Ramp
+from clrender.scene.textures import Checker, ImageTexture, PluginTexture, Ramp
 from clrender.wording import place
 
-__all__ = ["check_materials"]
+__all__ = ["check_materials", "check_motion"]
 
 
 def check_materials(scene: Scene, integrator: str) -> None:
@@ -29,6 +32,7 @@ def check_materials(scene: Scene, integrator: str) -> None:
     SceneError
         The message names the first unsupported shape or light, and a remedy.
     """
+    used_plugins(scene)
     light = scene.environment
     if light is not None and light.file is not None and not INTEGRATORS[integrator].environment_pictures:
         raise SceneError(
@@ -72,7 +76,11 @@ def check_materials(scene: Scene, integrator: str) -> None:
                 "take; give it a constant, or use --integrator path"
             )
         textures = () if shape.material is None else material_textures(scene.materials, shape.material)
-        refused = [key for key, _ in textures if takes.textures is not None and key not in takes.textures]
+        given = takes.textures
+        refused = [
+            key for key, each in textures
+            if given is not None and (key not in given or isinstance(each, PluginTexture))
+        ]  # fmt: skip
         if refused:
             cure = "leave it out" if refused[0] in ("normal_map", "bump_map") else "give it a constant"
             raise SceneError(
@@ -85,6 +93,40 @@ def check_materials(scene: Scene, integrator: str) -> None:
                 f"{scene.source}: {place(at)}.{colored}: the integrator {integrator} takes no colours of vertices; "
                 "leave them out, or use --integrator path"
             )
+
+
+def check_motion(scene: Scene, integrator: str) -> None:
+    """Check that an integrator supports what moves while the shutter of the camera is open.
+
+    Parameters
+    ----------
+    scene : Scene
+    integrator : str
+        Name.
+
+    Raises
+    ------
+    SceneError
+        The message names the first thing that moves, or the rolling shutter, and a remedy.
+    """
+    times, camera = INTEGRATORS[integrator].times, scene.camera
+    if times == "pixel" or camera.interval[0] == camera.interval[1]:
+        return
+    moving = [] if camera.track is None else ["camera.motion"]
+    if has_motion(scene):
+        begin, end = camera.interval
+        keyed = ((index, shape.motion) for index, shape in enumerate(scene.shapes) if shape.motion)
+        moving += [place(("shapes", index, "motion")) for index, keys in keyed if rests(keys, begin, end) is None]
+    if moving and not times:
+        raise SceneError(
+            f"{scene.source}: {moving[0]}: the integrator {integrator} takes nothing that moves while the shutter is "
+            "open; leave camera.shutter out, or use --integrator path"
+        )
+    if moving and camera.row_share < 1.0:
+        raise SceneError(
+            f"{scene.source}: camera.rolling_shutter: rows of one image have the same time in the integrator "
+            f"{integrator}; leave it out, or use --integrator path"
+        )
 
 
 def _refuse_masked(scene: Scene, integrator: str) -> None:

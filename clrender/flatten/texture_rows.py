@@ -14,10 +14,21 @@ from clrender import layout
 from clrender.errors import SceneError
 from clrender.exact.angles import sin_cos_degrees
 from clrender.flatten.emission import shape_emission
+from clrender.flatten.plugin_rows import needs_uvs, parameter_numbers, parameter_slots, plugin_number, used_plugins
 from clrender.image.texel_tiles import StoredPicture, coded_values
 from clrender.scene.description import Scene
-from clrender.scene.materials import OrenNayar
-from clrender.scene.textures import AnyTexture, BumpMap, Checker, ImageTexture, NormalMap, Ramp, Texture, textures_of
+from clrender.scene.materials import OrenNayar, PluginMaterial
+from clrender.scene.textures import (
+    AnyTexture,
+    BumpMap,
+    Checker,
+    ImageTexture,
+    NormalMap,
+    PluginTexture,
+    Ramp,
+    Texture,
+    textures_of,
+)
 from clrender.scene.values import Vector
 from clrender.wording import place
 
@@ -74,25 +85,35 @@ def flat_textures(scene: Scene) -> FlatTextures:
     slots = np.full((len(scene.materials) + 1, 16), layout.NONE, np.uint32)
     rows: list[NDArray[np.float32]] = []
     values = _Values()
+    used_plugins(scene)  # checks them
     store = scene.textures()
 
-    def add(texture: AnyTexture, at: tuple[str | int, ...], strength: float = 1.0) -> int:
-        picture, key = store.picture(texture), str(at[-1])
-        srgb = _is_srgb(texture, picture, key)
+    def add(texture: AnyTexture, at: tuple[str | int, ...], colored: bool, strength: float = 1.0) -> int:
+        picture = store.picture(texture)
+        srgb = _is_srgb(texture, picture, colored)
         if srgb and picture.coding in ("half", "float"):
             where = f"{scene.source}: {place((*at, 'color_space'))}"
             raise SceneError(f'{where} is "srgb", but the picture holds linear light; leave it out')
-        row = _row(texture, picture, key, values.of(picture.coding, srgb), values.of(picture.coding, False))
+        row = _row(texture, picture, colored, values.of(picture.coding, srgb), values.of(picture.coding, False))
         row[12:15] *= np.float32(strength)
         rows.append(row)
         return len(rows) - 1
 
     for number, (name, material) in enumerate(scene.materials.items()):
+        own = parameter_slots(scene, material) if isinstance(material, PluginMaterial) else {}
         for key, texture in textures_of(material):
             if key == "emission":
                 continue
             of_diffuse = isinstance(material, OrenNayar) and key == "roughness"
-            slots[number, SLOTS["diffuse_roughness" if of_diffuse else key]] = add(texture, ("materials", name, key))
+            steps = key.split(".", 1)
+            slot, colored = own.get(
+                steps[-1], (SLOTS.get("diffuse_roughness" if of_diffuse else key, 0), key in _COLORS)
+            )
+            if isinstance(texture, PluginTexture):
+                slots[number, slot] = len(rows)
+                rows += _made(scene, texture, len(rows))
+            else:
+                slots[number, slot] = add(texture, ("materials", name, *steps), colored)
     emission: dict[int, int] = {}
     known: dict[tuple[Texture, float], int] = {}
     for index in range(len(scene.shapes)):
@@ -100,7 +121,7 @@ def flat_textures(scene: Scene) -> FlatTextures:
         if light is not None and light.texture is not None:
             same = (light.texture, light.strength)
             if same not in known:
-                known[same] = add(light.texture, light.place, light.strength)
+                known[same] = add(light.texture, light.place, True, light.strength)
             emission[index] = known[same]
     if not any(scene.shapes[index].material is None for index in emission):
         slots = slots[: max(len(scene.materials), 1)]
@@ -109,11 +130,27 @@ def flat_textures(scene: Scene) -> FlatTextures:
     return FlatTextures(whole, slots.view(np.float32), values.table, store.texels, sha256, emission)
 
 
-def _is_srgb(texture: AnyTexture, picture: StoredPicture, key: str) -> bool:
+def _made(scene: Scene, texture: PluginTexture, at: int) -> list[NDArray[np.float32]]:
+    """Two rows of a plugin's texture, the first of which has the number `at`; the second has its parameters."""
+    row = np.zeros(16, np.float32)
+    columns = {name: first for name, first, _, _ in layout.ROWS["TEXTURE"]}
+    bits = row.view(np.uint32)
+    bits[columns["PLUGIN"]], bits[columns["NUMBERS"]] = plugin_number(scene, texture.plugin), at + 1
+    bits[1:3] = 1
+    bits[3] = layout.TEXTURE_PLUGIN | texture.uv_set << 14
+    if needs_uvs(scene, texture):
+        row[6:9], row[9:12] = _transformed(texture)
+    numbers = np.zeros(16, np.float32)
+    given = parameter_numbers(scene, texture)
+    numbers[: len(given)] = given
+    return [row, numbers]
+
+
+def _is_srgb(texture: AnyTexture, picture: StoredPicture, colored: bool) -> bool:
     if not isinstance(texture, ImageTexture):
         return False
     if texture.color_space is None:
-        return key in _COLORS and picture.coding in ("unorm8", "unorm16")
+        return colored and picture.coding in ("unorm8", "unorm16")
     return texture.color_space == "srgb"
 
 
@@ -139,9 +176,9 @@ class _Values:
         return np.concatenate(self._tables) if self._tables else np.zeros(1, np.float32)
 
 
-def _row(texture: AnyTexture, picture: StoredPicture, key: str, values: int, alphas: int) -> NDArray[np.float32]:
+def _row(texture: AnyTexture, picture: StoredPicture, colored: bool, values: int, alphas: int) -> NDArray[np.float32]:
     wraps = ("repeat", "repeat") if isinstance(texture, Checker) else ("clamp", "clamp")
-    filters, channel = "linear", None if key in _COLORS else "r"
+    filters, channel = "linear", None if colored else "r"
     factor, bias = (1.0, 1.0, 1.0), 0.0
     if isinstance(texture, Checker | Ramp):
         filters = "nearest" if isinstance(texture, Checker) else "exact"
@@ -176,11 +213,16 @@ def _row(texture: AnyTexture, picture: StoredPicture, key: str, values: int, alp
     return row
 
 
-def _mapping(texture: AnyTexture, picture: StoredPicture) -> tuple[Vector, Vector]:
-    """Map from texture coordinates to column and row of the image, 0 to 1, with row 0 at the top."""
+def _transformed(texture: AnyTexture | PluginTexture) -> tuple[Vector, Vector]:
+    """Map from texture coordinates to those of a texture, after its transform."""
     sine, cosine = sin_cos_degrees(texture.transform.rotate_degrees)
     (su, sv), (ou, ov) = texture.transform.scale, texture.transform.offset
-    u, v = (cosine * su, -sine * sv, ou), (sine * su, cosine * sv, ov)
+    return (cosine * su, -sine * sv, ou), (sine * su, cosine * sv, ov)
+
+
+def _mapping(texture: AnyTexture, picture: StoredPicture) -> tuple[Vector, Vector]:
+    """Map from texture coordinates to column and row of the image, 0 to 1, with row 0 at the top."""
+    u, v = _transformed(texture)
     if isinstance(texture, Checker):
         wide, high = (2.0 * size for size in texture.size)
         u, v = (u[0] / wide, u[1] / wide, u[2] / wide), (v[0] / high, v[1] / high, v[2] / high)

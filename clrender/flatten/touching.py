@@ -126,6 +126,7 @@ def moves(scene: Scene, surfaces: FlatSurfaces, own: int, assembly: Assembly | N
     kinds = np.array([_kind(scene, index) for index in range(len(surfaces.shapes))], np.int64)
     kinds[surfaces.count == 0] = 0
     groups = assembly.groups if assembly is not None else ()
+    assembly = assembly.at_rest if assembly is not None else None
     for space in groups:
         here = (space.start <= np.arange(len(kinds))) & (np.arange(len(kinds)) < space.stop)
         if np.count_nonzero(kinds[here]) > 1:

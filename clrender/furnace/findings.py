@@ -27,6 +27,8 @@ ALLOWED: Final = 1e-3
 """Tolerance of energies besides noise, as a fraction of the light: the accuracy of the fits of albedos."""
 RECIPROCAL: Final = 1e-4
 """Relative difference of f(a, b) and f(b, a) that rounding may cause."""
+INTEGRAL: Final = 0.01
+"""By how much the integral of a density may exceed 1: what integration leaves uncertain where few samples are taken."""
 _JUDGEMENTS: Final = 4
 _COLORS: Final = ("red", "green", "blue")
 
@@ -38,8 +40,9 @@ class Finding:
     Attributes
     ----------
     kind : str
-        ``gain loss estimators weight density directions reciprocity nonfinite negative unseen`` are faults;
-        ``absorbs keeps transmits deltas sampled reciprocal integration`` are not.
+        ``gain loss estimators weight density directions integral reciprocity nonfinite negative unseen lanes`` are
+        faults;
+        ``absorbs keeps loses transmits deltas sampled reciprocal unreciprocal integration bits`` are not.
     fault : bool
     amount : float
         A fraction of the light, a relative difference, a p-value or a number of samples.
@@ -75,6 +78,7 @@ def findings(measured: Measured, materials: int = 1) -> list[Finding]:
         *_directions(measured, level),
         *_reciprocity(measured),
         *_samples(measured),
+        *_lanes(measured),
         *_absorbed(measured),
         *_shares(measured),
     ]
@@ -125,7 +129,13 @@ def _gains(measured: Measured, level: float) -> Iterator[Finding]:
 def _losses(measured: Measured, level: float) -> Iterator[Finding]:
     places = _places(measured, white=True)
     worst = _worst(places, level, -1.0)
-    if worst:
+    if worst and "lossless" not in measured.claims:
+        yield Finding(
+            "loses", False, worst[0],
+            f"does not claim to keep all light: in white, {_percent(1.0 - worst[0], worst[1])} of it leaves the "
+            f"surface at {worst[2]}",
+        )  # fmt: skip
+    elif worst:
         yield Finding(
             "loss", True, worst[0],
             f"loses energy beyond the absorption by its colour: in white, only {_percent(1.0 - worst[0], worst[1])} of "
@@ -182,6 +192,13 @@ def _directions(measured: Measured, level: float) -> Iterator[Finding]:
                 "sampled", False, together,
                 f"directions follow the density: smallest p of {len(tested)} χ² tests {together:.2g}",
             )  # fmt: skip
+        most = max(tested, key=lambda each: each.integral)
+        if most.integral > 1.0 + INTEGRAL:
+            yield Finding(
+                "integral", True, most.integral - 1.0,
+                f"the density integrates to {most.integral:.4f} at {most.angle:g}° from the normal"
+                f"{' on the back' if most.below else ''}, and a probability is at most 1",
+            )  # fmt: skip
     if any(not each.integrated for each in measured.tests):
         where = ", ".join(
             f"{each.angle:g}°{' on the back' if each.below else ''}" for each in measured.tests if not each.integrated
@@ -199,7 +216,10 @@ def _reciprocity(measured: Measured) -> Iterator[Finding]:
     found = measured.reciprocity
     if not found.compared:
         return
-    if found.largest > RECIPROCAL:
+    if found.largest > RECIPROCAL and "reciprocal" not in measured.claims:
+        sentence = f"does not claim to be reciprocal: f(a, b) and f(b, a) differ by up to {_share(found.largest)}"
+        yield Finding("unreciprocal", False, found.largest, sentence)
+    elif found.largest > RECIPROCAL:
         yield Finding(
             "reciprocity", True, found.largest,
             f"is not reciprocal: f(a, b) and f(b, a) differ by {_share(found.largest)} for directions "
@@ -234,6 +254,20 @@ def _samples(measured: Measured) -> Iterator[Finding]:
         worst = max(offs, key=abs, default=0.0)
         if abs(worst) > ALLOWED:
             yield Finding(kind, True, worst, f"{text} {100 * worst:+.2g} % or more")
+
+
+def _lanes(measured: Measured) -> Iterator[Finding]:
+    """Of plugins: whether bits depend on how many paths a work-item carries."""
+    if measured.same_with_one_lane is None:
+        return
+    if measured.same_with_one_lane:
+        yield Finding("bits", False, 0.0, "gives the same bits with one path a work-item as with several")
+    else:
+        yield Finding(
+            "lanes", True, 1.0,
+            "gives other bits with one path a work-item than with several: combine masks with & | and !, never by "
+            "arithmetic, and choose by `mask ? a : b`",
+        )  # fmt: skip
 
 
 def _absorbed(measured: Measured) -> Iterator[Finding]:

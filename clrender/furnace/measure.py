@@ -5,18 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from clrender.device.launch import LaunchConfig
+from clrender.flatten.plugin_rows import used_plugins
+from clrender.furnace.bits import same_bits
 from clrender.furnace.directions import Floats
 from clrender.furnace.energy import ANGLES, Energy, Tally, measure_energy
 from clrender.furnace.reciprocity import Reciprocity, measure_reciprocity
 from clrender.furnace.sampling import TEST_ANGLES, SamplingTest, measure_sampling
 from clrender.furnace.subjects import Subject, whitened
 from clrender.furnace.surfaces import Surfaces, Uv
+from clrender.scene.materials import PluginMaterial
 
 if TYPE_CHECKING:
     from clrender.device import Device
@@ -72,6 +76,10 @@ class Measured:
     lobes : tuple of Lobe
     uv : (float, float), optional
         Texture coordinates of the measured point; None: the furnace's default.
+    claims : frozenset of str
+        See `clrender.furnace.subjects.Subject.claims`.
+    same_with_one_lane : bool or None
+        Whether a plugin gives the same bits with one lane as with several; None: not known, or no plugin.
     """
 
     name: str
@@ -85,6 +93,8 @@ class Measured:
     rows: tuple[RoughnessRow, ...]
     lobes: tuple[Lobe, ...]
     uv: Uv | None = None
+    claims: frozenset[str] = frozenset(("reciprocal", "lossless"))
+    same_with_one_lane: bool | None = None
 
     @property
     def title(self) -> str:
@@ -142,11 +152,21 @@ def measure(
         owned.callback(given.release)
         white = Surfaces(device, whitened(subject.scene), faults=faults, uvs=subject.uvs)
         owned.callback(white.release)
+        single = None
+        if given.lanes > 1 and used_plugins(subject.scene):
+            single = Surfaces(device, subject.scene, LaunchConfig(lanes=1), faults, subject.uvs)
+            owned.callback(single.release)
         tell = step or (lambda name: None)
-        return [
-            _measured(subject, name, uv, given.at(uv), white.at(uv), seed, side, partial(tell, place_title(name, uv)))
-            for name, uv in subject.places
-        ]
+        found = []
+        for name, uv in subject.places:
+            at = given.at(uv)
+            made = _measured(subject, name, uv, at, white.at(uv), seed, side, partial(tell, place_title(name, uv)))
+            if single is not None and subject.has_plugin(name):
+                rng = np.random.default_rng([seed, 1, *name.encode()])
+                same = same_bits(at, single.at(uv), name, rng, made.transmits)
+                made = replace(made, same_with_one_lane=same)
+            found.append(made)
+        return found
 
 
 def place_title(name: str, uv: Uv | None) -> str:
@@ -179,7 +199,11 @@ def _measured(
     lobes = tuple(_lobe(given, name, angle, front.transmits) for angle in LOBE_ANGLES)
     keys = material.model_dump(mode="json", exclude_defaults=True)
     found = (keys, energies, plain, tuple(tests), reciprocity, tally, tuple(rows), lobes)
-    return Measured(name, material.type, *found, uv)
+    return Measured(name, _kind(material), *found, uv, subject.claims(name))
+
+
+def _kind(material: Any) -> str:
+    return material.plugin if isinstance(material, PluginMaterial) else str(material.type)
 
 
 def _energy(

@@ -17,13 +17,14 @@ from clrender.furnace.plots import energy_plot, lobe_plot, roughness_plot
 __all__ = ["furnace_page"]
 
 _TOPICS: Final = {
-    **dict.fromkeys(("gain", "loss", "keeps", "absorbs", "transmits"), "energy"),
+    **dict.fromkeys(("gain", "loss", "keeps", "loses", "absorbs", "transmits"), "energy"),
     **dict.fromkeys(("estimators", "weight", "density", "unseen"), "sampling and evaluation"),
-    **dict.fromkeys(("directions", "sampled", "deltas", "integration"), "directions"),
-    **dict.fromkeys(("reciprocity", "reciprocal"), "reciprocity"),
+    **dict.fromkeys(("directions", "integral", "sampled", "deltas", "integration"), "directions"),
+    **dict.fromkeys(("reciprocity", "reciprocal", "unreciprocal"), "reciprocity"),
+    **dict.fromkeys(("lanes", "bits"), "bits"),
     **dict.fromkeys(("nonfinite", "negative"), "samples"),
 }
-_PROMISES: Final = ("keeps", "sampled", "reciprocal")
+_PROMISES: Final = ("keeps", "sampled", "reciprocal", "bits")
 _ENERGY: Final = (
     "Directional albedo: fraction of uniform light that leaves the surface towards the viewer, against the angle from "
     "the normal. Circles: mean weight of sampled directions; crosses: integral of the evaluated BSDF plus deltas; the "

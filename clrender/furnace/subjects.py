@@ -12,11 +12,14 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 from clrender.errors import UsageError
+from clrender.flatten.plugin_rows import used_plugins
 from clrender.furnace.surfaces import Uv
 from clrender.importers import load
+from clrender.plugins import Plugin, as_plugins
 from clrender.scene import builtin_names
 from clrender.scene.description import MATERIAL_TYPES, Scene
-from clrender.scene.materials import material_textures
+from clrender.scene.materials import Mix, PluginMaterial, material_textures
+from clrender.scene.textures import PluginTexture
 from clrender.scene.validation_errors import scene_error
 from clrender.wording import quoted, suggestion
 
@@ -80,27 +83,45 @@ class Subject:
         """What is measured: each material, and if it is textured, at each of the texture coordinates."""
         return tuple((n, uv) for n in self.names for uv in (self.uvs if _is_textured(self.scene, n) else ()) or (None,))
 
+    def claims(self, name: str) -> frozenset[str]:
+        """What a material claims, of ``reciprocal`` and ``lossless``: clrender's own both, a plugin as it says."""
+        return _claims(self.scene, name)
+
+    def has_plugin(self, name: str) -> bool:
+        """Whether plugins scatter light at a material, or decide with what parameters."""
+        materials, material = self.scene.materials, self.scene.materials[name]
+        if isinstance(material, Mix) and any(self.has_plugin(part) for part in material.materials):
+            return True
+        textured = any(isinstance(each, PluginTexture) for _, each in material_textures(materials, name))
+        return textured or isinstance(material, PluginMaterial)
+
     def eta(self, name: str) -> float:
         """Index of refraction behind the front side, relative to that in front; 1 if a material has none."""
         return _relative_index(self.scene, name, set())
 
 
 def subjects_of(
-    text: str, names: Sequence[str] = (), allow_paths: Sequence[Path] = (), uvs: Sequence[Uv] = ()
+    text: str,
+    names: Sequence[str] = (),
+    allow_paths: Sequence[Path] = (),
+    uvs: Sequence[Uv] = (),
+    plugins: Sequence[str | Path | Plugin] = (),
 ) -> Subject:
     """Determine the materials that a user's text means.
 
     Parameters
     ----------
     text : str
-        Name of a material type, an inline table such as ``{type = "conductor", metal = "Au"}``, a scene file or the
-        name of a built-in scene.
+        Name of a material type or a plugin, an inline table such as ``{type = "conductor", metal = "Au"}``, a scene
+        file or the name of a built-in scene.
     names : sequence of str
         Restricts a scene to these materials.
     allow_paths : sequence of Path
         See `clrender.scene.load`.
     uvs : sequence of (float, float)
         See `Subject`.
+    plugins : sequence of str, Path or Plugin
+        Plugins that the materials may use.
 
     Raises
     ------
@@ -109,7 +130,8 @@ def subjects_of(
     UsageError
         If there is no such type or scene, or no such material in it, or no textured one for `uvs`.
     """
-    subject = replace(_subject(text, names, allow_paths), uvs=tuple(dict.fromkeys(uvs)))
+    subject = replace(_subject(text, names, allow_paths, as_plugins(plugins)), uvs=tuple(dict.fromkeys(uvs)))
+    used_plugins(subject.scene)
     if uvs and not any(_is_textured(subject.scene, name) for name in subject.names):
         raise UsageError("--uv chooses a place in textures, and no material here has any; leave it out")
     return subject
@@ -119,19 +141,25 @@ def _is_textured(scene: Scene, name: str) -> bool:
     return any(material_textures(scene.materials, name))
 
 
-def _subject(text: str, names: Sequence[str], allow_paths: Sequence[Path]) -> Subject:
+def _subject(text: str, names: Sequence[str], allow_paths: Sequence[Path], plugins: Sequence[Plugin]) -> Subject:
     if text.lstrip().startswith("{"):
         _no_names(names, "a table")
-        return _of_table(_parsed(text), text.strip(), sweep=False)
+        return _of_table(_parsed(text), text.strip(), sweep=False, plugins=plugins)
+    known_plugins = {each.name: each for each in plugins}
+    if text in known_plugins:
+        _no_names(names, "a plugin")
+        return _of_plugin(known_plugins[text], plugins)
+    if text == "plugin":
+        raise UsageError("a plugin is measured by its own name: give its file with --plugin FILE, and then its name")
     if text in MATERIAL_TYPES:
         _no_names(names, "a type")
         return _of_table({"type": text, **_NEEDED.get(text, {})}, text, sweep=True)
     if _NAME.match(text) and text not in builtin_names() and not Path(text).exists():
-        known = [*MATERIAL_TYPES, *builtin_names()]
+        known = [*known_plugins, *MATERIAL_TYPES, *builtin_names()]
         nearest = suggestion(text, known)
         cure = nearest if "did you mean" in nearest else f"; types: {', '.join(MATERIAL_TYPES)}"
         raise UsageError(f"there is no material type and no built-in scene {quoted(text)}{cure}")
-    scene = load(text, allow_paths=allow_paths)
+    scene = load(text, allow_paths=allow_paths, plugins=plugins)
     for name in names:
         if name not in scene.materials:
             raise UsageError(f"{scene.source}: there is no material {quoted(name)}{suggestion(name, scene.materials)}")
@@ -142,7 +170,7 @@ def _subject(text: str, names: Sequence[str], allow_paths: Sequence[Path]) -> Su
 
 def whitened(scene: Scene) -> Scene:
     """The materials without absorbing colours: any remaining loss of light has another cause."""
-    return scene.with_checked(materials={name: _white(each) for name, each in scene.materials.items()})
+    return scene.with_checked(materials={name: _white(each, scene.plugins) for name, each in scene.materials.items()})
 
 
 def _shown(material: Any, key: str) -> bool:
@@ -151,7 +179,11 @@ def _shown(material: Any, key: str) -> bool:
     return color is not None and (key != "sheen_color" or any(color))
 
 
-def _white(material: Any) -> Any:
+def _white(material: Any, plugins: Sequence[Plugin] = ()) -> Any:
+    if isinstance(material, PluginMaterial):
+        plugin = next(each for each in plugins if each.name == material.plugin)
+        white = {each.name: (each.max,) * 3 for each in plugin.parameters if each.type == "color" and each.textured}
+        return material.changed({"parameters": {**material.parameters, **white}})
     fields = type(material).model_fields
     changes: dict[str, Any] = {key: (1.0, 1.0, 1.0) for key in _COLORS if _shown(material, key)}
     if {"metal", "eta", "k"} <= set(fields) and "f0" not in changes:
@@ -173,24 +205,55 @@ def _parsed(text: str) -> Any:
         ) from None
 
 
-def _of_table(table: Any, title: str, sweep: bool) -> Subject:
+def _of_plugin(plugin: Plugin, plugins: Sequence[Plugin]) -> Subject:
+    """A plugin with its defaults, and where it is a BSDF, with the bounds of each of its numbers.
+
+    A texture is measured as the colour of a Lambertian surface.
+    """
+    table: dict[str, Any] = {"type": "plugin", "plugin": plugin.name}
+    if plugin.kind == "texture":
+        table = {"type": "lambert", "reflectance": {"plugin": plugin.name}}
+    tables = {plugin.name: table}
+    for each in plugin.parameters if plugin.kind == "bsdf" else ():
+        for value in dict.fromkeys((each.min, each.max)) if each.type == "number" else ():
+            tables[f"{plugin.name}, {each.name} {value:g}"] = {**table, "parameters": {each.name: value}}
+    return _of_tables(tables, plugin.source, plugins)
+
+
+def _of_tables(tables: dict[str, Any], title: str, plugins: Sequence[Plugin]) -> Subject:
+    camera = {"position": [0.0, 0.0, 4.0], "target": [0.0, 0.0, 0.0]}
+    try:
+        scene = Scene.model_validate({"camera": camera, "materials": tables})
+    except ValidationError as error:
+        raise scene_error(error, Scene, "command line") from None
+    scene = scene.placed("command line", scene.base_folder).with_plugins(plugins)
+    return Subject(title, scene, tuple(tables), {})
+
+
+def _of_table(table: Any, title: str, sweep: bool, plugins: Sequence[Plugin] = ()) -> Subject:
     """One material; with `sweep` also with each roughness, if it has one."""
     kind = table.get("type") if isinstance(table, dict) else None
     name = kind if isinstance(kind, str) and kind in MATERIAL_TYPES else "material"
     rough = sweep and "roughness" in MATERIAL_TYPES[name].model_fields
     swept = tuple((value, f"{name}, roughness {value:g}") for value in ROUGHNESSES if rough)
     tables = {name: table, **{other: {**table, "roughness": value} for value, other in swept}}
-    camera = {"position": [0.0, 0.0, 4.0], "target": [0.0, 0.0, 0.0]}
-    try:
-        scene = Scene.model_validate({"camera": camera, "materials": tables})
-    except ValidationError as error:
-        raise scene_error(error, Scene, "command line") from None
-    return Subject(title, scene.placed("command line", scene.base_folder), (name,), {name: swept} if swept else {})
+    subject = _of_tables(tables, title, plugins)
+    return replace(subject, names=(name,), swept={name: swept} if swept else {})
 
 
 def _no_names(names: Iterable[str], what: str) -> None:
     if list(names):
         raise UsageError(f"--material chooses among the materials of a scene, and this is {what}; leave it out")
+
+
+def _claims(scene: Scene, name: str) -> frozenset[str]:
+    material = scene.materials[name]
+    if isinstance(material, Mix):
+        first, second = (_claims(scene, part) for part in material.materials)
+        return first & second
+    if isinstance(material, PluginMaterial):
+        return frozenset(next(each for each in scene.plugins if each.name == material.plugin).header.claims)
+    return frozenset(("reciprocal", "lossless"))
 
 
 def _relative_index(scene: Scene, name: str, seen: set[str]) -> float:

@@ -92,6 +92,8 @@ class Surfaces:
     ----------
     names : tuple of str
         Names of the materials.
+    lanes : int
+        Paths of a work-item.
 
     Raises
     ------
@@ -124,6 +126,7 @@ class Surfaces:
         settings = np.zeros(1, layout.dtype("Settings"))
         self._device = device
         self._worker = DeviceWorker(device, flat, settings, _PIPELINE, cut)
+        self.lanes = self._worker.lanes
         self._program = self._worker.program(_ENTRY, {"PACKETS": 1, **(faults or {})})
 
     def at(self, uv: Uv | None) -> Surfaces:

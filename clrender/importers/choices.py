@@ -18,6 +18,8 @@ class Choices:
         Moment of its animation, seconds; None: the rest pose.
     variant : str or None
         Name of a material variant; None: the default materials.
+    shutter : (float, float) or None
+        When the camera's shutter opens and closes, seconds from that moment; None: the image is of the moment itself.
     define : mapping of str to str
         Values of its parameters by name; for others it has defaults.
     """
@@ -25,3 +27,4 @@ class Choices:
     time_at: float | None = None
     variant: str | None = None
     define: Mapping[str, str] = field(default_factory=dict)
+    shutter: tuple[float, float] | None = None

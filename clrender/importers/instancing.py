@@ -61,7 +61,13 @@ def share_meshes(draft: Draft) -> None:
         draft.description["groups"] = groups
 
 
-def place_group(draft: Draft, shapes: list[dict[str, Any]], maps: NDArray[np.float64], name: str = "") -> bool:
+def place_group(
+    draft: Draft,
+    shapes: list[dict[str, Any]],
+    maps: NDArray[np.float64],
+    name: str = "",
+    more: Mapping[str, Any] | None = None,
+) -> bool:
     """Place shapes many times, as instances of a group, if that saves many triangles.
 
     Parameters
@@ -74,6 +80,8 @@ def place_group(draft: Draft, shapes: list[dict[str, Any]], maps: NDArray[np.flo
         Affine maps to world space.
     name : str
         Name of the instances; default: none.
+    more : mapping, optional
+        Other keys of the instances.
 
     Returns
     -------
@@ -91,7 +99,7 @@ def place_group(draft: Draft, shapes: list[dict[str, Any]], maps: NDArray[np.flo
     group = _named(description.setdefault("groups", {}), shapes)
     places = f"places of {group} {len(description['shapes'])}"
     draft.places[places] = array
-    instance = {"type": "instance", "group": group, "transforms": places}
+    instance = {"type": "instance", "group": group, "transforms": places, **(more or {})}
     description["shapes"].append({**instance, "name": name} if name else instance)
     return True
 

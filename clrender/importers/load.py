@@ -16,6 +16,7 @@ from clrender.importers.choices import Choices
 from clrender.importers.draft import Draft
 from clrender.importers.framing import FRAMED, completed
 from clrender.limits import checked_path, shown
+from clrender.plugins import as_plugins
 from clrender.scene import Camera, Scene
 from clrender.scene.load import load as load_own
 from clrender.wording import quoted
@@ -33,6 +34,8 @@ _READERS: Final[Mapping[str, str]] = {
 }
 """Modules by extension. Each has ``read(path, files) -> Draft``, and is imported on demand."""
 _ANIMATED: Final = (".gltf", ".glb")
+_OWN: Final = (".toml", ".json", "")
+"""Extensions of scenes of clrender's own format; built-in ones have none."""
 _CHOOSING: Final = (*_ANIMATED, ".xml")
 """Extensions whose ``read`` also takes `Choices`."""
 _MODELS: Final = (".obj", ".ply", ".stl")
@@ -46,6 +49,7 @@ def load(
     *,
     allow_paths: Sequence[str | Path] = (),
     time_at: float | None = None,
+    shutter: tuple[float, float] | None = None,
     variant: str | None = None,
     environment: str | Path | float | None = None,
     strict: bool = False,
@@ -53,6 +57,7 @@ def load(
     define: Mapping[str, str] | None = None,
     camera: str | Path | Camera | Mapping[str, Any] | None = None,
     hide_environment: bool = False,
+    plugins: Any = None,
 ) -> Scene:
     """Read and validate a scene and the files it names.
 
@@ -64,7 +69,10 @@ def load(
     allow_paths : sequence of str or pathlib.Path
         Folders, besides the scene's own, from which these files may be read.
     time_at : float, optional
-        Moment of a glTF file's animation, seconds from its start; default: the rest pose.
+        Time of the image, seconds: the camera's `time`, and the moment of a glTF file's animation, whose rest pose is
+        the default.
+    shutter : (float, float), optional
+        When the camera's shutter opens and closes, seconds from the time of the image: what moves meanwhile is blurred.
     variant : str, optional
         Name of a glTF file's material variant (KHR_materials_variants).
     environment : str, pathlib.Path or float, optional
@@ -81,6 +89,8 @@ def load(
         A camera in place of the scene's; see `clrender.importers.cameras.with_camera`.
     hide_environment : bool
         Whether the camera does not see the environment, which lights the scene all the same.
+    plugins : Plugin, str, pathlib.Path, or iterable of them, optional
+        Plugins that its materials may use; see `clrender.plugin`. No scene file can name one.
 
     Returns
     -------
@@ -91,7 +101,10 @@ def load(
     ------
     SceneError
         In one sentence: file, location, problem and remedy.
+    UsageError
+        A plugin is not valid.
     """
+    allowed = as_plugins(plugins)
     if isinstance(path_or_name, Scene):
         raise SceneError("a Scene is loaded already; render it, or name a file to load another")
     path = checked_path(path_or_name, "a scene to load")
@@ -100,23 +113,27 @@ def load(
         raise UsageError(f"allow_paths is {shown(allow_paths)}, but must be a list of folders")
     folders = [checked_path(folder, "allow_paths") for folder in allow_paths]
     ending = path.suffix.lower()
-    choices = Choices(time_at, variant, {str(name): str(value) for name, value in (define or {}).items()})
     for key, given, takes in (
-        ("time_at", time_at, _ANIMATED),
+        ("time_at", time_at, (*_ANIMATED, *_OWN)),
         ("variant", variant, _ANIMATED),
         ("up", up, _MODELS),
         ("define", define or None, (".xml",)),
     ):
         if given is not None and ending not in takes:
-            raise SceneError(f"{quoted(str(path))} takes no {key}, which is for {' and '.join(takes)}; leave it out")
+            known = " and ".join(filter(None, takes))
+            raise SceneError(f"{quoted(str(path))} takes no {key}, which is for {known}; leave it out")
     if up not in (None, "y", "z"):
         raise SceneError(f"up is {up!r}; it must be y or z")
+    if shutter is not None and (len(shutter) != 2 or not all(math.isfinite(each) for each in shutter)):
+        raise SceneError(f"shutter is {shutter!r}; it must be two finite numbers of seconds")
     if time_at is not None and not math.isfinite(time_at):
         raise SceneError(f"time_at is {time_at!r}; it must be a finite number of seconds")
+    choices = Choices(time_at, variant, {str(name): str(value) for name, value in (define or {}).items()}, shutter)
     reader = _READERS.get(ending)
     origin = {
         "name": str(path_or_name),
         "time_at": time_at,
+        "shutter": None if shutter is None else list(shutter),
         "variant": variant,
         "up": up,
         "define": dict(choices.define) or None,
@@ -132,7 +149,8 @@ def load(
                 "(`clrender scenes`)"
             )
         own = load_own(path_or_name, allow_paths=folders).with_origin(origin)
-        return _changed(own, environment, camera, hide_environment)
+        own = own.with_plugins(allowed)
+        return _timed(_changed(own, environment, camera, hide_environment), time_at, shutter)
     read: Callable[..., Draft] = import_module(reader).read
     for folder in folders:
         if not folder.is_dir():
@@ -141,7 +159,16 @@ def load(
     upright = up or ("z" if ending == ".stl" else "y")
     draft = read(path, files, choices) if ending in _CHOOSING else read(path, files)
     scene = completed(draft, files, upright, surrounded=environment is not None)
-    return _changed(scene.with_origin(origin), environment, camera, hide_environment)
+    changed = _changed(scene.with_origin(origin).with_plugins(allowed), environment, camera, hide_environment)
+    # A pose at one moment is that, whatever the time; what moves from there on has the times of the animation
+    return _timed(changed, time_at if shutter is not None else None, shutter)
+
+
+def _timed(scene: Scene, time_at: float | None, shutter: tuple[float, float] | None) -> Scene:
+    """The scene at a time, seen through a shutter."""
+    said = {"camera.time": time_at, "camera.shutter": None if shutter is None else tuple(shutter)}
+    said = {key: value for key, value in said.items() if value is not None}
+    return scene.changed(said) if said else scene
 
 
 def _changed(scene: Scene, environment: Any, camera: Any, hide_environment: bool) -> Scene:

@@ -24,4 +24,5 @@ INTEGRATOR: Final = Integrator(
     shares="image",
     preparation="clrender.bidirectional.light_paths",
     specular_chains=True,
+    times="image",
 )

@@ -103,6 +103,9 @@ class Integrator:
         The same if its paths are guided; empty: they cannot be.
     specular_chains : bool
         Whether its paths can sample light over specular chains.
+    times : str
+        What has a time of its own while the shutter is open: each sample of a ``pixel``, each sample of the whole
+        ``image``, or nothing (empty), as it does not support motion.
     """
 
     pipeline: Pipeline
@@ -123,6 +126,7 @@ class Integrator:
     preparation: str = ""
     guiding: str = ""
     specular_chains: bool = False
+    times: str = "pixel"
 
     @property
     def has_errors(self) -> bool:

@@ -17,4 +17,5 @@ INTEGRATOR: Final = Integrator(
     media=True,
     auto_light_sampler="power",
     preparation="clrender.photon.maps",
+    times="image",
 )

@@ -19,4 +19,5 @@ INTEGRATOR: Final = Integrator(
     emission_textures=False,
     vertex_colors=False,
     preparation="clrender.radiosity.preparation",
+    times="",
 )

@@ -13,4 +13,5 @@ INTEGRATOR: Final = Integrator(
     takes={"indirect_rays": (1,)},
     volumes=False,
     shares="block",
+    times="image",
 )

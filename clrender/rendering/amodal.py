@@ -54,7 +54,7 @@ def _placed(scene: Scene, entry: int, turn: int | None) -> ShapeOrInstance:
         return shape
     rows = scene.transforms(entry).maps[turn].tolist()
     transform = Transform(matrix=(*map(tuple, rows), (0.0, 0.0, 0.0, 1.0)))
-    return Instance(type="instance", name=shape.name, group=shape.group, transform=transform)
+    return shape.with_checked(transforms=None, transform=transform)
 
 
 def amodal_channels(masks: dict[int, npt.NDArray[np.float32]]) -> dict[str, npt.NDArray[np.float32]]:

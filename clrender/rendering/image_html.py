@@ -159,6 +159,10 @@ def _layer(key: str, layer: _Array, image: ShownImage) -> tuple[_Bytes, str]:
             return _bytes(np.stack([u, v, np.zeros_like(u)], axis=2)), "red: u, green: v, what is left of whole numbers"
         case "position":
             return _ranged(some, "red, green, blue: x, y, z", "m")
+        case "flow":
+            return _ranged(some, "red, green: to the right, down", "pixels")
+        case "scene_flow":
+            return _ranged(some, "red, green, blue: along x, y, z", "m")
         case "depth" | "z_depth":
             return _ranged(some, "distance", "m")
         case "object" | "material":
@@ -188,6 +192,8 @@ def _ranged(values: _Array, what: str, unit: str) -> tuple[_Bytes, str]:
     shares = np.where(finite, shares, 0.0)
     ends = [", ".join(f"{end:.4g}" for end in each) for each in (low, high)]
     caption = f"{what} from {ends[0]} (black) to {ends[1]} {unit}".rstrip()
+    if shares.shape[2] == 2:
+        shares = np.concatenate([shares, np.zeros_like(shares[..., :1])], axis=2)
     return _bytes(np.broadcast_to(shares, (*values.shape[:2], 3))), f"{caption} (white)"
 
 

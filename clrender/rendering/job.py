@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from clrender.aov import ERRORS, Labelling, check_aovs
+from clrender.aov import ERRORS, FLOWS, Labelling, check_aovs
 from clrender.device.source import kernels_sha256
 from clrender.errors import UsageError
 from clrender.files.package_data import kernels_folder
-from clrender.flatten.supported import check_materials
+from clrender.flatten.plugin_rows import plugin_hashes, used_plugins
+from clrender.flatten.supported import check_materials, check_motion
 from clrender.integrators import INTEGRATORS, Integrator
 from clrender.limits import checked_path
 from clrender.scene import Camera, Scene
@@ -82,6 +83,7 @@ class RenderJob:
         guiding_field: GuidingField | str | Path | None = None,
         light_groups: bool = False,
         amodal: str | Iterable[str] = (),
+        plugins: Any = None,
         **settings: Any,
     ) -> RenderJob:
         """Create a job and check it.
@@ -104,6 +106,8 @@ class RenderJob:
         amodal : str or iterable of str
             Names of instances whose masks are rendered as well as if nothing stood before them, or ``all``; with
             the layer ``instance``.
+        plugins : Plugin, str, pathlib.Path, or iterable of them, optional
+            Plugins that the scene's materials use, besides those that it was loaded with; see `clrender.plugin`.
         **settings
             Fields of `RenderSettings`; those not given come from the scene, else from the defaults.
 
@@ -116,11 +120,12 @@ class RenderJob:
         UsageError
             When a setting is invalid.
         SceneError
-            When the integrator does not support a material of the scene.
+            When the integrator does not support a material of the scene, or a plugin that it uses is not given.
         """
         if guiding_field is not None:
             settings = {"guiding": "on", **settings}
             guiding_field = _field(guiding_field)
+        scene = scene.with_plugins(plugins)
         masks = tuple(each.strip() for each in amodal.split(",")) if isinstance(amodal, str) else tuple(amodal)
         aov = (*check_aovs(aov), "instance") if masks else aov
         job = cls._checked(scene, settings_for(scene, size, settings), samples, aov, denoise, guiding_field)
@@ -149,6 +154,13 @@ class RenderJob:
         layers = check_aovs(aov)
         if "unconverged" in layers and settings.error is None:
             raise UsageError("aov: the layer unconverged needs error, which says what counts as converged")
+        if (moving := FLOWS.intersection(layers)) and not scene.camera.flow_step:
+            begin, end = scene.camera.interval
+            if begin == end:
+                raise UsageError(
+                    f"aov: the layer {min(moving)} leads from one time to another; give camera.flow_step, or a shutter "
+                    "that opens and closes (camera.shutter = [t0, t1], --shutter T0:T1)"
+                )
         first, stop = _range(samples) if samples is not None else (0, settings.spp)
         if not 0 <= first < stop <= settings.spp:
             raise UsageError(f"samples is {(first, stop)}; it must be a range within the {settings.spp} of a pixel")
@@ -164,6 +176,7 @@ class RenderJob:
                 check_memory(settings)
         _check_parts(settings, first, stop)
         scene.of_contents(f"taken by {settings.integrator}", lambda: check_materials(scene, settings.integrator))
+        check_motion(scene, settings.integrator)
         return cls(scene, settings, first, stop - first, layers, denoise, guiding_field)
 
     @classmethod
@@ -258,14 +271,30 @@ class RenderJob:
         devices.
         """
         field = {} if self.guiding_field is None else {"guiding_field_sha256": self.guiding_field.sha256()}
+        plugins = plugin_hashes(used_plugins(self.scene))
         return {
             **self.settings.request(),
             **field,
+            **({"plugins": plugins} if plugins else {}),
             "scene_sha256": self.scene.sha256(),
             "kernel_sha256": kernels_sha256(),
             "sampler_sha256": _sampler_sha256(),
             "version": __version__,
         }
+
+    def check_for_cluster(self) -> None:
+        """Check that a cluster can render it.
+
+        Raises
+        ------
+        UsageError
+            When the scene uses plugins, which are programs: no message of a cluster carries any.
+        """
+        if plugins := used_plugins(self.scene):
+            raise UsageError(
+                f"{self.scene.source}: the scene uses the plugin {plugins[0].name}, and a cluster's jobs carry no "
+                "plugins, which are programs; render it without a cluster"
+            )
 
     def sha256(self) -> str:
         """Hash of the request: equal for jobs whose films can be merged."""
@@ -284,7 +313,10 @@ class RenderJob:
         ------
         SceneError
             When a file cannot be read.
+        UsageError
+            When the scene uses plugins.
         """
+        self.check_for_cluster()
         scene, assets = scene_to_portable(self.scene)
         field = None
         if self.guiding_field is not None:

@@ -22,12 +22,15 @@ from clrender.drivers import select
 from clrender.errors import DeviceError, UsageError
 from clrender.flatten.flat_scene import FlatScene, flatten, scene_origin, seen_by
 from clrender.flatten.light_groups import lit_by
+from clrender.flatten.plugin_rows import used_plugins
 from clrender.flatten.touching import camera_reach
 from clrender.integrators.descriptor import Pipeline
 from clrender.process.stages import Stages
 from clrender.rendering.job import RenderJob
+from clrender.scene.resting import has_motion
 
 if TYPE_CHECKING:
+    from clrender.plugins import Plugin
     from clrender.scene import Scene
 
 __all__ = ["ApartError", "Residency"]
@@ -155,12 +158,19 @@ class Residency:
             other = _Geometry.of(dataclasses.replace(job, scene=scene))
             if not geometry.same(other, self._flat[1].camera_free):
                 raise ApartError
-            rows.append(seen_by(self._flat[1], scene, settings.width, settings.height).camera)
-        cameras = np.concatenate(rows)
+            rows.append(seen_by(self._flat[1], scene, settings.width, settings.height))
+        cameras = np.concatenate([row.camera for row in rows])
+        moving = cameras["segments"] > 0
+        counts = np.where(moving, cameras["segments"] + 1, 0)
+        cameras["first_knot"] = np.cumsum(counts) - counts
+        knots = [row.camera_knots for row, moves in zip(rows, moving.tolist(), strict=True) if moves]
+        if not knots:
+            knots = [flat.camera_knots]
         media = cameras[["interior_first", "interior_last", "cuts_media"]]
         if (media != media[0]).any() or cameras["cuts_media"].any():
             raise ApartError
-        return dataclasses.replace(flat, camera=cameras, features=flat.features.seen_by(cameras))
+        features = flat.features.seen_by(cameras, flat.instances.moves)
+        return dataclasses.replace(flat, camera=cameras, camera_knots=np.concatenate(knots), features=features)
 
     def worker(
         self,
@@ -191,7 +201,7 @@ class Residency:
             failed.callback(self._forget, device, before)
             held, arrays = self._uploaded.get(device, (None, None))
             if held is not None and arrays is not None and held.arrays is flat.arrays:
-                arrays.look(flat.camera)
+                arrays.look(flat)
             else:
                 arrays = self._moved(device, arrays, flat)
             self._uploaded[device] = flat, arrays
@@ -246,16 +256,18 @@ class _Geometry:
     compensated: bool
     termination: float | None
     lit_by: str | None
+    plugins: tuple[Plugin, ...]
     origin: tuple[float, float, float]
     reach: float
+    interval: tuple[float, float] | None
 
     @classmethod
     def of(cls, job: RenderJob) -> _Geometry:
         origin = scene_origin(job.scene.camera)
-        reach = camera_reach(job.scene.camera, origin)
-        return cls(
-            job.scene, _light_sampler(job), _compensated(job), job.settings.termination, job.lit_by, origin, reach
-        )
+        reach = camera_reach(job.scene.camera.opened, origin)
+        interval = job.scene.camera.interval if has_motion(job.scene) else None
+        sampling = _light_sampler(job), _compensated(job), job.settings.termination, job.lit_by
+        return cls(job.scene, *sampling, used_plugins(job.scene), origin, reach, interval)
 
     def same(self, other: _Geometry, camera_free: float) -> bool:
         """Whether the arrays are the same, which up to a reach do not depend on it."""

@@ -22,6 +22,7 @@ from clrender.film.checkpoint import Checkpoint
 from clrender.film.ledger import Ledger
 from clrender.film.running import RunningFilm
 from clrender.importers.cameras.read import with_camera
+from clrender.plugins import as_plugins
 from clrender.process.exclusive import Turn
 from clrender.process.shield import Call
 from clrender.process.stages import Stages
@@ -31,9 +32,10 @@ from clrender.rendering.job_render import JobRender
 from clrender.rendering.rendered_image import Progress, RenderedImage
 from clrender.rendering.residency import ApartError, Residency
 from clrender.rendering.team import Cluster
+from clrender.scene import Scene
 
 if TYPE_CHECKING:
-    from clrender.scene import Camera, Scene
+    from clrender.scene import Camera
 
 __all__ = ["Session", "requested_devices"]
 
@@ -67,6 +69,8 @@ class Session:
         BVH is refitted in a few milliseconds instead of built, unless it would become half as slow again. The last
         digits of an image may then depend on the scenes before: its hash is not that of another session, and its film
         cannot be merged with those of others, or verified. For one device.
+    plugins : Plugin, str, pathlib.Path, or iterable of them, optional
+        Plugins that materials of all scenes may use; see `clrender.plugin`.
 
     Attributes
     ----------
@@ -92,8 +96,10 @@ class Session:
         notify: Callable[[str], None] | None = None,
         on_stage: Callable[[str], None] | None = None,
         refit: bool = False,
+        plugins: Any = None,
     ) -> None:
         self.stages = Stages(on_stage)
+        self._plugins = as_plugins(plugins)
         self._notify = notify or (lambda line: None)
         self._residency = Residency(requested_devices(device), self.stages, self.tell, on_stage is not None, refit)
         self._call: Call | None = None
@@ -159,8 +165,8 @@ class Session:
             See `clrender.cluster.open_cluster`: its workers take the samples. The session's devices then render only
             the layers and the denoiser's guide images; if neither is requested, they are not opened.
         **settings
-            Only with a scene; see `RenderJob.of`: ``size``, ``samples``, ``aov``, ``denoise`` and the fields of
-            `RenderSettings`.
+            Only with a scene; see `RenderJob.of`: ``size``, ``samples``, ``aov``, ``denoise``, ``plugins`` and the
+            fields of `RenderSettings`.
 
         Returns
         -------
@@ -177,7 +183,7 @@ class Session:
         RenderError
             When every device fails. It is an `IncompleteRender`, with the image so far, if any samples were finished.
         """
-        job = RenderJob.given(scene, **settings)
+        job = RenderJob.given(self._equipped(scene), **settings)
         if on_progress is not None and not callable(on_progress):
             raise UsageError(f"on_progress is {on_progress!r}, but must be a function")
         if cluster is not None and not hasattr(cluster, "team"):
@@ -185,6 +191,8 @@ class Session:
                 f"cluster is {cluster!r}, but a session wants what clrender.cluster.open_cluster opens there; "
                 "clrender.render takes addresses"
             )
+        if cluster is not None:
+            job.check_for_cluster()
         if checkpoint is None and resume:
             raise UsageError("resume has no effect without a checkpoint; name its file")
 
@@ -223,7 +231,8 @@ class Session:
         SceneError, UsageError, DeviceError, RenderError
             See `render`.
         """
-        given = RenderJob.given(scene, **settings)
+        given = RenderJob.given(self._equipped(scene), **settings)
+        scene = given.scene
         views = [with_camera(scene, camera).camera for camera in cameras]
         width, height = given.settings.film_size
         found = np.empty((len(views), height, width, 4 if "alpha" in given.aov else 3), np.float32)
@@ -244,6 +253,10 @@ class Session:
                 if one.alpha is not None:
                     image[..., 3] = one.alpha
         return found
+
+    def _equipped(self, scene: Scene | RenderJob) -> Scene | RenderJob:
+        """A scene whose materials may use the session's plugins."""
+        return scene.with_plugins(self._plugins) if isinstance(scene, Scene) else scene
 
     def _linear(self, job: RenderJob) -> npt.NDArray[np.float32]:
         return JobRender(self._residency, job, *self._callbacks()).image(False).linear

@@ -36,9 +36,11 @@ def job_stats(job: RenderJob, request: Mapping[str, Any]) -> dict[str, Any]:
     request : mapping
         Request of its film.
     """
-    settings, field = job.settings, {}
+    settings, field = job.settings, dict[str, Any]()
     if "guiding_field_sha256" in request:
         field = {"guiding_field_sha256": request["guiding_field_sha256"]}
+    if "plugins" in request:
+        field["plugins"] = request["plugins"]
     return {
         **field,
         "camera_exposure": job.scene.camera.exposure,

@@ -27,6 +27,7 @@ from clrender.scene.materials import (
     Mirror,
     Mix,
     OrenNayar,
+    PluginMaterial,
     Principled,
     Subsurface,
 )
@@ -50,6 +51,7 @@ __all__ = [
     "Mirror",
     "Mix",
     "OrenNayar",
+    "PluginMaterial",
     "PointLight",
     "Principled",
     "ProjectorLight",

@@ -14,11 +14,13 @@ from pydantic import Field, Strict, model_validator
 from clrender.cameras.distortion import BrownConrady, KannalaBrandt, LensModel
 from clrender.cameras.poses import pose_of
 from clrender.cameras.projection import Equidistant, Intrinsics, LatitudeLongitude, Parallel, Projection, Rectilinear
-from clrender.errors import UsageError
+from clrender.errors import SceneError, UsageError
 from clrender.exact.angles import tan_degrees
 from clrender.exact.matrices import inner, lengths
 from clrender.image.exposure import PHOTOGRAPHIC
 from clrender.meshes.data import COORDINATE_LIMIT
+from clrender.scene.camera_motion import CameraMotion, CameraTrack
+from clrender.scene.poses import TIME_LIMIT, Seconds
 from clrender.scene.values import Finite, Flag, Length, Part, Row, Vector, cross, fault, length
 
 __all__ = ["Camera", "Distortion"]
@@ -90,7 +92,7 @@ class Camera(Part):
 
     late_keys: ClassVar[frozenset[str]] = frozenset(
         {"mirrored", "lens_shift", "fx", "fy", "cx", "cy", "skew", "resolution", "pixel_origin", "distortion"}
-        | {*_POSES, "convention"}
+        | {*_POSES, "convention", "time", "rolling_shutter", "flow_step", "motion"}
     )
 
     type: Literal["perspective", "orthographic", "panoramic", "fisheye", "intrinsics"] = Field(
@@ -158,10 +160,26 @@ class Camera(Part):
         None,
         description="f-number; with shutter, sets the exposure of display images; does not affect depth of field",
     )
-    shutter: _Shutter | None = Field(
-        None, description="exposure time of display images, seconds; there is no motion blur"
+    shutter: tuple[Seconds, Seconds] | _Shutter | None = Field(
+        None,
+        description="when the shutter opens and when it closes, seconds from `time`: what moves meanwhile is blurred; "
+        "or the exposure time of display images alone, seconds, without motion blur",
     )
     iso: _Speed | None = Field(None, description="film speed, with f_stop and shutter (default: 100)")
+    time: Seconds = Field(
+        0.0, description="time of the image, seconds: where what moves is, and what shutter counts from"
+    )
+    rolling_shutter: Annotated[Finite, Field(ge=0.0, le=TIME_LIMIT)] = Field(
+        0.0,
+        description="seconds from the opening of the first row of the image to that of the one below the last: rows "
+        "are exposed one after the other",
+    )
+    flow_step: Annotated[Finite, Field(gt=0.0, le=TIME_LIMIT)] | None = Field(
+        None,
+        description="seconds from the time of the image to the one to which the layers flow and scene_flow lead; "
+        "default: from the opening of the shutter to its closing",
+    )
+    motion: CameraMotion = Field((), description="keys of a motion of the camera; times ascend")
 
     @model_validator(mode="after")
     def _has_a_frame(self) -> Camera:
@@ -377,6 +395,61 @@ class Camera(Part):
         return eyes[0], eyes[1]
 
     @property
+    def interval(self) -> tuple[float, float]:
+        """When the shutter of the first row opens, and when that of the last one closes, seconds."""
+        begin, end = self.shutter if isinstance(self.shutter, tuple) else (0.0, 0.0)
+        return self.time + begin, self.time + end + self.rolling_shutter
+
+    @property
+    def row_share(self) -> float:
+        """Share of `interval` for which each row of the image is exposed; 1 for an interval of length zero."""
+        if not isinstance(self.shutter, tuple):
+            return 0.0 if self.rolling_shutter > 0.0 else 1.0
+        exposure = self.shutter[1] - self.shutter[0]
+        return exposure / (exposure + self.rolling_shutter) if exposure > 0.0 else float(self.rolling_shutter == 0.0)
+
+    @property
+    def track(self) -> CameraTrack | None:
+        """Its motion; None if it rests while the shutter is open."""
+        if not self.motion:
+            return None
+        (begin, end), times = self.interval, [key.time for key in self.motion]
+        first = max((index for index, time in enumerate(times) if time <= begin), default=0)
+        last = min((index for index, time in enumerate(times) if time >= end), default=len(times) - 1)
+        some = self._stops[first : last + 1]
+        if begin == end or all(each == some[0] for each in some):
+            return None
+        return self._whole_track
+
+    @property
+    def _stops(self) -> list[tuple[Vector, Vector, Vector]]:
+        """Position, target and up direction of each key."""
+        return [(key.position or self.position, key.target or self.target, key.up or self.up) for key in self.motion]
+
+    @property
+    def _whole_track(self) -> CameraTrack:
+        resting = self.with_checked(motion=())
+        cameras = [resting.changed(dict(zip(_FRAME, stop, strict=True))) for stop in self._stops]
+        frames = [camera.with_checked(mirrored=False).axes for camera in cameras]
+        distances = [camera.with_checked(focus_distance=None).focus for camera in cameras]
+        times = [key.time for key in self.motion]
+        return CameraTrack.of(times, [camera.position for camera in cameras], frames, distances)
+
+    @property
+    def opened(self) -> Camera:
+        """The camera where it is when the shutter opens, without its motion."""
+        if not self.motion:
+            return self
+        times, stops, begin = [key.time for key in self.motion], self._stops, self.interval[0]
+        before = max((index for index, time in enumerate(times) if time <= begin), default=None)
+        after = min((index for index, time in enumerate(times) if time >= begin), default=None)
+        if before is None or after is None or stops[before] == stops[after]:
+            pose = stops[after or 0] if before is None else stops[before]
+        else:
+            pose = self._whole_track.pose(begin)
+        return self.with_checked(motion=(), **dict(zip(_FRAME, pose, strict=True)))
+
+    @property
     def reach(self) -> float:
         """Largest distance from `position` to a ray's origin, metres; infinite for an orthographic camera."""
         return math.inf if self.type == "orthographic" else self.aperture_radius
@@ -385,7 +458,25 @@ class Camera(Part):
     def exposure(self) -> dict[str, float] | None:
         """The exposure settings, which affect only display images and not radiance; None if not given."""
         given = {name: getattr(self, name) for name in PHOTOGRAPHIC}
+        if isinstance(self.shutter, tuple):
+            given["shutter"] = self.shutter[1] - self.shutter[0] if self.f_stop is not None else None
         return {name: value for name, value in given.items() if value is not None} or None
+
+    @model_validator(mode="after")
+    def _has_times(self) -> Camera:
+        if isinstance(self.shutter, tuple):
+            begin, end = self.shutter
+            if end < begin:
+                raise fault("camera", f"closes at {end:g}, before it opens at {begin:g}; exchange them", "shutter")
+            if self.f_stop is not None and not end - begin >= PHOTOGRAPHIC["shutter"].low:
+                low = PHOTOGRAPHIC["shutter"].low
+                raise fault("camera", f"is open for {end - begin:g} s, but with f_stop for {low:g} at least", "shutter")
+        for index, stop in enumerate(self._stops):
+            try:
+                self.with_checked(motion=()).changed(dict(zip(_FRAME, stop, strict=True)))
+            except SceneError as error:
+                raise fault("camera", f"is no place for a camera: {error}", "motion", index) from None
+        return self
 
     @model_validator(mode="after")
     def _is_a_whole_exposure(self) -> Camera:

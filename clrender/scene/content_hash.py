@@ -48,7 +48,9 @@ def _head(scene: SceneContents) -> dict[str, bytes]:
     """Canonical JSON of each table that is not part of the contents."""
     content = scene.model_dump(mode="json", include=set(HEAD))
     for key in PHOTOGRAPHIC:
-        content["camera"].pop(key, None)
+        if not isinstance(getattr(scene.camera, key), tuple):  # of a shutter, when it opens and closes
+            content["camera"].pop(key, None)
+    content["camera"].pop("flow_step", None)  # of layers
     _as_in_films(scene.camera, content["camera"])
     return {name: _json(table) for name, table in content.items()}
 
@@ -71,6 +73,7 @@ def _contents(scene: SceneContents) -> dict[str, bytes]:
     for index, instance in scene.instances():
         if instance.file is not None:
             content["shapes"][index]["transforms"] = scene.transforms(index).sha256()
+        _as_in_films(instance, content["shapes"][index])
     for part, table in zip(scene.lights, content["lights"], strict=True):
         _as_in_films(part, table)
         _without_names(table)

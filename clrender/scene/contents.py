@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final, TypeVar
 from pydantic import AfterValidator, FailFast, Field, PrivateAttr
 
 from clrender.meshes.data import MeshData, inline_mesh
+from clrender.plugins import Plugin
 from clrender.scene.camera import Camera
 from clrender.scene.contents_memo import ContentsMemo
 from clrender.scene.defaults import Image, Render
@@ -30,7 +31,16 @@ from clrender.scene.medium import Medium
 from clrender.scene.pictures import TexelStore
 from clrender.scene.scene_files import SceneFiles
 from clrender.scene.shapes import AnyShape, Mesh
-from clrender.scene.textures import AnyTexture, BumpMap, Checker, ImageTexture, NormalMap, Ramp, textures_of
+from clrender.scene.textures import (
+    AnyTexture,
+    BumpMap,
+    Checker,
+    ImageTexture,
+    NormalMap,
+    PluginTexture,
+    Ramp,
+    textures_of,
+)
 from clrender.scene.values import (
     SHAPE_LIMIT,
     Name,
@@ -76,6 +86,7 @@ class SceneContents(Head):
     _store: list[TexelStore] = PrivateAttr(default_factory=list)
     _memo: list[ContentsMemo] = PrivateAttr(default_factory=list)
     _places: tuple[tuple[str | int, ...], ...] = PrivateAttr(default=())
+    _plugins: tuple[Plugin, ...] = PrivateAttr(default=())
 
     def all_shapes(self) -> Iterator[tuple[tuple[str | int, ...], AnyShape]]:
         """Its shapes and those of its groups, without instances, each with its location in the description.
@@ -131,6 +142,11 @@ class SceneContents(Head):
         return self._files
 
     @property
+    def plugins(self) -> tuple[Plugin, ...]:
+        """The plugins that were given for it, sorted by name; a scene file names none."""
+        return self._plugins
+
+    @property
     def base_folder(self) -> Path:
         """Folder to which file names are relative: the scene file's own, or the working folder."""
         return self._files.base_folder
@@ -161,10 +177,12 @@ class SceneContents(Head):
         return [(index, light) for index, light in found if light.file is not None]
 
     def placed_textures(self) -> list[tuple[tuple[str | int, ...], AnyTexture]]:
-        """All textures of materials and shapes, each with its location in the description."""
+        """All textures of materials and shapes but those of plugins, each with its location in the description."""
         found: list[tuple[tuple[str | int, ...], AnyTexture]] = []
         for name, material in self.materials.items():
-            found += [(("materials", name, key), texture) for key, texture in textures_of(material)]
+            for key, texture in textures_of(material):
+                if not isinstance(texture, PluginTexture):
+                    found.append((("materials", name, *key.split(".", 1)), texture))
         for at, shape in self.all_shapes():
             if isinstance(shape.emission, ImageTexture | Checker | Ramp):
                 found.append(((*at, "emission"), shape.emission))
@@ -342,5 +360,9 @@ class SceneContents(Head):
         return self._memo[0].value(name, compute)
 
     def _contents(self) -> tuple[object, ...]:
-        """Every object but those of `HEAD`, in the order of their names."""
-        return self._files, *(getattr(self, name) for name in sorted(type(self).model_fields.keys() - HEAD))
+        """Its files, plugins, and every object but those of `HEAD`, in the order of their names."""
+        return (
+            self._files,
+            self._plugins,
+            *(getattr(self, name) for name in sorted(type(self).model_fields.keys() - HEAD)),
+        )

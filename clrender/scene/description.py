@@ -16,9 +16,10 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import PrivateAttr, model_validator
 
-from clrender.errors import SceneError
+from clrender.errors import SceneError, UsageError
 from clrender.image.exposure import photographic_stops
 from clrender.meshes.data import MeshData
+from clrender.plugins import as_plugins, combined
 from clrender.scene.arrays import environment_of_array, mesh_of_arrays, picture_of_array
 from clrender.scene.camera import Camera
 from clrender.scene.changes import Changes, table_values, validated
@@ -258,6 +259,34 @@ class Scene(SceneContents):
         if environments:
             contents["environments"] = {name: environment_of_array(name, each) for name, each in environments.items()}
         return self.with_files(**contents)
+
+    def with_plugins(self, plugins: Any) -> Self:
+        """A copy of the scene whose materials may use these plugins, too.
+
+        Parameters
+        ----------
+        plugins : Plugin, str, pathlib.Path, or iterable of them
+            Plugins, or their files; see `clrender.plugin`.
+
+        Returns
+        -------
+        Scene
+
+        Raises
+        ------
+        UsageError
+            A file is no plugin, or two plugins have one name.
+        """
+        given = as_plugins(plugins)
+        if not given or set(given) <= set(self._plugins):
+            return self
+        for each in given:
+            if each.name in MATERIAL_TYPES:
+                text = f"the plugin is called {each.name}, as a material of clrender's own; call it my_{each.name}"
+                raise UsageError(f"{each.source}: {text}")
+        scene = self.model_copy()
+        scene._plugins = combined(self._plugins, given)
+        return scene
 
     def remeshed(self, meshes: Sequence[MeshData], lights: Sequence[Light], emitting: bool = True) -> Scene:
         """A copy of the scene with other triangles, in world space, for each of its shapes.

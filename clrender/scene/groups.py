@@ -16,6 +16,7 @@ from clrender.errors import SceneError
 from clrender.files.named import open_named_file
 from clrender.files.npy import read_npy_header, read_npy_items
 from clrender.meshes.data import COORDINATE_LIMIT
+from clrender.scene.poses import Motion
 from clrender.scene.shapes import AnyShape, Shape, Transform
 from clrender.scene.transforms import affine
 from clrender.scene.values import INLINE_LIMIT, SHAPE_LIMIT, FileName, Matrix, Name, Part, fault
@@ -48,6 +49,14 @@ class Group(Part):
 
     shapes: Annotated[tuple[Shape, ...], FailFast(), Field(min_length=1, max_length=SHAPE_LIMIT)]
 
+    @model_validator(mode="after")
+    def _moves_as_a_whole(self) -> Group:
+        for index, shape in enumerate(self.shapes):
+            if shape.motion:
+                text = "is for the instances of a group, which move as a whole; give it to them"
+                raise fault("group", text, "shapes", index, "motion")
+        return self
+
 
 class Instance(Part):
     """An instance of a group: placed once by `transform`, or many times by `transforms`."""
@@ -57,6 +66,7 @@ class Instance(Part):
     emission: ClassVar[None] = None
     interior: ClassVar[None] = None
     shines: ClassVar[bool] = False
+    late_keys: ClassVar[frozenset[str]] = frozenset({"motion"})
 
     type: Literal["instance"]
     name: Name | None = Field(None, description="name in Cryptomatte layers; several shapes may have the same name")
@@ -66,6 +76,7 @@ class Instance(Part):
     )
     group: Name = Field(description="name of a group in `[groups]`")
     transform: Transform = Transform()
+    motion: Motion = Field((), description="keys of a motion, which acts after the transforms; times ascend")
     transforms: _Transforms | None = Field(
         None,
         description="row-major 4x4 matrices, one per instance; or the name of a NumPy file (.npy) with an array of "

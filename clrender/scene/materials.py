@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, TypeAlias
 
-from pydantic import AliasChoices, BeforeValidator, Field, Strict, WithJsonSchema, model_validator
+from pydantic import AfterValidator, AliasChoices, BeforeValidator, Field, Strict, WithJsonSchema, model_validator
 
 from clrender.meshes.data import COORDINATE_LIMIT
+from clrender.scene.frozen import FrozenDict
 from clrender.scene.metals import METALS
 from clrender.scene.textures import (
-    AnyTexture,
     BumpMap,
     ColorOrTexture,
+    MaterialTexture,
     NormalMap,
+    ParameterOrTexture,
+    PictureShare,
     ReflectanceOrTexture,
     ShareOrTexture,
     textures_of,
@@ -48,6 +51,7 @@ __all__ = [
     "Mirror",
     "Mix",
     "OrenNayar",
+    "PluginMaterial",
     "Principled",
     "Subsurface",
     "material_textures",
@@ -92,7 +96,7 @@ class _Surface(Part):
         validation_alias=AliasChoices("termination", "absorption"),
         description="for the roulette `constant`: probability that a path ends at a hit",
     )
-    opacity: ShareOrTexture = Field(
+    opacity: PictureShare = Field(
         1.0, description="fraction of light that interacts with the surface; in an image often its `channel` a"
     )
     opacity_cutoff: Share | None = Field(
@@ -399,6 +403,20 @@ class Subsurface(_Bumpy):
         return not isinstance(self.roughness, float) or self.roughness * self.roughness >= SMOOTH_BELOW
 
 
+class PluginMaterial(_Opaque):
+    """BSDF of a plugin: a file in OpenCL C, which is given by `--plugin` or in Python, never by a scene."""
+
+    type: Literal["plugin"]
+    plugin: Name = Field(description="name of the plugin")
+    parameters: Annotated[dict[Name, ParameterOrTexture], Field(max_length=16), AfterValidator(FrozenDict)] = Field(
+        default_factory=FrozenDict,
+        description="numbers, colours and textures by the names that the plugin has for them (default: the plugin's)",
+    )
+    anisotropy_rotation: _Degrees = Field(
+        0.0, description="rotation of the x axis, degrees, if the plugin needs tangents"
+    )
+
+
 class Mix(_Surface):
     """Mixture of two materials; at each point one of them is selected at random."""
 
@@ -415,10 +433,12 @@ MATERIAL_TYPES: Final[Mapping[str, type[Part]]] = {
     "conductor": Conductor,
     "principled": Principled,
     "subsurface": Subsurface,
+    "plugin": PluginMaterial,
     "mix": Mix,
 }
 Material: TypeAlias = Annotated[
-    Lambert | Mirror | Dielectric | OrenNayar | Conductor | Principled | Subsurface | Mix, Field(discriminator="type")
+    Lambert | Mirror | Dielectric | OrenNayar | Conductor | Principled | Subsurface | PluginMaterial | Mix,
+    Field(discriminator="type"),
 ]
 
 
@@ -438,7 +458,7 @@ def passes_light(materials: Mapping[str, Material], material: Material) -> bool:
     return isinstance(material, Dielectric | Subsurface)
 
 
-def material_textures(materials: Mapping[str, Material], name: str) -> Iterator[tuple[str, AnyTexture]]:
+def material_textures(materials: Mapping[str, Material], name: str) -> Iterator[tuple[str, MaterialTexture]]:
     """Textures of a material and of those that it mixes, with their keys.
 
     Parameters

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
-from pydantic import BeforeValidator, FailFast, Field, Strict, WithJsonSchema, model_validator
+from pydantic import FailFast, Field, Strict, model_validator
 
-from clrender.meshes.data import COORDINATE_LIMIT
 from clrender.meshes.vertex_colors import VertexColors
+from clrender.scene.poses import Motion, Transform
 from clrender.scene.textures import ColorOrTexture
 from clrender.scene.values import (
     INLINE_LIMIT,
-    NUMBER_OR_TRIPLE,
     FileName,
     Finite,
     Flag,
     LayerName,
     Length,
     Lengths,
-    Matrix,
     Name,
     Part,
     Reflectance,
@@ -26,7 +24,6 @@ from clrender.scene.values import (
     cross,
     fault,
     length,
-    number_as_triple,
 )
 
 __all__ = [
@@ -44,63 +41,10 @@ __all__ = [
 ]
 
 
-def _matrix_rows(value: Any) -> Any:
-    """Accepts sixteen numbers as four rows of four."""
-    if isinstance(value, list | tuple) and len(value) == 16 and not any(isinstance(v, list | tuple) for v in value):
-        return [list(value[4 * row : 4 * row + 4]) for row in range(4)]
-    return value
-
-
-class Transform(Part):
-    """Scale, then rotation about x, y and z, then translation; or a matrix."""
-
-    translate: Vector = (0.0, 0.0, 0.0)
-    rotate_degrees: Vector = Field((0.0, 0.0, 0.0), description="rotation about the x axis, then y, then z")
-    scale: Annotated[Vector, BeforeValidator(number_as_triple), WithJsonSchema(NUMBER_OR_TRIPLE)] = (1.0, 1.0, 1.0)
-    matrix: Annotated[Matrix, BeforeValidator(_matrix_rows)] | None = Field(None, description="4x4 matrix, row-major")
-
-    @model_validator(mode="after")
-    def _is_invertible(self) -> Transform:
-        if self.matrix is None:
-            if 0.0 in self.scale:
-                raise fault("transform", "must not be zero: it would flatten the shape", "scale")
-            return self
-        if self.model_fields_set - {"matrix"}:
-            other = sorted(self.model_fields_set - {"matrix"})[0]
-            raise fault("transform", f"cannot be given together with `matrix`; keep one of them, not `{other}`", other)
-        if self.matrix[3] != (0.0, 0.0, 0.0, 1.0):
-            raise fault("transform", "must be [0, 0, 0, 1]: only affine transforms are known", "matrix", 3)
-        rows: list[Vector] = [(row[0], row[1], row[2]) for row in self.matrix[:3]]
-        size = max(abs(x) for row in self.matrix[:3] for x in row)
-        if size > COORDINATE_LIMIT:
-            raise fault("transform", f"holds {size:g}, but {COORDINATE_LIMIT:g} is the most", "matrix")
-        volume = sum(a * b for a, b in zip(rows[0], cross(rows[1], rows[2]), strict=True))
-        if abs(volume) <= 1e-12 * length(rows[0]) * length(rows[1]) * length(rows[2]):
-            raise fault("transform", "cannot be inverted: it would flatten the shape", "matrix")
-        return self
-
-    def moved(self, by: tuple[float, float, float]) -> Transform:
-        """This transform followed by a translation in world space, metres."""
-        if self.matrix is None:
-            return self.with_checked(translate=tuple(a + b for a, b in zip(self.translate, by, strict=True)))
-        rows = [(*row[:3], row[3] + step) for row, step in zip(self.matrix, (*by, 0.0), strict=True)]
-        return self.with_checked(matrix=tuple(rows))
-
-    def is_similarity(self) -> bool:
-        """Whether it scales uniformly, so that a sphere stays a sphere."""
-        if self.matrix is None:
-            size = abs(self.scale[0])
-            return all(abs(abs(s) - size) <= 1e-6 * size for s in self.scale)
-        columns: list[Vector] = [(self.matrix[0][i], self.matrix[1][i], self.matrix[2][i]) for i in range(3)]
-        gram = [[sum(p * q for p, q in zip(a, b, strict=True)) for b in columns] for a in columns]
-        size = gram[0][0]
-        return all(abs(gram[i][j] - (size if i == j else 0.0)) <= 2e-6 * size for i in range(3) for j in range(3))
-
-
 class Surface(Part):
     """What every shape has."""
 
-    late_keys: ClassVar[frozenset[str]] = frozenset({"visible_to_camera", "light_group"})
+    late_keys: ClassVar[frozenset[str]] = frozenset({"visible_to_camera", "light_group", "motion"})
     needs_similarity: ClassVar[bool] = False
     material: Name | None = Field(None, description="name of the material; without one the shape is black")
     emission: ColorOrTexture | None = Field(
@@ -116,6 +60,7 @@ class Surface(Part):
     visible_to_camera: Flag = Field(True, description="false: rays of the camera pass it; all others meet it")
     flip_normals: Flag = False
     transform: Transform = Transform()
+    motion: Motion = Field((), description="keys of a motion, which acts after the transform; times ascend")
 
     @property
     def shines(self) -> bool:
@@ -132,6 +77,11 @@ class Surface(Part):
                 "transform",
                 where,
             )
+        for index, key in enumerate(self.motion if self.needs_similarity else ()):
+            if not key.is_similarity():
+                where = "scale" if key.matrix is None else "matrix"
+                text = "stretches a sphere or disk unevenly, which is not supported; scale all axes alike or use a mesh"
+                raise fault("motion", text, "motion", index, where)
         return self
 
 

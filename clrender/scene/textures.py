@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Final, Literal, TypeAlias, get_args
 
-from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, StringConstraints, Tag, WithJsonSchema
 
-from clrender.scene.values import Color, Finite, Part, Power, Reflectance, Share
+from clrender.scene.frozen import FrozenDict
+from clrender.scene.values import Color, Finite, Name, Part, Power, Reflectance, Share, fault
 
 __all__ = [
     "AnyTexture",
@@ -15,7 +16,11 @@ __all__ = [
     "Checker",
     "ColorOrTexture",
     "ImageTexture",
+    "MaterialTexture",
     "NormalMap",
+    "ParameterOrTexture",
+    "PictureShare",
+    "PluginTexture",
     "Ramp",
     "ReflectanceOrTexture",
     "ShareOrTexture",
@@ -107,6 +112,15 @@ class Ramp(_Mapped):
     ramp: Annotated[tuple[Grey, ...], Field(min_length=2, max_length=256)]
 
 
+class PluginTexture(_Mapped):
+    """Texture of a plugin, computed from texture coordinates or the place in the world; `--plugin` gives its file."""
+
+    plugin: Name = Field(description="name of the plugin")
+    parameters: Annotated[dict[Name, Parameter], Field(max_length=16), AfterValidator(FrozenDict)] = Field(
+        default_factory=FrozenDict, description="numbers and colours by the names that the plugin has for them"
+    )
+
+
 class NormalMap(_Mapped):
     """Tangent-space normal map: red along u, green along v, blue outward; the middle value of red and green is 0."""
 
@@ -127,7 +141,13 @@ class BumpMap(_Mapped):
 
 Texture: TypeAlias = ImageTexture | Checker | Ramp
 AnyTexture: TypeAlias = Texture | NormalMap | BumpMap
-_FORMS: Final[Mapping[str, type[Part]]] = {"texture": ImageTexture, "checker": Checker, "ramp": Ramp}
+MaterialTexture: TypeAlias = AnyTexture | PluginTexture
+_FORMS: Final[Mapping[str, type[Part]]] = {
+    "texture": ImageTexture,
+    "checker": Checker,
+    "ramp": Ramp,
+    "plugin": PluginTexture,
+}
 
 
 def _form(value: Any) -> str:
@@ -135,20 +155,47 @@ def _form(value: Any) -> str:
     if isinstance(value, Part):
         return next((f"<{name}>" for name, table in _FORMS.items() if isinstance(value, table)), "<constant>")
     if isinstance(value, Mapping):
-        return next((f"<{name}>" for name in ("checker", "ramp") if name in value), "<texture>")
+        return next((f"<{name}>" for name in ("checker", "ramp", "plugin") if name in value), "<texture>")
     return "<constant>"
+
+
+def _picture(value: Any) -> Any:
+    """Refuses the textures of plugins where the host has to know the values before it renders."""
+    if isinstance(value, PluginTexture) or (isinstance(value, Mapping) and "plugin" in value):
+        raise fault("texture", "is the texture of a plugin, which only materials can have that reflect; give a picture")
+    return value
+
+
+def _parameter_form(value: Any) -> str:
+    form = _form(value)
+    return form if form != "<constant>" else "<color>" if isinstance(value, list | tuple) else "<number>"
 
 
 _Texture: TypeAlias = (
     Annotated[ImageTexture, Tag("<texture>")] | Annotated[Checker, Tag("<checker>")] | Annotated[Ramp, Tag("<ramp>")]
 )
-ReflectanceOrTexture: TypeAlias = Annotated[Annotated[Reflectance, Tag("<constant>")] | _Texture, Discriminator(_form)]
-ColorOrTexture: TypeAlias = Annotated[Annotated[Color, Tag("<constant>")] | _Texture, Discriminator(_form)]
-ShareOrTexture: TypeAlias = Annotated[Annotated[Share, Tag("<constant>")] | _Texture, Discriminator(_form)]
+_Made: TypeAlias = Annotated[PluginTexture, Tag("<plugin>")]
+ReflectanceOrTexture: TypeAlias = Annotated[
+    Annotated[Reflectance, Tag("<constant>")] | _Texture | _Made, Discriminator(_form)
+]
+ColorOrTexture: TypeAlias = Annotated[
+    Annotated[Color, Tag("<constant>")] | _Texture, Discriminator(_form), BeforeValidator(_picture)
+]
+ShareOrTexture: TypeAlias = Annotated[Annotated[Share, Tag("<constant>")] | _Texture | _Made, Discriminator(_form)]
+PictureShare: TypeAlias = Annotated[
+    Annotated[Share, Tag("<constant>")] | _Texture, Discriminator(_form), BeforeValidator(_picture)
+]
+"""A number, or a texture whose values are known before anything is rendered."""
+_Number: TypeAlias = Annotated[Finite, Tag("<number>")]
+_Triple: TypeAlias = Annotated[tuple[Finite, Finite, Finite], Tag("<color>")]
+Parameter: TypeAlias = Annotated[_Number | _Triple, Discriminator(_parameter_form)]
+"""A parameter of a plugin's texture."""
+ParameterOrTexture: TypeAlias = Annotated[_Number | _Triple | _Texture | _Made, Discriminator(_parameter_form)]
+"""A parameter of a plugin's material."""
 
 
-def textures_of(part: Part) -> Iterator[tuple[str, AnyTexture]]:
-    """Textures of a material, with their keys.
+def textures_of(part: Part) -> Iterator[tuple[str, MaterialTexture]]:
+    """Textures of a material, with their keys; that of a plugin's parameter is ``parameters.NAME``.
 
     Parameters
     ----------
@@ -159,3 +206,7 @@ def textures_of(part: Part) -> Iterator[tuple[str, AnyTexture]]:
         value = getattr(part, name)
         if isinstance(value, _Mapped):
             yield name, value  # type: ignore[misc]  # there are no others
+        elif isinstance(value, FrozenDict):
+            yield from (
+                (f"{name}.{key}", each) for key, each in value.items() if isinstance(each, Texture | PluginTexture)
+            )

@@ -16,8 +16,10 @@ import numpy.typing as npt
 from clrender.errors import UsageError
 from clrender.film.request import differences
 from clrender.film.unit import BLOCK, blocks_across
+from clrender.flatten.plugin_rows import plugin_hashes
 from clrender.importers import load
 from clrender.limits import checked_path
+from clrender.plugins import as_plugins
 from clrender.rendering.job import RenderJob
 from clrender.rendering.session import Session
 from clrender.scene import Scene, builtin_names
@@ -36,6 +38,7 @@ TILE: Final = 16
 """Side of the sampled tiles, pixels: small, so that a fraction of them is informative about the rest."""
 
 _ANIMATED: Final = (".gltf", ".glb")
+_OWN: Final = (".toml", ".json", "")
 _UPRIGHT: Final = (".obj", ".ply", ".stl")
 
 
@@ -108,6 +111,7 @@ def verify(
     environment: str | Path | float | None = None,
     guiding_field: GuidingField | str | Path | None = None,
     allow_paths: Sequence[str | Path] = (),
+    plugins: Any = None,
     device: str | int | Device | Sequence[str | int | Device] | None = None,
     seed: int | None = None,
     on_progress: Callable[[Progress], None] | None = None,
@@ -129,6 +133,8 @@ def verify(
         The field that was given to the render.
     allow_paths : sequence of path
         See `clrender.load`.
+    plugins : Plugin, str, pathlib.Path, or iterable of them, optional
+        The plugins that the scene uses; a file never names where they are.
     device : str, int, Device, sequence of them, optional
         See `clrender.render`; any device will do.
     seed : int, optional
@@ -148,6 +154,7 @@ def verify(
         See `clrender.render`.
     """
     path = checked_path(path, "path")
+    allowed = as_plugins(plugins)
     if not (isinstance(fraction, Real) and 0.0 < fraction <= 1.0):
         raise UsageError(f"fraction is {fraction}; it must be above 0 and at most 1")
     claim = claim_of(path)
@@ -163,7 +170,9 @@ def verify(
         return Verification(len(tiles), 0, (), (), tuple(faults), 0)
     chosen = tiles[np.sort(np.random.default_rng(seed).choice(len(tiles), count, replace=False))]
     wanted = claim.ledger.restricted(_blocks_of(claim, chosen))
-    job = _job(path, claim, _scene(path, claim, scene, environment, allow_paths), guiding_field)
+    found = _scene(path, claim, scene, environment, allow_paths).with_plugins(allowed)
+    _check_plugins(path, claim, found)
+    job = _job(path, claim, found, guiding_field)
     with Session(device, notify=notify) as session:
         film = session.render_part(job, wanted, lambda here: _check(path, claim, here), on_progress)
     comparison = Comparison.of(claim, film, [_rectangle(claim, tile) for tile in chosen.tolist()])
@@ -214,7 +223,9 @@ def _scene(
         raise UsageError(f"{path}: does not name its scene; name it with --scene (scene=…)")
     source = given if given is not None else _found(path, origin["name"], "--scene")
     if Path(source).suffix.lower() not in _ANIMATED:
-        origin = {**origin, "time_at": None, "variant": None}
+        origin = {**origin, "variant": None}
+    if Path(source).suffix.lower() not in (*_ANIMATED, *_OWN):
+        origin = {**origin, "time_at": None}
     if Path(source).suffix.lower() not in _UPRIGHT:
         origin = {**origin, "up": None}
     if Path(source).suffix.lower() != ".xml":
@@ -226,6 +237,7 @@ def _scene(
         source,
         allow_paths=allow_paths,
         time_at=origin.get("time_at"),
+        shutter=origin.get("shutter"),
         variant=origin.get("variant"),
         up=origin.get("up"),
         define=origin.get("define"),
@@ -241,6 +253,7 @@ def _origin(claim: Claim) -> dict[str, Any]:
     kinds = {
         "name": (str,),
         "time_at": (int, float),
+        "shutter": (list,),
         "variant": (str,),
         "up": (str,),
         "define": (dict,),
@@ -264,6 +277,23 @@ def _found(path: Path, name: str, option: str) -> str | Path:
     raise UsageError(f"{path}: was made from {name!r}, which was not found; give its location with {option} FILE")
 
 
+def _check_plugins(path: Path, claim: Claim, scene: Scene) -> None:
+    """Check that all plugins of an image were given, and with the texts that it was made with."""
+    given = plugin_hashes(scene.plugins)
+    said = claim.request.get("plugins", {})
+    for name, sha256 in sorted(said.items()) if isinstance(said, Mapping) else ():
+        if name not in given:
+            raise UsageError(
+                f"{path}: was made with the plugin {name} (sha256 {sha256}); give its file with --plugin FILE "
+                "(plugins=…)"
+            )
+        if given[name] != sha256:
+            raise UsageError(
+                f"{path}: was made with another text of the plugin {name}: that had the sha256 {sha256}, and this "
+                f"has {given[name]}; give the original file with --plugin FILE (plugins=…)"
+            )
+
+
 def _job(path: Path, claim: Claim, scene: Scene, field: GuidingField | str | Path | None) -> RenderJob:
     """The render job that made a file, for this scene."""
     said = {name: value for name, value in claim.request.items() if name not in _NOT_SETTINGS}
@@ -280,7 +310,7 @@ def _job(path: Path, claim: Claim, scene: Scene, field: GuidingField | str | Pat
         raise UsageError(f"{path}: cannot be rendered again here ({error})") from None
 
 
-_NOT_SETTINGS: Final = ("scene_sha256", "kernel_sha256", "sampler_sha256", "arrays_sha256", "version")
+_NOT_SETTINGS: Final = ("scene_sha256", "kernel_sha256", "sampler_sha256", "arrays_sha256", "version", "plugins")
 
 
 def _check(path: Path, claim: Claim, here: Mapping[str, Any]) -> None:

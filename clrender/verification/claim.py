@@ -33,6 +33,8 @@ __all__ = ["Claim", "FilmClaim", "ImageClaim", "claim_of"]
 _HASHES: Final = ("scene_sha256", "kernel_sha256", "version")
 _FIELD: Final = "guiding_field_sha256"
 """Only of images that were guided by a field from a file."""
+_PLUGINS: Final = "plugins"
+"""Only of images whose scenes use plugins: hashes by name."""
 _NAMED_TWICE: Final = ("width", "height", "seed", "integrator", *_HASHES)
 _Mask = npt.NDArray[np.bool_]
 
@@ -149,7 +151,7 @@ class ImageClaim(Claim):
         ledger = Ledger(width, height)
         blocks = np.arange(len(ledger.taken()))
         ledger.add(blocks, first, np.full(len(blocks), count))
-        hashes = {key: provenance[key] for key in (*_HASHES, _FIELD) if key in provenance}
+        hashes = {key: provenance[key] for key in (*_HASHES, _FIELD, _PLUGINS) if key in provenance}
         super().__init__({**settings, **hashes}, ledger, provenance)
         if provenance.get("spp") != provenance["settings"].get("spp"):
             self.faults.append(

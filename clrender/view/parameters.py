@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 __all__ = ["changeable", "is_plain", "parameters"]
 
-_STRUCTURE: Final = ("type", "materials", "normal_map", "bump_map")
+_STRUCTURE: Final = ("type", "plugin", "materials", "normal_map", "bump_map")
 """Keys that are no numbers: what a material is, and what it is made of."""
 
 

@@ -7,6 +7,7 @@
 
 #include "bidirectional/techniques.h"
 #include "bidirectional/vertex.h"
+#include "camera/shutter.h"
 #include "camera/surroundings.h"
 #include "camera/towards.h"
 #include "core/roulette.h"
@@ -64,7 +65,7 @@ static void light_path_start(const Scene* scene, uint pass, vuint number, vmask 
     p->number = start ? number : p->number;
     p->sampler.seed = start ? own.seed : p->sampler.seed;
     p->sampler.index = start ? own.index : p->sampler.index;
-    const Emission e = emission_sample(scene, p->sampler, scene->settings->bounds);
+    const Emission e = emission_sample(scene, p->sampler, scene->settings->bounds, shutter_time_of_pass(scene, pass));
     ray_replace(&p->ray, e.ray, start);
     p->flux = choose(start, choose(e.far, mul(e.flux, interior_through_fog(scene)), e.flux), p->flux);
     p->depth = start ? splat_uint(0u) : p->depth;
@@ -77,7 +78,7 @@ static void light_path_start(const Scene* scene, uint pass, vuint number, vmask 
     interior_replace(&p->interior, interior_none(), start);
 #ifdef LIGHTS_IN_MEDIA
     const vmask near = start & !e.far;
-    if (lane_any(near)) interior_replace(&p->interior, surroundings_at(scene, e.ray.origin, near), near);
+    if (lane_any(near)) interior_replace(&p->interior, surroundings_at(scene, e.ray.origin, near, ray_time(&e.ray)), near);
 #endif
     p->alive = p->alive | start;
 }
@@ -86,7 +87,7 @@ static void light_path_start(const Scene* scene, uint pass, vuint number, vmask 
 static void light_path_saw_sphere(const Scene* scene, LightPath* p, const LightArrival* a, vfloat reach, vmask where) {
     const vmask seen = where & (p->sphere != NONE);
     if (!lane_any(seen)) return;
-    const LightRow l = light_at(scene, seen ? p->sphere : splat_uint(0u));
+    const LightRow l = light_at(scene, seen ? p->sphere : splat_uint(0u), ray_time(&p->ray));
     const vfloat radius = l.row[LIGHT_ROW_RADIUS], spread = sphere_spread(a->surface.point, vec3_row(l.row, LIGHT_ROW_CENTER), radius);
     const vfloat density = warp_cone_pdf(spread > 0.0f ? spread : splat(1.0f)), around = radius * radius * (4.0f * PI * PI);
     p->techniques.edge = seen ? techniques_over(spread > 0.0f ? techniques_bounded(density * around) : splat(0.0f), reach) : p->techniques.edge;
@@ -153,7 +154,7 @@ static uint light_path_splat(const Scene* scene, const LightPath* p, const Light
     if (!lane_any(seen)) return 0;
     vuint bits_u, bits_v;
     sampler_bits(p->sampler, sampler_set(p->depth, SET_LIGHT), &bits_u, &bits_v);
-    const CameraView view = camera_towards(scene, a->surface.point, unit_interval(bits_u), unit_interval(bits_v));
+    const CameraView view = camera_towards(scene, a->surface.point, unit_interval(bits_u), unit_interval(bits_v), surface_time(&a->surface));
     sampler_hash_bits(p->sampler, sampler_set(p->depth, SET_LIGHT_DIGITS), &bits_u, &bits_v);
     const int wraps = scene->camera->kind == CAMERA_PANORAMIC;
     const SplatPlace place = splat_place(scene->settings, splats, wraps, view.film_x, view.film_y, unit_interval(bits_u), unit_interval(bits_v));

@@ -5,6 +5,7 @@
 
 #include "camera/calibrated.h"
 #include "camera/lens.h"
+#include "camera/shutter.h"
 #include "core/sampler.h"
 #include "geometry/ray.h"
 #include "scene.h"
@@ -61,15 +62,28 @@ static Ray camera_fisheye_ray(const Camera* camera, vfloat film_x, vfloat film_y
     return ray;
 }
 
-// Of one of the scene's cameras.
-static Ray camera_ray(const Scene* scene, uint view, vfloat film_x, vfloat film_y, Sampler sampler) {
-    const Camera camera = scene->camera[view];
+static Ray camera_resting_ray(const Camera* camera, vfloat film_x, vfloat film_y, Sampler sampler) {
 #ifdef CALIBRATED_CAMERA
-    if (camera_is_calibrated(&camera)) return camera_calibrated_ray(&camera, film_x, film_y, sampler);
+    if (camera_is_calibrated(camera)) return camera_calibrated_ray(camera, film_x, film_y, sampler);
 #endif
-    if (camera.kind == CAMERA_PANORAMIC) return camera_panoramic_ray(&camera, film_x, film_y);
-    if (camera.kind == CAMERA_FISHEYE) return camera_fisheye_ray(&camera, film_x, film_y);
-    return camera_lens_ray(&camera, film_x, film_y, sampler);
+    if (camera->kind == CAMERA_PANORAMIC) return camera_panoramic_ray(camera, film_x, film_y);
+    if (camera->kind == CAMERA_FISHEYE) return camera_fisheye_ray(camera, film_x, film_y);
+    return camera_lens_ray(camera, film_x, film_y, sampler);
+}
+
+// Of one of the scene's cameras, at a time.
+static Ray camera_ray(const Scene* scene, uint view, vfloat film_x, vfloat film_y, Sampler sampler, vfloat time) {
+    const Camera camera = scene->camera[view];
+    Ray ray = ray_in_time(camera_resting_ray(&camera, film_x, film_y, sampler), time);
+#ifdef MOTION
+    if (shutter_camera_moves(&camera)) {
+        MotionMap map;
+        shutter_camera_map(scene, &camera, time, &map);
+        ray.origin = shutter_point(&camera, &map, ray.origin);
+        ray.direction = shutter_direction(&map, ray.direction);
+    }
+#endif
+    return ray;
 }
 
 // Whether a ray of the camera sees anything.

@@ -25,11 +25,11 @@ static Hit surroundings_nearest(const Scene* scene, const Ray* ray, vmask asked)
     return hit;
 }
 
-static Interior surroundings_at(const Scene* scene, vec3 origin, vmask asked) {
+static Interior surroundings_at(const Scene* scene, vec3 origin, vmask asked, vfloat time) {
     Interior in = interior_none();
     interior_start(scene, &in, mask_all());
     const vec3 from = vec3_from(scene->camera->cuts_media ? scene->camera->around : scene->camera->origin), way = sub(origin, from);
-    Ray ray = ray_make(from, way);
+    Ray ray = ray_in_time(ray_make(from, way), time);
     ray.limit = splat(1.0f);
     asked = asked & (largest_size(way) > 0.0f);
     while (lane_any(asked)) {

@@ -14,8 +14,8 @@ static int camera_is_parallel(const Scene* scene) { return scene->camera->kind =
 // At least this much of a denominator counts.
 #define CAMERA_LEAST 1.0e-20f
 
-// Pixels per steradian, or per square metre across parallel rays, about a camera ray of this origin and direction.
-static vfloat camera_density(const Scene* scene, vec3 origin, vec3 direction) {
+// Pixels per steradian, or per square metre across parallel rays, about a ray of the camera of this origin and direction, where it rests.
+static vfloat camera_resting_density(const Scene* scene, vec3 origin, vec3 direction) {
     const Camera camera = *scene->camera;
     const vfloat pixels = splat((float)scene->settings->width * (float)scene->settings->height);
 #ifdef CALIBRATED_CAMERA
@@ -43,6 +43,19 @@ static vfloat camera_density(const Scene* scene, vec3 origin, vec3 direction) {
     if (camera.kind != CAMERA_PERSPECTIVE) return quotient(pixels, slope);
     const vfloat distance = quotient(absolute(inner(vec3_from(camera.corner), across)), slope);
     return quotient(pixels * distance * distance, slope);
+}
+
+// The same at a time.
+static vfloat camera_density(const Scene* scene, vec3 origin, vec3 direction, vfloat time) {
+#ifdef MOTION
+    const Camera camera = *scene->camera;
+    if (shutter_camera_moves(&camera)) {
+        MotionMap map;
+        shutter_camera_map(scene, &camera, time, &map);
+        return camera_resting_density(scene, shutter_point_back(&camera, &map, origin), shutter_direction_back(&map, direction));
+    }
+#endif
+    return camera_resting_density(scene, origin, direction);
 }
 
 // How a point is seen.
@@ -122,7 +135,7 @@ static CameraView camera_towards_center(const Camera* camera, vec3 point) {
     return view;
 }
 
-static CameraView camera_towards(const Scene* scene, vec3 point, vfloat u, vfloat v) {
+static CameraView camera_towards_resting(const Scene* scene, vec3 point, vfloat u, vfloat v) {
     const Camera camera = *scene->camera;
     const int center = camera.kind == CAMERA_PANORAMIC || camera.kind == CAMERA_FISHEYE;
     CameraView view;
@@ -133,8 +146,24 @@ static CameraView camera_towards(const Scene* scene, vec3 point, vfloat u, vfloa
         view = center ? camera_towards_center(&camera, point) : camera_towards_lens(&camera, point, u, v);
     const vec3 to = sub(view.target, point);
     const vfloat distance2 = camera_is_parallel(scene) ? splat(1.0f) : greater(inner(to, to), splat(CAMERA_LEAST));
-    view.density = view.density > 0.0f ? quotient(camera_density(scene, view.target, negate(view.direction)), distance2) : splat(0.0f);
+    view.density = view.density > 0.0f ? quotient(camera_resting_density(scene, view.target, negate(view.direction)), distance2) : splat(0.0f);
     return view;
+}
+
+// At a time.
+static CameraView camera_towards(const Scene* scene, vec3 point, vfloat u, vfloat v, vfloat time) {
+#ifdef MOTION
+    const Camera camera = *scene->camera;
+    if (shutter_camera_moves(&camera)) {
+        MotionMap map;
+        shutter_camera_map(scene, &camera, time, &map);
+        CameraView view = camera_towards_resting(scene, shutter_point_back(&camera, &map, point), u, v);
+        view.direction = shutter_direction(&map, view.direction);
+        view.target = shutter_point(&camera, &map, view.target);
+        return view;
+    }
+#endif
+    return camera_towards_resting(scene, point, u, v);
 }
 
 #endif

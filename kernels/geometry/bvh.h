@@ -64,6 +64,10 @@ typedef struct {
 #ifdef INSTANCES
     __global const float* instance_rows;
     uint instance_root;                      // column of an instance's row with the reference of its own tree
+#ifdef MOTION
+    __global const float* motion_rows;       // geometry/motion.h
+    __global const uint* instance_motions;   // two words an instance: its first knot, and how many more there are
+#endif
 #endif
 #ifdef HOLES
     __global const uint* hole_rows;          // of masked triangles (geometry/holes.h); of a tree over others 0

@@ -7,6 +7,7 @@
 
 #include "geometry/bvh.h"
 #include "geometry/holes.h"
+#include "geometry/motion.h"
 #include "geometry/wide.h"
 #include "types.h"
 
@@ -36,6 +37,9 @@ typedef struct {
     float start[SINGLE_RAYS];    // where it enters the instance that it is in; elsewhere BOX_START
     int base[SINGLE_RAYS];       // of the stack's entries those below it are in the world
     uint triangle_offset[SINGLE_RAYS], analytic_offset[SINGLE_RAYS];     // from primitives in packs to their numbers
+#endif
+#ifdef MOTION
+    float time[SINGLE_RAYS];
 #endif
     ulong stack[SINGLE_RAYS][SINGLE_STACK];
 } SingleRays;
@@ -227,8 +231,12 @@ static void single_aim(SingleRays* rays, int ray, const float origin[3], const f
 // A ray goes on in an instance: in its tree, or in the subtree below on the stack. Returns the new top of the stack.
 static int single_enter(const Bvh* bvh, SingleRays* rays, int ray, int top, uint reference, float entered) {
     __global const float* row = bvh->instance_rows + (size_t)(reference & BVH_INDEX) * INSTANCE_WORDS;
-    const float o[3] = {rays->world[0][ray], rays->world[1][ray], rays->world[2][ray]};
-    const float d[3] = {rays->world[3][ray], rays->world[4][ray], rays->world[5][ray]};
+    float o[3] = {rays->world[0][ray], rays->world[1][ray], rays->world[2][ray]};
+    float d[3] = {rays->world[3][ray], rays->world[4][ray], rays->world[5][ray]};
+#ifdef MOTION
+    __global const uint* motion = bvh->instance_motions + 2 * (size_t)(reference & BVH_INDEX);
+    if (motion[1] > 0u) motion_back_one(bvh->motion_rows, motion[0], motion[1], rays->time[ray], o, d);
+#endif
     float origin[3], direction[3];
     for (int k = 0; k < 3; ++k) {
         __global const float* m = row + INSTANCE_ROW_TO_OBJECT + k * 4;

@@ -15,7 +15,7 @@ typedef struct {
 
 static Curvature curvature_at(const Scene* scene, const Surface* s, vmask where) {
     Curvature c;
-    c.placed = placed_at(scene, where ? s->primitive : splat_uint(0u));
+    c.placed = placed_at(scene, where ? s->primitive : splat_uint(0u), surface_time(s));
     lane_rows(scene->primitive_rows, c.placed.row, c.row);
     const vuint flags = vfloat_bits(c.row[PRIMITIVE_ROW_KIND]) >> ROW_FLAGS;
     const vmask round = c.placed.row >= scene->settings->triangle_count;

@@ -13,6 +13,7 @@
 
 #include "core/exact.h"
 #include "core/lane.h"
+#include "geometry/motion.h"
 #include "geometry/wide.h"
 #include "scene.h"
 
@@ -20,6 +21,9 @@ typedef struct {
     vuint row;               // of a primitive in the tables of the scene
 #ifdef INSTANCES
     vmask present;           // it is one of an instance
+#ifdef MOTION
+    vmask moves;             // which moves
+#endif
     vfloat instance[16];     // INSTANCE_ROW_*
     vfloat placement[16];    // PLACEMENT_ROW_*
 #endif
@@ -53,11 +57,48 @@ static vuint instance_of(const Scene* scene, vuint primitive, vmask asked) {
     return low;
 }
 
-// Where the primitives with these numbers are.
-static Placed placed_at(const Scene* scene, vuint primitive) {
+#ifdef MOTION
+// An instance's two maps at a time, in the place of those without its motion.
+static void placed_move(const Scene* scene, Placed* p, vuint instance, vfloat time) {
+    const vuint at = p->present ? instance * 2u : splat_uint(0u), after = at + 1u;
+    const vuint first = LANE_LOOK_UP(uint, scene->instance_motions, at), segments = LANE_LOOK_UP(uint, scene->instance_motions, after);
+    p->moves = p->present & (segments > 0u);
+    if (!lane_any(p->moves)) return;
+    MotionMap map;
+    motion_at(scene->motion_rows, p->moves ? first : splat_uint(0u), p->moves ? segments : splat_uint(0u), time, &map);
+    vfloat* out = p->placement + PLACEMENT_ROW_TO_WORLD;
+    vfloat* in = p->instance + INSTANCE_ROW_TO_OBJECT;
+    for (int column = 0; column < 4; ++column) {
+        const vec3 moved = motion_turned(map.linear, vec3_of(out[column], out[4 + column], out[8 + column]));
+        const vec3 there = column == 3 ? add(moved, motion_offset(&map)) : moved;
+        out[column] = p->moves ? there.x : out[column];
+        out[4 + column] = p->moves ? there.y : out[4 + column];
+        out[8 + column] = p->moves ? there.z : out[8 + column];
+    }
+    // Of the way back, what turns the offset's opposite is turned again by the map without motion
+    const vec3 back = motion_turned(map.inverse, negate(motion_offset(&map)));
+    for (int row = 0; row < 3; ++row) {
+        const vfloat x = in[4 * row], y = in[4 * row + 1], z = in[4 * row + 2];
+        for (int column = 0; column < 3; ++column) {
+            const vfloat way = ray_carried_lanes(x, y, z, splat(0.0f), map.inverse[column], map.inverse[3 + column], map.inverse[6 + column]);
+            in[4 * row + column] = p->moves ? way : in[4 * row + column];
+        }
+        const vfloat offset = ray_carried_lanes(x, y, z, in[4 * row + 3], back.x, back.y, back.z);
+        in[4 * row + 3] = p->moves ? offset : in[4 * row + 3];
+    }
+    const vfloat factor = magnitude(vec3_of(out[0], out[4], out[8]));
+    p->placement[PLACEMENT_ROW_SCALE] = p->moves ? factor : p->placement[PLACEMENT_ROW_SCALE];
+}
+#endif
+
+// Where the primitives with these numbers are at a time.
+static Placed placed_at(const Scene* scene, vuint primitive, vfloat time) {
     Placed p;
     p.row = primitive;
     p.present = instance_owns(scene, primitive);
+#ifdef MOTION
+    p.moves = mask_none();
+#endif
     if (!lane_any(p.present)) {
         for (int k = 0; k < 16; ++k) p.instance[k] = p.placement[k] = splat(0.0f);
         return p;
@@ -68,6 +109,9 @@ static Placed placed_at(const Scene* scene, vuint primitive) {
     const vmask analytic = primitive >= vfloat_bits(p.placement[PLACEMENT_ROW_FIRST_ANALYTIC]);
     const vuint offset = vfloat_bits(analytic ? p.instance[INSTANCE_ROW_ANALYTIC_OFFSET] : p.instance[INSTANCE_ROW_TRIANGLE_OFFSET]);
     p.row = p.present ? primitive - offset : primitive;
+#ifdef MOTION
+    placed_move(scene, &p, instance, time);
+#endif
     return p;
 }
 
@@ -136,18 +180,44 @@ static vec3 placed_sizes(const vfloat m[12], vec3 p) {
     return placed_point(size, vec3_of(absolute(p.x), absolute(p.y), absolute(p.z)));
 }
 
+#ifdef MOTION
+// The maps of what moves are computed where they are needed, each entry from all others: their errors have nothing to do with the sizes of
+// single entries, only with the largest. Roundings of a rotation and its transpose, of products with a stretch and its inverse, and of two maps.
+#define MOTION_ROUNDINGS 64.0f
+
+static vfloat placed_largest(const vfloat m[12]) {
+    vfloat most = splat(0.0f);
+    for (int k = 0; k < 12; ++k)
+        if (k % 4 != 3) most = greater(most, absolute(m[k]));
+    return most;
+}
+static vec3 placed_spread(const Placed* p, vec3 point) {
+    const vfloat* out = p->placement + PLACEMENT_ROW_TO_WORLD;
+    const vfloat sizes = placed_largest(out) * placed_largest(p->instance + INSTANCE_ROW_TO_OBJECT);
+    const vec3 from = sub(point, vec3_of(out[3], out[7], out[11]));
+    const vfloat reach = absolute(from.x) + absolute(from.y) + absolute(from.z);
+    const vfloat away = absolute(point.x) + absolute(point.y) + absolute(point.z), spread = fma(sizes, reach, away);
+    return vec3_of(spread, spread, spread);
+}
+#endif
+
 // How far from a point of the surface, by component, a ray that leaves it may find the surface: the way into the group's space and back
 // rounds each number a few times, and those of the map into it are carried back by the other (PBR 4ed, 6.8.6).
 static vec3 placed_error(const Placed* p, vec3 point, vec3 error) {
     if (!lane_any(p->present)) return error;
     const vec3 inside = placed_sizes(p->instance + INSTANCE_ROW_TO_OBJECT, point);
     const vec3 outside = placed_sizes(p->placement + PLACEMENT_ROW_TO_WORLD, inside);
-    return choose(p->present, along(error, outside, splat(8.0f * EPSILON)), error);
+    const vec3 resting = choose(p->present, along(error, outside, splat(8.0f * EPSILON)), error);
+#ifdef MOTION
+    return choose(p->moves, along(error, placed_spread(p, point), splat(MOTION_ROUNDINGS * EPSILON)), resting);
+#else
+    return resting;
+#endif
 }
 
 #else
 
-static Placed placed_at(const Scene* scene, vuint primitive) {
+static Placed placed_at(const Scene* scene, vuint primitive, vfloat time) {
     Placed p;
     p.row = primitive;
     return p;

@@ -76,6 +76,9 @@ static void packet_part(const PacketRay* ray, SingleRays* rays, uint packet) {
 #ifdef INSTANCES
     const vfloat world[6] = {ray->origin.x, ray->origin.y, ray->origin.z, ray->direction.x, ray->direction.y, ray->direction.z};
     for (uint k = 0; k < 6; ++k) lane_store(world[k], rays->world[k] + first);
+#ifdef MOTION
+    lane_store(ray->time, rays->time + first);
+#endif
     lane_store(splat(BOX_START), rays->start + first);
     for (uint lane = first; lane < first + LANES; ++lane) rays->base[lane] = 0, rays->triangle_offset[lane] = rays->analytic_offset[lane] = 0;
 #endif

@@ -4,6 +4,7 @@
 #define GEOMETRY_PACKET_RAY_H
 
 #include "geometry/bvh.h"
+#include "geometry/motion.h"
 #include "geometry/ray.h"
 #include "geometry/wide.h"
 
@@ -22,6 +23,9 @@ typedef struct {
     vfloat start;                // where it enters the instance that it is in; elsewhere BOX_START
     uint instance;               // NONE: none
     uint triangle_offset, analytic_offset;   // from primitives in packs to their numbers
+#endif
+#ifdef MOTION
+    vfloat time;
 #endif
 #ifdef BVH_COUNT_STEPS
     uint nodes, packs;           // that were looked into
@@ -58,6 +62,9 @@ static PacketRay packet_ray(const Ray* ray, vmask active) {
     p.start = splat(BOX_START);
     p.instance = NONE;
     p.triangle_offset = p.analytic_offset = 0;
+#endif
+#ifdef MOTION
+    p.time = ray->time;
 #endif
 #ifdef BVH_COUNT_STEPS
     p.nodes = p.packs = 0;
@@ -98,7 +105,16 @@ static vmask packet_counts(const PacketRay* ray, vfloat at, vuint id) {
 // A packet goes on in an instance. Those of its rays that do not enter have `entered` NEVER, which keeps them out.
 static void packet_enter(const Bvh* bvh, PacketRay* ray, uint instance, vfloat entered) {
     __global const float* row = bvh->instance_rows + (size_t)instance * INSTANCE_WORDS;
-    const vec3 o = ray->origin, d = ray->direction;
+    vec3 o = ray->origin, d = ray->direction;
+#ifdef MOTION
+    const uint segments = bvh->instance_motions[2 * (size_t)instance + 1];
+    if (segments > 0u) {
+        MotionMap map;
+        motion_at(bvh->motion_rows, splat_uint(bvh->instance_motions[2 * (size_t)instance]), splat_uint(segments), ray->time, &map);
+        o = motion_point_back(&map, o);
+        d = motion_turned(map.inverse, d);
+    }
+#endif
     float m[12];
     for (int k = 0; k < 12; ++k) m[k] = row[INSTANCE_ROW_TO_OBJECT + k];
     vfloat origin[3], direction[3];

@@ -17,6 +17,9 @@ typedef struct {
     vfloat after;        // only hits behind this distance count, and of hits at it those of primitives with a higher number than this one
     vuint after_primitive;
 #endif
+#ifdef MOTION
+    vfloat time;         // share of the interval that the shutter is open: geometry/motion.h
+#endif
 } Ray;
 
 typedef struct {
@@ -35,8 +38,24 @@ static Ray ray_make(vec3 origin, vec3 direction) {
     ray.after = splat(BOX_START);
     ray.after_primitive = splat_uint(NONE);
 #endif
+#ifdef MOTION
+    ray.time = splat(0.0f);
+#endif
     return ray;
 }
+
+// When it is on its way.
+#ifdef MOTION
+static vfloat ray_time(const Ray* ray) { return ray->time; }
+static Ray ray_in_time(Ray given, vfloat time) {
+    Ray ray = given;
+    ray.time = time;
+    return ray;
+}
+#else
+static vfloat ray_time(const Ray* ray) { return splat(0.0f); }
+static Ray ray_in_time(Ray ray, vfloat time) { return ray; }
+#endif
 
 // Take the other ray where the statement holds.
 static void ray_replace(Ray* ray, Ray other, vmask m) {
@@ -48,6 +67,9 @@ static void ray_replace(Ray* ray, Ray other, vmask m) {
 #ifdef OPACITY
     ray->after = m ? other.after : ray->after;
     ray->after_primitive = m ? other.after_primitive : ray->after_primitive;
+#endif
+#ifdef MOTION
+    ray->time = m ? other.time : ray->time;
 #endif
 }
 

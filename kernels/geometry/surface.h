@@ -8,6 +8,7 @@
 #include "geometry/instance.h"
 #include "geometry/ray.h"
 #include "geometry/traverse.h"
+#include "plugin/given.h"
 #include "scene.h"
 #ifdef TEXTURES
 #include "texture/mapping.h"
@@ -42,7 +43,16 @@ typedef struct {
     vmask moves;         // its shadow terminator is to be moved: geometry/terminator.h
     vec3 mesh_point, mesh_normal;        // which then changes the point and the normal; these are the triangle's
 #endif
+#ifdef MOTION
+    vfloat time;         // of the ray that found it
+#endif
 } Surface;
+
+#ifdef MOTION
+static vfloat surface_time(const Surface* s) { return s->time; }
+#else
+static vfloat surface_time(const Surface* s) { return splat(0.0f); }
+#endif
 
 // What a row has at A, B and C, nine numbers from its first column on, at the point with these barycentric weights.
 static vec3 surface_blend(const vfloat row[16], vfloat weight_a, vfloat weight_b, vfloat weight_c) {
@@ -133,7 +143,10 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
     Surface s;
     vfloat row[16];
     s.primitive = active ? hit.primitive : splat_uint(0u);
-    const Placed placed = placed_at(scene, s.primitive);
+#ifdef MOTION
+    s.time = ray->time;
+#endif
+    const Placed placed = placed_at(scene, s.primitive, ray_time(ray));
     lane_rows(scene->primitive_rows, placed.row, row);
     s.color = vec3_row(row, PRIMITIVE_ROW_COLOR);
     s.termination = row[PRIMITIVE_ROW_TERMINATION];
@@ -168,6 +181,9 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
     s.error = placed_error(&placed, s.point, s.error);
     s.clearance = ray_clearance(s.normal, s.error);
     s.front = inner(s.normal, ray->direction) < 0.0f;
+#ifdef PLUGIN_TEXTURES
+    s.attributes.point = s.point;
+#endif
     return s;
 }
 
@@ -185,7 +201,7 @@ static void surface_weights(const Surface* s, const vfloat row[16], vfloat* b, v
 static Ray surface_leave(const Surface* s, vec3 direction) {
     Ray ray = ray_make(ray_leave(s->point, s->normal, s->clearance, inner(direction, s->normal) < 0.0f), direction);
     ray.from = s->from;
-    return ray;
+    return ray_in_time(ray, surface_time(s));
 }
 
 #ifdef INVARIANTS

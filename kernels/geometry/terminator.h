@@ -28,7 +28,7 @@ static void terminator_offset(const Scene* scene, Surface* s, vmask active) {
     s->mesh_point = s->point, s->mesh_normal = s->normal;
     s->moves = s->moves & active;
     if (!lane_any(s->moves)) return;
-    const Placed placed = placed_at(scene, s->primitive);
+    const Placed placed = placed_at(scene, s->primitive, surface_time(s));
     vfloat row[16], n[16];
     lane_rows(scene->primitive_rows, placed.row, row);
     placed_geometry(&placed, mask_none(), row);

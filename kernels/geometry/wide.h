@@ -7,6 +7,7 @@
 #include "core/exact.h"
 #include "geometry/box.h"
 #include "geometry/triangle.h"
+#include "types.h"
 
 #define F vfloat
 #define I vmask
@@ -14,6 +15,9 @@
 #define FROM_BITS(x) vfloat_from_bits(x)
 #define WIDE(name) name##_lanes
 #include "geometry/ray.inc"
+#ifdef MOTION
+#include "geometry/motion.inc"
+#endif
 #include "geometry/box.inc"
 #include "geometry/triangle.inc"
 #include "geometry/sphere.inc"
@@ -30,6 +34,9 @@
 #define FROM_BITS(x) as_float(x)
 #define WIDE(name) name##_one
 #include "geometry/ray.inc"
+#ifdef MOTION
+#include "geometry/motion.inc"
+#endif
 #undef F
 #undef I
 #undef BITS

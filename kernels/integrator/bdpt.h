@@ -6,6 +6,7 @@
 #define INTEGRATOR_BDPT_H
 
 #define PATH_BIDIRECTIONAL
+#define SHARED_TIME          // with the light paths of the same sample
 #include "bidirectional/vertex.h"
 #include "integrator/path.h"
 
@@ -43,7 +44,7 @@ static Join bdpt_join(const Scene* scene, const LightVertices* light, const Path
     *asked = *asked & (y.depth + path->depth + 2u <= scene->settings->max_depth);
 
     // Make its surface and its BSDF again
-    Ray ray = ray_make(y.origin, y.direction);
+    const Ray ray = ray_in_time(ray_make(y.origin, y.direction), ray_time(&path->ray));
     Surface there = surface_at(scene, &ray, y.hit, *asked & !medium_scatters(y.hit));
     surface_random(&there, light_path_sampler(scene, light->pass, number), y.depth);
     medium_surface(scene, &ray, &y.interior, y.hit, &there);

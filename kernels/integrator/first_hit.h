@@ -9,6 +9,7 @@
 #ifndef INTEGRATOR_FIRST_HIT_H
 #define INTEGRATOR_FIRST_HIT_H
 
+#include "camera/towards.h"
 #include "geometry/find.h"
 #include "geometry/surface.h"
 #include "integrator/path_state.h"
@@ -24,7 +25,7 @@
 // Where the point lies in the texture coordinates of its shape, whether or not anything uses them.
 static Attributes first_hit_attributes(const Scene* scene, __global const float* coordinates, const Surface* s, vmask found) {
     vfloat row[16];
-    const Placed placed = placed_at(scene, found ? s->primitive : splat_uint(0u));
+    const Placed placed = placed_at(scene, found ? s->primitive : splat_uint(0u), surface_time(s));
     lane_rows(scene->primitive_rows, placed.row, row);
     Attributes a = mapping_attributes_of(coordinates, placed.row, found);
     const vmask round = found & (placed.row >= scene->settings->triangle_count);
@@ -52,6 +53,46 @@ static vec3 first_hit_tangent(const Attributes* a, vec3 normal, vmask found) {
     return choose(sound, unit(choose(sound, level, vec3_all(1.0f))), vec3_all(0.0f));
 }
 
+// Where the camera rests: a point, and a direction, of its rays' time.
+static vec3 first_hit_resting(const Scene* scene, const Surface* surface, vec3 v, int is_point) {
+#ifdef MOTION
+    const Camera camera = *scene->camera;
+    if (shutter_camera_moves(&camera)) {
+        MotionMap map;
+        shutter_camera_map(scene, &camera, surface_time(surface), &map);
+        return is_point ? shutter_point_back(&camera, &map, v) : shutter_direction_back(&map, v);
+    }
+#endif
+    return v;
+}
+
+// Where the point of a surface is when the shutter closes.
+static vec3 first_hit_later(const Scene* scene, const Surface* surface, vmask found) {
+#if defined(MOTION) && defined(INSTANCES)
+    const vuint primitive = found ? surface->primitive : splat_uint(0u);
+    const Placed here = placed_at(scene, primitive, surface_time(surface)), there = placed_at(scene, primitive, splat(1.0f));
+    if (!lane_any(here.moves)) return surface->point;
+    const vec3 inside = placed_point(here.instance + INSTANCE_ROW_TO_OBJECT, surface->point);
+    return choose(here.moves, placed_point(there.placement + PLACEMENT_ROW_TO_WORLD, inside), surface->point);
+#else
+    return surface->point;
+#endif
+}
+
+// How many pixels right and down it goes there on the film; `seen` where the camera sees it at both ends.
+static vec3 first_hit_flow(const Scene* scene, const Surface* surface, vmask found, vmask* seen) {
+    const vfloat half_ = splat(0.5f);
+    const CameraView here = camera_towards(scene, surface->point, half_, half_, surface_time(surface));
+    const CameraView there = camera_towards(scene, first_hit_later(scene, surface, found), half_, half_, splat(1.0f));
+    vfloat across = there.film_x - here.film_x;
+    if (scene->camera->kind == CAMERA_PANORAMIC) {       // the shorter way round
+        across = across > 0.5f ? across - 1.0f : across;
+        across = across < -0.5f ? across + 1.0f : across;
+    }
+    *seen = found & (here.density > 0.0f) & (there.density > 0.0f);
+    return vec3_of(across * (float)scene->settings->width, (there.film_y - here.film_y) * (float)scene->settings->height, splat(0.0f));
+}
+
 // What the sample gives where its ray ended. A sample that met nothing has no place: FAR is more than the film takes, so that it is
 // left out of the mean; its normal is zero.
 static vec3 first_hit_value(const Scene* scene, uint wanted, __global const float* coordinates, const Surface* surface, const Bsdf* bsdf,
@@ -60,14 +101,21 @@ static vec3 first_hit_value(const Scene* scene, uint wanted, __global const floa
     if (wanted == FIRST_HIT_ALBEDO)
         return vec3_of(lesser(albedo.x, splat(1.0f)), lesser(albedo.y, splat(1.0f)), lesser(albedo.z, splat(1.0f)));
     if (wanted == FIRST_HIT_NORMAL) return choose(found, bsdf->frame.normal, vec3_all(0.0f));
+    if (wanted == FIRST_HIT_NORMAL_CAMERA) return choose(found, first_hit_resting(scene, surface, bsdf->frame.normal, 0), vec3_all(0.0f));
     if (wanted == FIRST_HIT_POSITION) return choose(found, add(surface->point, vec3_from(scene->camera->world)), nowhere);
     if (wanted == FIRST_HIT_Z_DEPTH) {
-        const vfloat ahead = inner(sub(surface->point, vec3_from(scene->camera->origin)), unit(vec3_from(scene->camera->axis)));
+        const vfloat ahead = inner(sub(first_hit_resting(scene, surface, surface->point, 1), vec3_from(scene->camera->origin)), unit(vec3_from(scene->camera->axis)));
         return choose(found, vec3_of(ahead, ahead, ahead), nowhere);
     }
     if (wanted == FIRST_HIT_DEPTH) {
-        const vfloat depth = magnitude(sub(surface->point, vec3_from(scene->camera->origin)));
+        const vfloat depth = magnitude(sub(first_hit_resting(scene, surface, surface->point, 1), vec3_from(scene->camera->origin)));
         return choose(found, vec3_of(depth, depth, depth), nowhere);
+    }
+    if (wanted == FIRST_HIT_SCENE_FLOW) return choose(found, sub(first_hit_later(scene, surface, found), surface->point), nowhere);
+    if (wanted == FIRST_HIT_FLOW) {
+        vmask seen;
+        const vec3 flow = first_hit_flow(scene, surface, found, &seen);
+        return choose(seen, flow, nowhere);
     }
     if (wanted == FIRST_HIT_EMISSION) return light_emitted(scene, surface, found);
     if (wanted == FIRST_HIT_UV || wanted == FIRST_HIT_TANGENT) {

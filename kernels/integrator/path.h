@@ -152,7 +152,7 @@ static void path_add_sun(const Scene* scene, Path* path, const Vertex* vertex) {
     const EnvironmentSample sun = sun_along(scene, path->ray.direction);
     const vmask seen = vertex->traced & !vertex->found & (sun.pdf > 0.0f) & !environment_hidden(scene, path->depth);
     if (!lane_any(seen)) return;
-    const LightRow light = light_at(scene, splat_uint(sun_light(scene)));
+    const LightRow light = light_at(scene, splat_uint(sun_light(scene)), splat(0.0f));
     const vfloat share = chains_leave(scene, path, splat_uint(sun_light(scene)), sun.pdf, splat(1.0f), splat(1.0f), mask_all(), seen);
     path_count_emission(scene, path, &light, &vertex->surface, scale(sun.radiance, share), sun.pdf, seen);
 #endif
@@ -210,7 +210,7 @@ static void path_sample_light(const Scene* scene, Path* path, const Vertex* vert
         const Surface* surface = &vertex[k].surface;
         direct->arriving[k] = vec3_all(0.0f);
         if (lane_any(asked[k])) {
-            const LightSample light = light_sample_chosen(scene, surface->point, surface->primitive, &choice[k]);
+            const LightSample light = light_sample_chosen(scene, surface->point, surface->primitive, &choice[k], surface_time(surface));
             INVARIANT(&path[k], INVARIANT_LIGHT_SAMPLE, light_sample_violates(&light, asked[k]));
             const Interior in = path_towards(&path[k], &vertex[k], &light);
             direct->shadow[k] = shadow_ray(surface, &light, &in);

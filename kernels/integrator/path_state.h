@@ -21,6 +21,9 @@ typedef struct {
     uint seed[LANES];
     int inside[LANES];       // whether the pixel is in the image
     int sees[LANES];         // and its ray sees anything
+#ifdef MOTION
+    float time[LANES];
+#endif
 #ifdef CAMERA_CUTS_MEDIA
     uint first[LANES], last[LANES];      // the media that it begins in
 #endif
@@ -203,8 +206,13 @@ static void path_camera_rays(const Scene* scene, Pool* pool, CameraRays* rays) {
     rays->index = sampler_within(pool->first_sample + pool->next, scene->settings->replicate_spp);
     rays->left = LANES;
     const uint view = slot_view(scene->settings, pool->block);
+    const uint number = pool->first_sample + pool->next;
     const vmask inside = pool_take(scene->settings, pool, &sample, &film_x, &film_y);
-    const Ray ray = camera_ray(scene, view, film_x, film_y, sample.sampler);
+    const vfloat time = shutter_time(scene, view, sample.sampler, number, film_y);
+    const Ray ray = camera_ray(scene, view, film_x, film_y, sample.sampler, time);
+#ifdef MOTION
+    lane_store(time, rays->time);
+#endif
     lane_store(ray.origin.x, rays->origin[0]);
     lane_store(ray.origin.y, rays->origin[1]);
     lane_store(ray.origin.z, rays->origin[2]);
@@ -219,7 +227,7 @@ static void path_camera_rays(const Scene* scene, Pool* pool, CameraRays* rays) {
     lane_store(camera_sees(&ray), rays->sees);
 #ifdef CAMERA_CUTS_MEDIA
     if (scene_has(scene, HAS_CAMERA_CUTS_MEDIA)) {
-        const Interior around = surroundings_at(scene, ray.origin, inside & camera_sees(&ray));
+        const Interior around = surroundings_at(scene, ray.origin, inside & camera_sees(&ray), time);
         lane_store(around.first, rays->first);
         lane_store(around.last, rays->last);
     }
@@ -234,6 +242,9 @@ static void path_start(const Scene* scene, CameraRays* rays, Path* path, vmask l
     const vec3 origin = vec3_of(splat(rays->origin[0][i]), splat(rays->origin[1][i]), splat(rays->origin[2][i]));
     const vec3 direction = vec3_of(splat(rays->direction[0][i]), splat(rays->direction[1][i]), splat(rays->direction[2][i]));
     Ray ray = ray_make(origin, direction);
+#ifdef MOTION
+    ray.time = splat(rays->time[i]);
+#endif
     const float sees = rays->sees[i] ? 1.0f : 0.0f;
     ray.limit = splat(FAR * sees);
     ray_replace(&path->ray, ray, lane);
@@ -257,7 +268,7 @@ static void path_start(const Scene* scene, CameraRays* rays, Path* path, vmask l
     path->chain.kind = lane ? splat_uint(CHAIN_CAMERA) : path->chain.kind;
 #endif
 #ifdef PATH_BIDIRECTIONAL
-    const vfloat edge = techniques_over(splat((float)scene->settings->light_paths), camera_density(scene, origin, direction));
+    const vfloat edge = techniques_over(splat((float)scene->settings->light_paths), camera_density(scene, origin, direction, ray_time(&ray)));
     path->techniques.edge = lane ? edge : path->techniques.edge;
     path->techniques.earlier = lane ? splat(0.0f) : path->techniques.earlier;
 #endif

@@ -9,6 +9,7 @@
 #define INTEGRATOR_PHOTON_H
 
 #define PATH_GATHERS         // paths end where photons are gathered
+#define SHARED_TIME          // with the photons of the same sample
 #include "integrator/path.h"
 #include "photon/ball.h"
 #include "photon/deposit.h"
@@ -155,7 +156,7 @@ static vec3 photon_in_medium(const Scene* scene, const PhotonMap* m, const Verte
         if (!lane_any(asked)) continue;
         const vuint set = BALL_SET + (path->depth * 2u + kind) * (2u * BALL_MOST_TRIES);
         const float radius = kind == 0u ? m->radius : m->radius * CAUSTIC_BALL;
-        sum = add(sum, scale(flux, per_volume * ball_tries(scene, point, path->sample.sampler, set, radius, asked, stats)));
+        sum = add(sum, scale(flux, per_volume * ball_tries(scene, point, ray_time(&path->ray), path->sample.sampler, set, radius, asked, stats)));
     }
     // Deposits are of what is scattered
     vfloat row[16];

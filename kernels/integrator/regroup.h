@@ -26,6 +26,15 @@ static int regroup_order(const Scene* scene, const Path* path, const Hit* hit, v
     return 1;
 }
 
+// A path's time in the bits of a word that its two masks leave: there is no room for a word of its own.
+#ifdef MOTION
+#define REGROUP_TIME (vuint_from_int(vint_of(path->ray.time * 16777216.0f)) << 2)
+#define REGROUP_TAKE_TIME(word) path->ray.time = vfloat_of(vint_from_uint((word) >> 2)) * EPSILON;
+#else
+#define REGROUP_TIME splat_uint(0u)
+#define REGROUP_TAKE_TIME(word)
+#endif
+
 // What moves with a path. What path_scatter sets anew at every vertex stays where it is.
 #define REGROUP_MEMBERS(FLOAT, UINT, MASKS)    \
     MASKS(path->alive, path->counts_in_full)   \
@@ -39,7 +48,7 @@ static void regroup_write(const Path* path, const Hit* hit, float* first, float*
     uint n = 0;
 #define WRITE_FLOAT(member) words[n++] = (member);
 #define WRITE_UINT(member) words[n++] = vfloat_from_bits(member);
-#define WRITE_MASKS(member, other) words[n++] = vfloat_from_bits(vuint_from_int((member & 1) | (other & 2)));
+#define WRITE_MASKS(member, other) words[n++] = vfloat_from_bits(vuint_from_int((member & 1) | (other & 2)) | REGROUP_TIME);
     REGROUP_MEMBERS(WRITE_FLOAT, WRITE_UINT, WRITE_MASKS)
     lane_write_rows(words, first);
     lane_write_rows(words + 16, second);
@@ -53,7 +62,9 @@ static void regroup_read(const float* first, const float* second, vuint from, Pa
 #define READ_UINT(member) (member) = vfloat_bits(words[n++]);
 #define READ_MASKS(member, other)                                \
     (member) = (vint_from_uint(vfloat_bits(words[n])) & 1) != 0; \
-    (other) = (vint_from_uint(vfloat_bits(words[n++])) & 2) != 0;
+    (other) = (vint_from_uint(vfloat_bits(words[n])) & 2) != 0;  \
+    REGROUP_TAKE_TIME(vfloat_bits(words[n]))                     \
+    ++n;
     REGROUP_MEMBERS(READ_FLOAT, READ_UINT, READ_MASKS)
 }
 

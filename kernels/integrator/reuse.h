@@ -20,6 +20,7 @@
 #ifndef INTEGRATOR_REUSE_H
 #define INTEGRATOR_REUSE_H
 
+#define SHARED_TIME          // with the other pixels of the group
 #include "integrator/path.h"
 
 // A pixel's sample: two rows of sixteen floats, [sample][slot].
@@ -283,6 +284,7 @@ static void reuse_weigh_sample(const Scene* scene, const Pool* pool, __global fl
     reuse_row(records, own, 0u, anchor);
     reuse_row(records, own, 1u, target);
     const vmask shared = exists & reuse_flag(anchor[ANCHOR_ROW_FLAGS], RECORD_SHARED);
+    const vfloat time = shutter_time_of_pass(scene, pool->first_sample + number);
     const vuint depth = vfloat_bits(anchor[ANCHOR_ROW_DEPTH]), primitive = vfloat_bits(target[TARGET_ROW_PRIMITIVE]);
     if (!lane_any(shared)) return;
     vfloat density = splat(0.0f);
@@ -297,7 +299,7 @@ static void reuse_weigh_sample(const Scene* scene, const Pool* pool, __global fl
         if (m > 0 && lane_any(open)) {       // its own anchor sees it: the path went there
             const vec3 origin = vec3_row(anchor, ANCHOR_ROW_ORIGIN);
             const vec3 end = ray_end(origin, vec3_row(target, TARGET_ROW_POINT), vec3_row(target, TARGET_ROW_SIDE), vec3_all(0.0f));
-            Ray ray = ray_make(origin, sub(end, origin));
+            Ray ray = ray_in_time(ray_make(origin, sub(end, origin)), time);
             ray.limit = splat(1.0f);
             ray.from = vfloat_bits(anchor[ANCHOR_ROW_FROM]);
             ray.to = primitive;

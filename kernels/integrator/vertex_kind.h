@@ -15,7 +15,7 @@
 // What is to be done at the vertex of each lane.
 static vuint vertex_kind(const Scene* scene, vmask alive, Hit hit) {
     const vmask in_medium = alive & medium_scatters(hit), found = alive & !in_medium & (hit.primitive != NONE);
-    const vuint row = placed_at(scene, found ? hit.primitive : splat_uint(0u)).row * 16u;
+    const vuint row = placed_at(scene, found ? hit.primitive : splat_uint(0u), splat(0.0f)).row * 16u;
     const vuint kind_and_flags = vfloat_bits(lane_gather(scene->primitive_rows, row + PRIMITIVE_ROW_KIND));
     vuint kind = kind_and_flags & ((1u << ROW_FLAGS) - 1u);
 #ifdef MATERIALS

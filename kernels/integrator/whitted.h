@@ -42,7 +42,7 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
         if (lane_any(lit)) {
             vfloat unused;
             for (uint number = 0; number < settings->light_count; ++number) {
-                const LightSample light = light_from_center(scene, surface.point, surface.primitive, splat_uint(number));
+                const LightSample light = light_from_center(scene, surface.point, surface.primitive, splat_uint(number), surface_time(&surface));
                 const vfloat distance = magnitude(sub(light.target, surface.point));
                 const vec3 arriving = mul(light.radiance, interior_transmittance(scene, &path.interior, distance, light.infinite));
                 const vec3 direct = mul(bsdf_eval(&bsdf, light.direction, &unused), arriving);

@@ -31,7 +31,9 @@ static vec3 emission_found(const Scene* scene, const LightRow* l, const Surface*
 // What textures need to know of the point of the light that u and v stand for; `normal` is that of its front.
 static Attributes emission_attributes(const Scene* scene, const LightRow* l, vec3 point, vec3 normal, vfloat u, vfloat v, vmask textured) {
     const vfloat radius = l->row[LIGHT_ROW_RADIUS];
-    Attributes a = mapping_attributes(scene, l->primitive, textured);
+    const Placed placed = light_placed(scene, l, textured);
+    Attributes a = mapping_attributes(scene, placed.row, textured);
+    placed_axes(&placed, l->kind != LIGHT_AREA_TRIANGLE, a.row);
     a.sphere = l->kind == LIGHT_AREA_SPHERE, a.disk = l->kind == LIGHT_AREA_DISK;
     a.ab = a.ac = vec3_all(0.0f);
     a.radius = radius;
@@ -54,9 +56,9 @@ static vec3 emission_sampled(const Scene* scene, const LightRow* l, vec3 point, 
 #endif
 #ifdef OPACITY
     // A hole in a light sends nothing; a ray that finds the light has passed by all holes
-    const vmask surface = where & ((l->kind == LIGHT_AREA_TRIANGLE) | (l->kind == LIGHT_AREA_SPHERE) | (l->kind == LIGHT_AREA_DISK));
+    const vmask surface = where & light_is_surface(l);
     vfloat row[16];
-    lane_rows(scene->primitive_rows, surface ? l->primitive : splat_uint(0u), row);
+    lane_rows(scene->primitive_rows, light_placed(scene, l, surface).row, row);
     const vuint kind_and_flags = vfloat_bits(row[PRIMITIVE_ROW_KIND]), flags = kind_and_flags >> ROW_FLAGS;
     const vmask by_row = (kind_and_flags & ((1u << ROW_FLAGS) - 1u)) == MATERIAL_BY_ROW;
     const vmask masked = surface & by_row & ((flags & SHAPE_MASKED) != 0u);

@@ -149,27 +149,27 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
 }
 
 // The light that was chosen.
-static LightSample light_sample_chosen(const Scene* scene, vec3 origin, vuint own, const LightChoice* choice) {
-    const LightRow light = light_at(scene, choice->light);
+static LightSample light_sample_chosen(const Scene* scene, vec3 origin, vuint own, const LightChoice* choice, vfloat time) {
+    const LightRow light = light_at(scene, choice->light, time);
     const vfloat probability = scene->settings->light_levels > 0 ? choice->probability : light.row[LIGHT_ROW_PROBABILITY];
     return light_sample_one(scene, origin, own, &light, probability, choice);
 }
 
-// The same with the choice, for a point with this normal.
+// The same with the choice, for a point with this normal, of what does not move.
 static LightSample light_sample(const Scene* scene, vec3 origin, vec3 normal, vuint own, Sampler sampler, vuint set) {
     LightChoice choice;
     TreeWalk walk = light_begin(scene, origin, normal, sampler, set, &choice);
     tree_descend(scene, &walk);
     light_choose(scene, &walk, sampler, set, mask_all(), &choice);
     environment_guide(scene, &choice.around);
-    return light_sample_chosen(scene, origin, own, &choice);
+    return light_sample_chosen(scene, origin, own, &choice, splat(0.0f));
 }
 
 // Whitted's lights: the whole light as if it shone from its centre with its mean radiance, with nothing left to chance, for the point
 // `origin` of the primitive `own`. An environment has no centre and gives nothing; nor does a surface that turns its dark side to the point. `radiance` stands for
 // what a delta light's does, so `pdf` is 1 where there is light.
-static LightSample light_from_center(const Scene* scene, vec3 origin, vuint own, vuint light) {
-    const LightRow l = light_at(scene, light);
+static LightSample light_from_center(const Scene* scene, vec3 origin, vuint own, vuint light, vfloat time) {
+    const LightRow l = light_at(scene, light, time);
     const vec3 a = vec3_row(l.row, LIGHT_ROW_A), b = vec3_row(l.row, LIGHT_ROW_AB), c = vec3_row(l.row, LIGHT_ROW_AC);
     const vfloat radius = l.row[LIGHT_ROW_RADIUS], facing = l.row[LIGHT_ROW_FACING], inverse = l.row[LIGHT_ROW_INVERSE];
     const vmask triangle = l.kind == LIGHT_AREA_TRIANGLE, sphere = l.kind == LIGHT_AREA_SPHERE, disk = l.kind == LIGHT_AREA_DISK;
@@ -200,7 +200,7 @@ static vmask light_shines(const Surface* s) { return (s->light != NONE) & s->fro
 // Its light, where it does, and the environment where a ray has left the scene.
 static LightRow light_met(const Scene* scene, const Surface* s, vmask shines, vmask outside) {
     const vuint other = outside ? splat_uint(scene->settings->environment) : splat_uint(0u);
-    return light_at(scene, shines ? s->light : other);
+    return light_at(scene, shines ? s->light : other, surface_time(s));
 }
 
 // The radiance that it sends there.
@@ -240,7 +240,7 @@ static vmask environment_hidden(const Scene* scene, vuint depth) {
 static vec3 environment_emitted(const Scene* scene, vec3 direction, vmask leaves) {
     vec3 emitted = vec3_all(0.0f);
     if (scene->settings->environment != NONE) {
-        const LightRow environment = light_at(scene, splat_uint(scene->settings->environment));
+        const LightRow environment = light_at(scene, splat_uint(scene->settings->environment), splat(0.0f));
         emitted = environment_found(scene, &environment, direction, leaves).radiance;
     }
 #ifdef SUN

@@ -3,6 +3,7 @@
 #define LIGHT_ROW_H
 
 #include "core/lane.h"
+#include "geometry/instance.h"
 #include "scene.h"
 
 typedef struct {
@@ -12,9 +13,49 @@ typedef struct {
 #ifdef EMISSION_TEXTURES
     vuint texture;       // its number, plus 1; 0: the light is the same all over
 #endif
+#ifdef MOTION
+    vfloat time;         // when it is where its row says
+#endif
 } LightRow;
 
-static LightRow light_at(const Scene* scene, vuint light) {
+// A surface that shines.
+static vmask light_is_surface(const LightRow* l) {
+    return (l->kind == LIGHT_AREA_TRIANGLE) | (l->kind == LIGHT_AREA_SPHERE) | (l->kind == LIGHT_AREA_DISK);
+}
+
+// Where its surface is, for what textures need.
+static Placed light_placed(const Scene* scene, const LightRow* l, vmask where) {
+#ifdef MOTION
+    const vfloat time = l->time;
+#else
+    const vfloat time = splat(0.0f);
+#endif
+    return placed_at(scene, where ? l->primitive : splat_uint(0u), time);
+}
+
+#if defined(MOTION) && defined(INSTANCES)
+// Lights that are surfaces of instances move: all others are written out. Their rows have them in the space of their group.
+static void light_move(const Scene* scene, LightRow* l) {
+    const vmask moves = light_is_surface(l) & instance_owns(scene, l->primitive);
+    if (!lane_any(moves)) return;
+    const Placed placed = light_placed(scene, l, moves);
+    const vfloat* m = placed.placement + PLACEMENT_ROW_TO_WORLD;
+    const vmask flat = moves & (l->kind == LIGHT_AREA_TRIANGLE), round = moves & !flat;
+    vec3_row_put(l->row, LIGHT_ROW_A, choose(moves, placed_point(m, vec3_row(l->row, LIGHT_ROW_A)), vec3_row(l->row, LIGHT_ROW_A)));
+    const vec3 ab = vec3_row(l->row, LIGHT_ROW_AB), ac = vec3_row(l->row, LIGHT_ROW_AC);
+    const vec3 ab_there = placed_vector(m, ab), ac_there = placed_vector(m, ac), normal = placed_turned(&placed, vec3_row(l->row, LIGHT_ROW_NORMAL));
+    const vfloat radius = l->row[LIGHT_ROW_RADIUS] * placed.placement[PLACEMENT_ROW_SCALE], inverse = inverse_magnitude(outer(ab_there, ac_there));
+    vec3_row_put(l->row, LIGHT_ROW_AB, choose(flat, ab_there, ab));
+    vec3_row_put(l->row, LIGHT_ROW_AC, choose(flat, ac_there, choose(round, normal, ac)));
+    l->row[LIGHT_ROW_RADIUS] = round ? radius : l->row[LIGHT_ROW_RADIUS];
+    l->row[LIGHT_ROW_INVERSE] = flat ? inverse : l->row[LIGHT_ROW_INVERSE];
+}
+#else
+static void light_move(const Scene* scene, LightRow* l) {}
+#endif
+
+// A light where it is at a time.
+static LightRow light_at(const Scene* scene, vuint light, vfloat time) {
     LightRow l;
     lane_rows(scene->light_rows, light, l.row);
     l.radiance = vec3_row(l.row, LIGHT_ROW_RADIANCE);
@@ -24,6 +65,10 @@ static LightRow light_at(const Scene* scene, vuint light) {
     l.texture = l.kind >> LIGHT_TEXTURE;
     l.kind = l.kind & ((1u << LIGHT_TEXTURE) - 1u);
 #endif
+#ifdef MOTION
+    l.time = time;
+#endif
+    light_move(scene, &l);
     return l;
 }
 

@@ -152,6 +152,9 @@ static void bsdf_no_rows(Bsdf* b) {
     b->closure.diffuse.transmission = splat(0.0f);
     b->closure.glass.eta = splat(1.0f);
     b->closure.albedo = vec3_all(0.0f);
+#ifdef PLUGIN_BSDFS
+    b->closure.plugin = splat_uint(0u);
+#endif
 }
 #endif
 

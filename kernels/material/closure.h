@@ -21,6 +21,7 @@
 #include "material/lobe/glass.h"
 #include "material/lobe/reflection.h"
 #include "material/lobe/sheen.h"
+#include "plugin/given.h"
 
 // With what probability each way of sampling is chosen; sum 1. Multiple: what more than one facet scatters, to this side or the other.
 // Uniform: over the hemisphere, for sheen and for rough diffuse surfaces at grazing angles.
@@ -45,10 +46,20 @@ typedef struct {
     vec3 albedo;             // about the share of light along `wo` that is reflected or transmitted
     LobeProbabilities probability;
     vfloat low2, octaves;    // of warp_low_hemisphere, for what more than one facet scatters
+#ifdef PLUGIN_BSDFS
+    vuint plugin;            // what scatters in the place of all lobes; 0: nothing does
+    vfloat numbers[PLUGIN_NUMBERS];
+#endif
 } Closure;
 
 // Where light goes to the other side, or comes from there.
-static vmask closure_passes(const Closure* c) { return c->present & (c->glass.present | (c->diffuse.present & (c->diffuse.transmission > 0.0f))); }
+static vmask closure_passes(const Closure* c) {
+#ifdef PLUGIN_BSDFS
+    const vmask given = plugin_transmits(c->plugin);
+    if (lane_any(given)) return given | (c->present & (c->glass.present | (c->diffuse.present & (c->diffuse.transmission > 0.0f))));
+#endif
+    return c->present & (c->glass.present | (c->diffuse.present & (c->diffuse.transmission > 0.0f)));
+}
 
 // T(μ) of coat and sheen.
 static vfloat closure_transmittance(const Closure* c, vfloat cosine) {
@@ -131,6 +142,14 @@ static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
         const vec3 diffuse = diffuse_eval(&c->diffuse, c->tables, wo, up, above, albedo, grazing, c->inside ? splat(1.0f) : transmittance);
         f = choose(above | (c->diffuse.transmission > 0.0f), add(f, diffuse), f);
     }
+#ifdef PLUGIN_BSDFS
+    const vmask given = c->plugin != 0u;
+    if (lane_any(given)) {
+        vfloat its;
+        f = choose(given, plugin_eval(c->plugin, c->numbers, wo, vec3_of(wi.x, wi.y, above ? cosine : -cosine), &its), f);
+        density = given ? its : density;
+    }
+#endif
     *pdf = density;
     return f;
 }
@@ -173,6 +192,11 @@ static vec3 closure_sample(const Closure* c, vec3 wo, vfloat u, vfloat v, vfloat
         const vec3 around = warp_sphere(u * 0.5f, v);
         wi = choose(uniform, vec3_of(around.x, around.y, greater(around.z, splat(1.0e-7f))), wi);
     }
+#ifdef PLUGIN_BSDFS
+    // Its way is that of the diffuse lobe, with probability 1, so `u` is still what it was
+    const vmask given = c->plugin != 0u;
+    if (lane_any(given)) wi = choose(given, plugin_sample(c->plugin, c->numbers, wo, u, v, w), wi);
+#endif
     return wi;
 }
 

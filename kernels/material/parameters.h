@@ -5,7 +5,9 @@
 
 #include "core/sampler.h"
 #include "geometry/surface.h"
+#include "plugin/given.h"
 #ifdef TEXTURES
+#include "plugin/textured.h"
 #include "texture/normal_map.h"
 #include "texture/parameter.h"
 #endif
@@ -26,6 +28,10 @@ typedef struct {
 #endif
 #ifdef TEXTURES
     vec3 shading;                  // the shading normal, on the front side
+#endif
+#ifdef PLUGIN_BSDFS
+    vuint plugin;                  // its number; 0: none
+    vfloat numbers[PLUGIN_NUMBERS];
 #endif
 } Parameters;
 
@@ -93,6 +99,9 @@ static void parameters_texture(const Scene* scene, const Surface* s, vuint mater
     p->sheen_roughness = parameter_number(scene, a, &slots, TEXTURE_SHEEN_ROUGHNESS, p->sheen_roughness);
     p->anisotropy = parameter_number(scene, a, &slots, TEXTURE_ANISOTROPY, p->anisotropy);
     p->shading = normal_map_shading(scene, a, &slots, s->normal, s->shading, s->front, direction);
+#ifdef PLUGIN_BSDFS
+    plugin_textured(scene, a, &slots, p->plugin, p->numbers);
+#endif
 }
 #endif
 
@@ -129,6 +138,13 @@ static Parameters material_at(const Scene* scene, const Surface* s, vec3 directi
     p.fresnel = vec3_row(b, LAYER_ROW_FRESNEL);
     p.diffuse_transmission = p.kind == MATERIAL_PRINCIPLED ? b[LAYER_ROW_DIFFUSE_TRANSMISSION] : splat(0.0f);
     p.diffuse_transmission_color = vec3_row(b, LAYER_ROW_DIFFUSE_TRANSMISSION_COLOR);
+#ifdef PLUGIN_BSDFS
+    p.plugin = p.kind == MATERIAL_PLUGIN ? vfloat_bits(a[MATERIAL_ROW_PLUGIN]) : splat_uint(0u);
+    for (int i = 0; i < PLUGIN_NUMBERS / 2; ++i) {
+        p.numbers[i] = a[MATERIAL_ROW_NUMBERS + i];
+        p.numbers[PLUGIN_NUMBERS / 2 + i] = b[LAYER_ROW_MORE_NUMBERS + i];
+    }
+#endif
 #ifdef TEXTURES
     parameters_texture(scene, s, has_row ? row : vfloat_bits(s->attributes.row[ATTRIBUTE_ROW_SLOTS]), direction, &p);
 #endif

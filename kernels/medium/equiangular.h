@@ -45,7 +45,7 @@ static Equiangular equiangular_about_lamp(
     own.seed ^= 0x85ebca6bu;
     vuint bits, unused, rest;
     sampler_hash_bits(own, set, &bits, &unused);
-    const LightRow lamp = light_at(scene, may ? light_by_power(scene, bits, own, set, &rest) : splat_uint(0u));
+    const LightRow lamp = light_at(scene, may ? light_by_power(scene, bits, own, set, &rest) : splat_uint(0u), ray_time(ray));
     const vmask triangle = lamp.kind == LIGHT_AREA_TRIANGLE;
     const vec3 middle = add(vec3_row(lamp.row, LIGHT_ROW_AB), vec3_row(lamp.row, LIGHT_ROW_AC));
     const vec3 first = vec3_row(lamp.row, LIGHT_ROW_CENTER);             // of a triangle its first corner, of a lamp its position

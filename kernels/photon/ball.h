@@ -30,7 +30,7 @@ static vmask ball_receives(const Scene* scene, const Interior* in, const Bsdf* b
 static vuint ball_medium(const Interior* in) { return interior_top(in) + BALL_FIRST_MEDIUM; }
 
 // One over the part of the ball that is in reach, in the mean; 0 where it is not asked for.
-static vfloat ball_tries(const Scene* scene, vec3 center, Sampler sampler, vuint set, float radius, vmask asked, PoolStats* stats) {
+static vfloat ball_tries(const Scene* scene, vec3 center, vfloat time, Sampler sampler, vuint set, float radius, vmask asked, PoolStats* stats) {
     vfloat tries = splat(0.0f);
     for (uint n = 0; n < BALL_MOST_TRIES && lane_any(asked); ++n) {
         vuint bits_u, bits_v, bits_w, unused;
@@ -39,7 +39,7 @@ static vfloat ball_tries(const Scene* scene, vec3 center, Sampler sampler, vuint
         // The largest of three numbers is distributed as the distance of points of a ball
         const vfloat a = unit_interval(bits_w), b = unit_interval(unused), c = unit_interval(hash_pair(bits_w, unused));
         const vfloat distance = greater(greater(a, greater(b, c)), splat(1.0e-3f)) * radius;
-        Ray ray = ray_make(center, scale(warp_sphere(unit_interval(bits_u), unit_interval(bits_v)), distance));
+        Ray ray = ray_in_time(ray_make(center, scale(warp_sphere(unit_interval(bits_u), unit_interval(bits_v)), distance)), time);
         ray.limit = splat(1.0f);
         tries = asked ? tries + 1.0f : tries;
         stats->shadow_rays += lane_count(asked);

@@ -32,8 +32,8 @@ static vfloat disk_flat(const Surface* surface, vec3 side, float radius) {
 static vmask disk_receives(const Surface* s) { return (s->kind == MATERIAL_LAMBERT) & (largest(s->color) > 0.0f); }
 
 // Whether rays meet the back of a surface: they are inside of something.
-static vmask disk_inside(const Scene* scene, vec3 origin, vec3 direction, vmask asked) {
-    const Ray ray = ray_make(origin, direction);
+static vmask disk_inside(const Scene* scene, vec3 origin, vec3 direction, vmask asked, vfloat time) {
+    const Ray ray = ray_in_time(ray_make(origin, direction), time);
     const Hit hit = traverse_nearest(&scene->bvh, &ray, asked);
     const vmask found = asked & (hit.primitive != NONE);
     const Surface s = surface_at(scene, &ray, hit, found);
@@ -45,7 +45,7 @@ static vmask disk_inside(const Scene* scene, vec3 origin, vec3 direction, vmask 
 // outside, and above the point is its inside.
 static vmask disk_has_surface(const Scene* scene, const Surface* surface, vec3 side, vec3 to, float radius, vmask asked, PoolStats* stats) {
     const float off = disk_off_plane(radius);
-    Ray ray = ray_make(along(surface_leave(surface, side).origin, side, splat(off)), to);
+    Ray ray = ray_in_time(ray_make(along(surface_leave(surface, side).origin, side, splat(off)), to), surface_time(surface));
     ray.limit = splat(1.0f);
     const vmask blocked = traverse_occluded(&scene->bvh, &ray, asked);
     ray.origin = add(ray.origin, to);
@@ -64,7 +64,7 @@ static vmask disk_has_surface(const Scene* scene, const Surface* surface, vec3 s
     stats->rays += lane_count(asked);
     if (!lane_any(unsure)) return found;
     stats->rays += lane_count(unsure);
-    return found & !disk_inside(scene, ray.origin, side, unsure);
+    return found & !disk_inside(scene, ray.origin, side, unsure, surface_time(surface));
 }
 
 // One over the share of the disk that is surface, in the mean; 0 where it is not asked for. `set`: of random numbers.

@@ -52,13 +52,13 @@ static vec3 emission_from_outside(float4 bounds, vec3 travel, vfloat u, vfloat v
     return along(along(along(center, travel, splat(-bounds.w)), f.tangent, x * bounds.w), f.bitangent, y * bounds.w);
 }
 
-static Emission emission_sample(const Scene* scene, Sampler sampler, float4 bounds) {
+static Emission emission_sample(const Scene* scene, Sampler sampler, float4 bounds, vfloat time) {
     vuint bits_choice, bits_v, rest;
     vfloat u2, v2;
     sampler_bits(sampler, splat_uint(SET_LIGHT), &bits_choice, &bits_v);
     sampler_get(sampler, SET_BSDF, &u2, &v2);
     const vuint light = light_by_power(scene, bits_choice, sampler, splat_uint(SET_LIGHT_DIGITS), &rest);
-    const LightRow l = light_at(scene, light);
+    const LightRow l = light_at(scene, light, time);
     const vfloat u = unit_interval(rest), v = unit_interval(bits_v);
     const vmask triangle = l.kind == LIGHT_AREA_TRIANGLE, sphere = l.kind == LIGHT_AREA_SPHERE, disk = l.kind == LIGHT_AREA_DISK;
     const vmask directional = l.kind == LIGHT_DIRECTIONAL, environment = l.kind == LIGHT_ENVIRONMENT;
@@ -111,7 +111,7 @@ static Emission emission_sample(const Scene* scene, Sampler sampler, float4 boun
     vec3 origin = choose(surface, ray_leave(from.point, from.normal, ray_clearance(from.normal, from.error), mask_none()), a);
     if (lane_any(parallel))
         origin = choose(parallel, emission_from_outside(bounds, direction, u, v), origin);
-    e.ray = ray_make(origin, direction);
+    e.ray = ray_in_time(ray_make(origin, direction), time);
     e.ray.from = (triangle | disk) ? l.primitive : splat_uint(NONE);
 
     // Power: π A L of a surface, 4π I of a point (of a lamp, over 4π times the density), E times the disk's area of a direction and of the sun, 4π L times it of an environment

@@ -3,6 +3,7 @@
 #ifndef PHOTON_TRACE_H
 #define PHOTON_TRACE_H
 
+#include "camera/shutter.h"
 #include "camera/surroundings.h"
 #include "core/roulette.h"
 #include "geometry/find.h"
@@ -44,7 +45,7 @@ static void photon_start(const Scene* scene, float4 bounds, uint pass, vuint num
     p->number = start ? number : p->number;
     p->sampler.seed = start ? hash_pair(hash_pair(splat_uint(pass), splat_uint(scene->settings->seed)), splat_uint(0x9b05688cu)) : p->sampler.seed;
     p->sampler.index = p->number;
-    const Emission e = emission_sample(scene, p->sampler, bounds);
+    const Emission e = emission_sample(scene, p->sampler, bounds, shutter_time_of_pass(scene, pass));
     ray_replace(&p->ray, e.ray, start);
     p->flux = choose(start, choose(e.far, mul(e.flux, interior_through_fog(scene)), e.flux), p->flux);
     p->depth = start ? splat_uint(0u) : p->depth;
@@ -53,7 +54,7 @@ static void photon_start(const Scene* scene, float4 bounds, uint pass, vuint num
     interior_replace(&p->interior, interior_none(), start);
 #ifdef LIGHTS_IN_MEDIA
     const vmask near = start & !e.far;
-    if (lane_any(near)) interior_replace(&p->interior, surroundings_at(scene, e.ray.origin, near), near);
+    if (lane_any(near)) interior_replace(&p->interior, surroundings_at(scene, e.ray.origin, near, ray_time(&e.ray)), near);
 #endif
     p->alive = p->alive | start;
 }

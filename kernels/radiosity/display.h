@@ -27,7 +27,7 @@ static void display_trace(const Scene* scene, Pool* pool, PoolStats* stats, __gl
         vfloat film_x, film_y, look[16];
         const vmask start = pool_take(settings, pool, &sample, &film_x, &film_y);
         if (!lane_any(start)) continue;
-        const Ray ray = camera_ray(scene, 0u, film_x, film_y, sample.sampler);
+        const Ray ray = camera_ray(scene, 0u, film_x, film_y, sample.sampler, splat(0.0f));
         const Hit hit = traverse_nearest(&scene->bvh, &ray, start);
         stats->rays += lane_count(start);
         const vmask found = start & (hit.primitive != NONE);

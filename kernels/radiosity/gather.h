@@ -102,7 +102,7 @@ static void gather_trace(const Scene* scene, const Atlas* atlas, Pool* pool, Poo
         vfloat film_x, film_y;
         const vmask start = pool_take(settings, pool, &sample, &film_x, &film_y);
         if (!lane_any(start)) continue;
-        Ray ray = camera_ray(scene, 0u, film_x, film_y, sample.sampler);
+        Ray ray = camera_ray(scene, 0u, film_x, film_y, sample.sampler, splat(0.0f));
         vec3 radiance = vec3_all(0.0f), throughput = choose(camera_sees(&ray), vec3_all(1.0f), vec3_all(0.0f));
         vmask alive = start;
         for (uint bounce = 0; bounce <= GATHER_BOUNCES; ++bounce) {

@@ -39,7 +39,7 @@ typedef struct {
     vmask surface, point_like, infinite;
 } ChainEnd;
 
-static ChainEnd chain_end(const Scene* scene, Sampler sampler, vuint set, vuint choice, vuint set_of_digits) {
+static ChainEnd chain_end(const Scene* scene, Sampler sampler, vuint set, vuint choice, vuint set_of_digits, vfloat time) {
     vuint bits, digits;
     vfloat u, v;
     sampler_hash_bits(sampler, set_of_digits, &digits, &bits);
@@ -49,7 +49,7 @@ static ChainEnd chain_end(const Scene* scene, Sampler sampler, vuint set, vuint 
     u = unit_interval(bits), v = unit_interval(digits);
     ChainEnd e;
     const vuint light = vfloat_bits(lane_gather(scene->chain_table, at));
-    e.light = light_at(scene, light);
+    e.light = light_at(scene, light, time);
     e.pdf = chain_chooses(scene, light, mask_all());
     const LightRow* l = &e.light;
     const vmask triangle = l->kind == LIGHT_AREA_TRIANGLE, sphere = l->kind == LIGHT_AREA_SPHERE, disk = l->kind == LIGHT_AREA_DISK;
@@ -83,10 +83,10 @@ static ChainEnd chain_end(const Scene* scene, Sampler sampler, vuint set, vuint 
 }
 
 // A point of a surface that may be a delta.
-static vec3 chain_place(const Scene* scene, vuint bits, vuint digits, vfloat u, vfloat v) {
+static vec3 chain_place(const Scene* scene, vuint bits, vuint digits, vfloat u, vfloat v, vfloat time) {
     const uint first = chain_head(scene, CHAIN_HEAD_ROW_FIRST_SURFACE);
     const vuint at = chain_entry(scene, first, chain_head(scene, CHAIN_HEAD_ROW_SURFACES), bits, digits);
-    const Placed placed = placed_at(scene, vfloat_bits(lane_gather(scene->chain_table, at)));
+    const Placed placed = placed_at(scene, vfloat_bits(lane_gather(scene->chain_table, at)), time);
     const vmask is_round = placed.row >= scene->settings->triangle_count;
     vfloat row[16];
     lane_rows(scene->primitive_rows, placed.row, row);

@@ -48,7 +48,7 @@ static vec3 walk_try(const Scene* scene, const Path* path, const Vertex* v, cons
     vuint bits[6];
     const vuint set = path->depth * (4u * WALK_TRIES) + number * 4u + WALK_SET;
     for (uint i = 0; i < 3u; ++i) sampler_hash_bits(path->sample.sampler, set + i, &bits[2 * i], &bits[2 * i + 1]);
-    const vec3 place = chain_place(scene, bits[0], bits[1], unit_interval(bits[2]), unit_interval(bits[3]));
+    const vec3 place = chain_place(scene, bits[0], bits[1], unit_interval(bits[2]), unit_interval(bits[3]), surface_time(&v->surface));
     // Towards the light: the chain through what is in between begins nearby
     const vmask straight = chain_kind_through(kind, splat_uint(0u)) & ((bits[4] & 1u) != 0u);
     const vec3 to_light = choose(end->infinite, end->point, unit(sub(end->point, v->surface.point)));
@@ -129,7 +129,7 @@ static vec3 walk_to_light(const Scene* scene, const Path* path, const Vertex* v,
     const vuint kind = walk_kind(scene, unit_interval(bits));
     chance = chance * walk_kind_probability(scene, kind);
     walking = walking & (path->depth + chain_kind_count(kind) < scene->settings->max_depth);
-    const ChainEnd end = chain_end(scene, path->sample.sampler, sampler_set(path->depth, SET_LOBE), unused, set_of_choice + 4u);
+    const ChainEnd end = chain_end(scene, path->sample.sampler, sampler_set(path->depth, SET_LOBE), unused, set_of_choice + 4u, surface_time(&v->surface));
     vuint number = splat_uint(0u), steps = splat_uint(0u);       // of the try, and of its steps
     vec3 next = walk_try(scene, path, v, &end, kind, number), at = next, first = next;
     vec3 turn = vec3_all(0.0f);                                  // Newton's step from `at`

@@ -39,7 +39,12 @@ static void state_put_shadow(__global uint* state, const ShadowRay* shadow);
 #else
 #define STATE_INTERIOR(UINT, in)
 #endif
-#define STATE_PATH(FLOAT, UINT) PATH_MEMBERS(FLOAT, UINT) STATE_CHAIN(FLOAT, UINT) STATE_SPLIT(FLOAT, UINT)
+#ifdef MOTION
+#define STATE_TIME(FLOAT, ray) FLOAT(ray.time)
+#else
+#define STATE_TIME(FLOAT, ray)
+#endif
+#define STATE_PATH(FLOAT, UINT) PATH_MEMBERS(FLOAT, UINT) STATE_TIME(FLOAT, path->ray) STATE_CHAIN(FLOAT, UINT) STATE_SPLIT(FLOAT, UINT)
 
 #define STATE_HIT(FLOAT, UINT) FLOAT(hit->distance) UINT(hit->primitive)
 
@@ -51,7 +56,7 @@ static void state_put_shadow(__global uint* state, const ShadowRay* shadow);
 #endif
 #define STATE_SHADOW(FLOAT, UINT)                                                                                           \
     PATH_VEC3(FLOAT, shadow->ray.origin) PATH_VEC3(FLOAT, shadow->ray.direction)                                             \
-    FLOAT(shadow->ray.limit) UINT(shadow->ray.from) UINT(shadow->ray.to)                                                     \
+    FLOAT(shadow->ray.limit) UINT(shadow->ray.from) UINT(shadow->ray.to) STATE_TIME(FLOAT, shadow->ray)                      \
     STATE_SHADOW_PASSES(FLOAT, UINT)
 
 // Where words begin: truths, the hit, light that may arrive, its shadow ray, the path.

@@ -5,6 +5,7 @@
 #include "core/exact.h"
 #include "core/frame.h"
 #include "geometry/instance.h"
+#include "plugin/given.h"
 #include "texture/filter.h"
 #include "types.h"
 
@@ -21,6 +22,9 @@ typedef struct {
 #if defined(TANGENTS) && defined(INSTANCES)
     Placed placed;           // tangents of an instance's triangles are in the space of its group
 #endif
+#ifdef PLUGIN_TEXTURES
+    vec3 point;              // on the device, for textures that are functions of it
+#endif
 } Attributes;
 
 // Those of each lane's primitive, of these rows, without the point. All four texels around it are read, if surface_random does not say
@@ -33,6 +37,9 @@ static Attributes mapping_attributes_of(__global const float* rows, vuint primit
     a.radius = splat(0.0f);
     a.taps.u = a.taps.v = splat(0.0f);
     a.taps.random = 0;
+#ifdef PLUGIN_TEXTURES
+    a.point = vec3_all(0.0f);
+#endif
     lane_rows(rows, textured ? primitive : splat_uint(0u), a.row);
     return a;
 }

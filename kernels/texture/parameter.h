@@ -39,15 +39,36 @@ static vfloat parameter_channel(const Texture* t, Texel value) {
     return channel == 5u ? luminance : channel == 4u ? value.a : color;
 }
 
+#ifdef PLUGIN_TEXTURES
+// The value of a plugin's texture, where `given`.
+static vec3 parameter_made(const Scene* scene, const Attributes* a, const Texture* t, vmask given, vfloat x, vfloat y) {
+    if (!lane_any(given)) return vec3_all(0.0f);
+    vfloat numbers[PLUGIN_NUMBERS];
+    lane_rows(scene->texture_rows, given ? vfloat_bits(t->row[TEXTURE_ROW_NUMBERS]) : splat_uint(0u), numbers);
+    const vuint plugin = given ? vfloat_bits(t->row[TEXTURE_ROW_PLUGIN]) : splat_uint(0u);
+    return plugin_value(plugin, numbers, x, y, add(a->point, vec3_from(scene->camera->world)));
+}
+#endif
+
 // The texture of each lane at its point; one function of its own, since materials have many parameters.
 __attribute__((noinline)) static vec3 parameter_texture(const Scene* scene, const Attributes* a, vuint texture, vmask has) {
     const Texture t = texture_at(scene, has ? texture : splat_uint(0u));
     vfloat x, y;
     parameter_place(a, &t, &x, &y);
+#ifdef PLUGIN_TEXTURES
+    const vmask given = has & ((t.format & TEXTURE_PLUGIN) != 0u);
+    const vec3 made = parameter_made(scene, a, &t, given, x, y);
+    const Texel value = filter_value(scene, &t, x, y, a->taps, has & !given);
+#else
     const Texel value = filter_value(scene, &t, x, y, a->taps, has);
+#endif
     const vfloat one = parameter_channel(&t, value);
     const vec3 color = choose(((t.format >> 11) & 7u) == 0u, vec3_of(value.r, value.g, value.b), vec3_of(one, one, one));
+#ifdef PLUGIN_TEXTURES
+    return choose(given, made, mul(color, vec3_row(t.row, TEXTURE_ROW_FACTOR)));
+#else
     return mul(color, vec3_row(t.row, TEXTURE_ROW_FACTOR));
+#endif
 }
 
 // The parameter of a slot, from 0 to 1, where its constant is `otherwise`.

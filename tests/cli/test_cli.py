@@ -26,8 +26,8 @@ RENDER_OPTIONS = (
     "termination sampling light-sampler kernels code reuse photons photon-radius light-paths guiding guiding-paths "
     "guiding-memory guiding-field save-guiding-field specular-chains patches patch-rays "
     "radiosity-display tone-map exposure aov denoise tile "
-    "f-stop shutter iso environment time-at variant samples-per-pass work-group lanes time shard stats quiet "
-    "allow-path strict up define camera crop alpha hide-environment light-groups amodal "
+    "f-stop shutter iso environment time-at frames fps variant samples-per-pass work-group lanes time shard stats "
+    "quiet allow-path plugin strict up define camera crop alpha hide-environment light-groups amodal "
     "exr-type exr-compression exr-tile checkpoint resume max-memory cluster "
     "replicate-spp error confidence share error-floor progress preview"
 )

@@ -27,8 +27,8 @@ DEVICE = os.environ.get("CLRENDER_TEST_DEVICE", "pocl")
 FIRST = ("README.md", "docs/start.md")
 """Pages that are read first. The others are slow."""
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
-NO_COMMANDS = ("text", "toml", "python", "json", "{eval-rst}")
-"""Languages of blocks that are no commands; scenes and Python are run by other tests."""
+NO_COMMANDS = ("text", "toml", "python", "json", "c", "{eval-rst}")
+"""Languages of blocks that are no commands; scenes and Python are run by other tests, and plugins by commands."""
 
 
 @dataclass(frozen=True)

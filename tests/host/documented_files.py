@@ -58,5 +58,8 @@ def make_files(folder: Path) -> None:
     for name in ("sky.hdr", "tiles.png", "tiles-normal.png", "leaf.png"):
         shutil.copy(_SCENES / name, folder / name)
     shutil.copy(_SCENES / "tiles.png", folder / "slide.png")
+    shutil.copytree(_SCENES / "plugins", folder / "scenes" / "plugins")
+    moon = (_SCENES / "plugins" / "minnaert.cl").read_text()
+    (folder / "bright.cl").write_text(moon.replace("* limb);", "* limb * 2.5f);"))
     shutil.copy(_SCENES / "bumpy.ply", folder / "bunny.ply")
     np.save(folder / "warren.npy", np.eye(4)[None])

@@ -67,6 +67,8 @@ def test_arrays_are_what_the_kernels_expect() -> None:
         "hole_rows",
         "instance_rows",
         "instance_guides",
+        "instance_motions",
+        "motion_rows",
         "albedo_tables",
         "media_rows",
         "attribute_rows",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -129,7 +130,7 @@ def test_what_is_meant() -> None:
     assert metals.eta("gold") == 1.0
 
 
-@for_each("kind", MATERIAL_TYPES)
+@for_each("kind", [kind for kind in MATERIAL_TYPES if kind != "plugin"])
 def test_every_type_is_known_by_its_name_or_says_what_it_needs(kind: str) -> None:
     try:
         subject = subjects_of(kind)
@@ -178,3 +179,13 @@ def test_bad_names_of_materials(tmp_path: Path) -> None:
     (tmp_path / "empty.toml").write_text("[camera]\nposition = [0, 0, 5]\ntarget = [0, 0, 0]\n")
     with pytest.raises(UsageError, match=r"empty\.toml: the scene has no materials"):
         subjects_of(str(tmp_path / "empty.toml"))
+
+
+def test_every_kind_of_finding_has_its_place_on_the_page() -> None:
+    """The kinds are told in the docstring of findings."""
+    from clrender.furnace.findings import Finding
+    from clrender.furnace.page import _TOPICS
+
+    told = (Finding.__doc__ or "").partition("kind : str")[2].partition("fault : bool")[0]
+    kinds = {word for part in re.findall(r"``([^`]*)``", told) for word in part.split()}
+    assert len(kinds) > 20 and kinds == set(_TOPICS)

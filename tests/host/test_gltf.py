@@ -21,6 +21,7 @@ from clrender.flatten.bounds import scene_bounds
 from clrender.flatten.surfaces import flat_surfaces
 from clrender.image.files import write_image
 from clrender.scene import Camera, DirectionalLight, PointLight, Principled, Scene, SpotLight
+from clrender.scene.resting import opened
 from clrender.scene.textures import ImageTexture, NormalMap
 
 
@@ -252,6 +253,29 @@ def test_a_moment_of_an_animation(tmp_path: Path, kind: str, seconds: float | No
     animated(model, node, "translation", [1.0, 2.0, 3.0], rows, kind)
     scene = loaded(tmp_path, model, time_at=seconds)
     np.testing.assert_allclose(scene_bounds(scene)[0][0], x - 1.0, atol=1e-6)
+
+
+def test_an_animation_while_the_shutter_is_open(tmp_path: Path) -> None:
+    """Nodes become motions, whose keys are at key frames and between; a child turns about its parent's origin."""
+    model = Model()
+    child = model.node(mesh=model.quad(), translation=[2, 0, 0])
+    parent = model.node(children=[child], translation=[0, 0, 1])
+    model.node(mesh=model.quad(), translation=[0, 5, 0])
+    half = math.sqrt(0.5)
+    animated(model, parent, "rotation", [0.0, 1.0], [(0, 0, 0, 1), (0, 0, half, half)])  # 90 degrees about z
+    scene = loaded(tmp_path, model, time_at=0.5, shutter=(0.0, 1.0))
+    assert scene.camera.interval == (0.5, 1.5)
+    turned, still = scene.shapes[:2]
+    assert not still.motion and turned.motion[0].time == 0.5 and turned.motion[-1].time == 1.5
+    assert {key.time for key in turned.motion} > {1.0}
+    for key in turned.motion:
+        angle = math.radians(90.0 * min(key.time, 1.0))
+        matrix = np.array(key.matrix)
+        np.testing.assert_allclose(matrix[:3, 3], [2 * math.cos(angle), 2 * math.sin(angle), 1], atol=1e-6)
+    moment = loaded(tmp_path, model, time_at=0.5)
+    assert not moment.shapes[0].motion and moment.camera.interval == (0.0, 0.0)
+    places = [np.array(each.shapes[0].transform.matrix) for each in (opened(scene), moment)]
+    np.testing.assert_allclose(places[0], places[1], atol=1e-6)
 
 
 def test_rotations_go_the_short_way_round(tmp_path: Path) -> None:

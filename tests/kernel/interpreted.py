@@ -35,6 +35,7 @@ from clrender.device.scene_arrays import SceneArrays
 from clrender.device.worker import DeviceWorker
 from clrender.drivers.arithmetic import check as arithmetic_check
 from clrender.drivers.discover import drivers, load_platforms
+from clrender.files.package_data import scenes_folder
 from clrender.film import Film
 from clrender.film.unit import Unit, UnitSums, slot_count
 from clrender.flatten.flat_box import scene_box
@@ -110,6 +111,10 @@ class Run:
         By the program for any scene.
     calibrated : str
         Distortion of the camera's lens; empty: none.
+    motion : bool
+        With shapes, a lamp and the camera that move while the shutter is open.
+    plugins : bool
+        With BSDFs and a texture of plugins.
     """
 
     kernel: str
@@ -131,6 +136,8 @@ class Run:
     replicate: int = 0
     universal: bool = False
     calibrated: str = ""
+    motion: bool = False
+    plugins: bool = False
 
 
 RENDERS: Final = {
@@ -186,6 +193,15 @@ RENDERS: Final = {
     "staged-splits-1": Run("staged-splits", 1, samples=2, filter="mitchell"),
     "path-4-calibrated": Run("path", 4, samples=2, calibrated="brown-conrady"),
     "bdpt-1-calibrated": Run("bdpt", 1, calibrated="kannala-brandt"),
+    "path-4-motion": Run("path", 4, samples=2, textured=True, motion=True),
+    "path-8-single-motion": Run("path", 8, "single", instances=True, motion=True),
+    "path-1-motion": Run("path", 1, rough=True, media=True, motion=True),
+    "staged-1-motion": Run("staged", 1, samples=2, motion=True),
+    "bdpt-1-motion": Run("bdpt", 1, motion=True),
+    "reuse-4-motion": Run("reuse", 4, samples=2, motion=True),
+    "photon-4-motion": Run("photon", 4, motion=True),
+    "path-1-plugins": Run("path", 1, plugins=True),
+    "path-4-plugins": Run("path", 4, samples=2, plugins=True, instances=True),
     "path-4-replicates": Run("path", 4, samples=4, replicate=2),
     "path-16": Run("path", 16, samples=2),
     "path-1-large": Run("path", 1, large=True),
@@ -322,6 +338,16 @@ def scene(run: Run, folder: Path) -> FlatScene:
             (7, {"checker": [color, 0.0]}),
         ):
             shapes[number]["emission"] = emission
+    given = {
+        "moon": {
+            "type": "plugin",
+            "plugin": "minnaert",
+            "parameters": {"k": 2.0, "reflectance": {"ramp": [0.2, color]}},
+        },
+        "wood": {"type": "lambert", "reflectance": {"plugin": "wood", "parameters": {"rings": 3.0}}},
+        "matt": {"type": "mix", "materials": ("moon", "wood")},
+        "mirror": {"type": "plugin", "plugin": "ashikhmin_shirley", "parameters": {"diffuse": {"plugin": "wood"}}},
+    }
     scattering: dict[str, Any] = {
         "media": {"smoke": {"scattering": (1, 2, 0.5), "absorption": 0.2, "g": 0.6}, "milk": {"scattering": 6.0}},
         "fog": "smoke",
@@ -345,6 +371,8 @@ def scene(run: Run, folder: Path) -> FlatScene:
             distortion["p"] = (0.01, -0.02)
         else:
             camera["aperture_radius"] = 0.0
+    if run.motion:
+        camera |= {"shutter": (0.0, 1.0), "motion": ({"time": 0.0}, {"time": 1.0, "position": (0.3, 0.8, 3)})}
     described: dict[str, Any] = {
         **(scattering if run.media else {}),
         "camera": camera,
@@ -356,6 +384,7 @@ def scene(run: Run, folder: Path) -> FlatScene:
             **(media if run.interiors else {}),
             **(walks if run.skin else {}),
             **(textured if run.textured or run.opacity else {}),
+            **(given if run.plugins else {}),
         },
         "shapes": shapes,
         "lights": [
@@ -371,8 +400,13 @@ def scene(run: Run, folder: Path) -> FlatScene:
         again = {"translate": (-0.6, 0.3, -1.0), "rotate_degrees": (0, 60, 0), "scale": -0.7}
         placed = ({"type": "instance", "group": "others", **where} for where in ({}, {"transform": again}))
         described["shapes"] = [floor, *placed]
+    if run.motion:
+        keys = {"time": 0.0}, {"time": 0.5, "translate": (0.1, 0.1, 0.0), "rotate_degrees": (0, 9, 0)}, {"time": 1.0}
+        for shape in described["shapes"][1:]:
+            shape["motion"] = keys
     pixels = np.random.default_rng(71).random((3, 5, 3), np.float32)
     what = Scene.model_validate(described).placed("everything", folder)
+    what = what.with_plugins(sorted(scenes_folder().glob("plugins/*.cl")) if run.plugins else None)
     # Photons start at lights, for which a tree has no answer
     choice = "power" if run.kernel in ("photon", "bdpt", "chains-bdpt") else "auto"
     return flatten(what.with_files(environments={"sky": EnvironmentPicture(pixels)}), WIDTH, HEIGHT, choice)

@@ -148,6 +148,8 @@ def flat_scene(
         "environment_map": np.zeros(1, np.float32),
         "instance_rows": np.zeros((2, 16), np.float32),
         "instance_guides": np.array([layout.NONE, 0, 0, 0], np.uint32),
+        "instance_motions": np.zeros((1, 2), np.uint32),
+        "motion_rows": np.zeros((1, 16), np.float32),
     }
     padded = {k: np.ascontiguousarray(a) if len(a) else np.zeros((1, *a.shape[1:]), a.dtype) for k, a in arrays.items()}
     camera = np.zeros(1, layout.dtype("Camera"))
@@ -155,6 +157,7 @@ def flat_scene(
     return FlatScene(
         arrays=padded,
         camera=camera,
+        camera_knots=np.zeros((1, 16), np.float32),
         environment=layout.NONE,
         triangle_count=count[0],
         analytic_count=count[1],

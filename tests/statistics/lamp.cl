@@ -10,7 +10,7 @@ __kernel void lamp_samples(SCENE_PARAMETERS __global const float* bits, uint num
     if (at >= count) return;
     const vfloat u = vfloat_of(vint_from_uint(vfloat_bits(lane_load(bits + at)) >> 8)) * 5.9604645e-8f;
     const vfloat v = vfloat_of(vint_from_uint(vfloat_bits(lane_load(bits + count + at)) >> 8)) * 5.9604645e-8f;
-    const LightRow l = light_at(&scene, splat_uint(number));
+    const LightRow l = light_at(&scene, splat_uint(number), splat(0.0f));
     vfloat pdf;
     const vec3 d = lamp_sample(&scene, &l, u, v, &pdf);
     lane_save(d.x, results + at);
@@ -27,6 +27,6 @@ __kernel void lamp_looks(SCENE_PARAMETERS __global const float* numbers, uint nu
     if (at >= count) return;
     vec3 d;
     d.x = lane_load(numbers + at), d.y = lane_load(numbers + count + at), d.z = lane_load(numbers + (size_t)2 * count + at);
-    const LightRow l = light_at(&scene, splat_uint(number));
+    const LightRow l = light_at(&scene, splat_uint(number), splat(0.0f));
     lane_save(lamp_intensity(&scene, &l, d).x, results + at);
 }

@@ -58,7 +58,7 @@ def _parts(schema: dict[str, Any], table: str, node: dict[str, Any], content: di
     for key, value in content.items():
         yield table, key
         names = set(_names(node["properties"][key]))
-        for each in _leaves(value):
+        for each in value.values() if key == "parameters" else _leaves(value):
             if isinstance(each, str) and each in names:
                 yield table, key, each
             if isinstance(each, dict):

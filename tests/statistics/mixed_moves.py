@@ -57,8 +57,12 @@ def moved(content: Json, factor: float, by: list[float]) -> Json:
         Metres.
     """
     scene = copy.deepcopy(content)
+    if any(key.keys() & {"rotate_degrees", "matrix"} for shape in scene["shapes"] for key in shape.get("motion", [])):
+        by = [0.0, 0.0, 0.0]  # about another point they turn in another way
     for shape in _all_shapes(scene):
         _enlarge(shape, factor)
+        for key in shape.get("motion", []):
+            _enlarge_key(key, factor)
     for shape in scene["shapes"]:
         _shift(shape, by)
     for part in (scene["camera"], *scene["lights"]):
@@ -67,6 +71,8 @@ def moved(content: Json, factor: float, by: list[float]) -> Json:
             part["position"] = _plus(part["position"], by)
         if "target" in part:
             part["target"] = _plus(part["target"], by)
+        for key in part.get("motion", []):
+            key |= {name: _plus(_times(key[name], factor), by) for name in ("position", "target") if name in key}
         for key in ("camera_to_world", "world_to_camera"):
             if key in part:
                 part[key] = _posed_elsewhere(np.array(part[key]), factor, by, inward=key == "world_to_camera").tolist()
@@ -109,6 +115,13 @@ def _enlarge(part: Json, factor: float) -> None:
             row[3] *= factor
     if "file" in part and part["type"] == "mesh":  # its vertices are what they are
         part["transform"]["scale"] = _times(part["transform"].get("scale", 1.0), factor)
+
+
+def _enlarge_key(key: Json, factor: float) -> None:
+    if "translate" in key:
+        key["translate"] = _times(key["translate"], factor)
+    for row in key.get("matrix", [])[:3]:
+        row[3] *= factor
 
 
 def _posed_elsewhere(matrix: Floats, factor: float, by: list[float], *, inward: bool) -> Floats:
@@ -182,16 +195,20 @@ def with_all_features(content: Json) -> Json:
 
 @contextmanager
 def compiled_for_volumes() -> Iterator[None]:
-    """Kernels are compiled as if every scene had volumes, media and a calibrated camera, so that scenes share programs.
+    """Kernels are compiled as if every scene had volumes, media, motion and a calibrated camera, to share programs.
 
     As things far away they would be refused by some integrators.
     """
-    of = Features.of
+    of, seen_by = Features.of, Features.seen_by
 
     def made(*values: Any) -> Features:
-        return replace(of(*values), **dict.fromkeys((*VOLUMES, "calibrated_camera"), True))
+        flags: dict[str, Any] = dict.fromkeys(VOLUMES, True)
+        return replace(of(*values), **flags)
 
-    with patch.object(Features, "of", made):
+    def seen(features: Features, *values: Any) -> Features:
+        return replace(seen_by(features, *values), calibrated_camera=True, motion=True)
+
+    with patch.object(Features, "of", made), patch.object(Features, "seen_by", seen):
         yield
 
 

@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from mixed_moves import compiled_for_volumes, moved, with_all_features
 from mixed_parts import Draw, Json
+from mixed_plugins import PLUGINS
 from mixed_scenes import Mixed
 from mixed_ways import SAMPLERS, Way, biased_ways, black_ways, ways, white_ways
 from scipy import stats
@@ -132,7 +133,7 @@ class Oracle:
         return [replace(way, settings={k: v for k, v in way.settings.items() if k != "shadow_rays"}) for way in wanted]
 
     def _scene(self, name: str, content: Json) -> clrender.Scene:
-        return clrender.Scene(**content).placed(name, self._folder)
+        return clrender.Scene(**content).placed(name, self._folder).with_plugins(PLUGINS)
 
     def _rows(self, scene: clrender.Scene, seeds: range, inner: bool, **settings: Any) -> Floats:
         """(seeds, tiles) means of tiles; of the middle half of the image only if `inner`."""

@@ -11,7 +11,7 @@ from mixed_files import COLOR_PICTURES, NUMBER_PICTURES
 
 from clrender.scene.metals import METALS
 
-__all__ = ["Draw", "Json", "emission_for_white", "material", "medium", "texture"]
+__all__ = ["Draw", "Json", "emission_for_white", "mapping", "material", "medium", "texture"]
 
 Json: TypeAlias = dict[str, Any]
 _T = TypeVar("_T")
@@ -104,14 +104,20 @@ def texture(draw: Draw, low: float, high: float, number: bool) -> Json:
             made["scale"] = draw.color(low, high)
         if made["texture"].endswith(("png", "webp", "jpg")):
             made |= _optional(draw, color_space=lambda: draw.one(("srgb", "linear")))
-    return made | _mapping(draw)
+    return made | mapping(draw)
 
 
 def _optional(draw: Draw, **keys: Any) -> Json:
     return {key: make() for key, make in keys.items() if draw.chance(0.4)}
 
 
-def _mapping(draw: Draw) -> Json:
+def mapping(draw: Draw) -> Json:
+    """Set and transform of texture coordinates, as all textures may have them.
+
+    Parameters
+    ----------
+    draw : Draw
+    """
     made: Json = {"uv_set": draw.one((0, 1))} if draw.chance(0.3) else {}
     if draw.chance(0.4):
         made["transform"] = _optional(
@@ -267,7 +273,7 @@ def material(draw: Draw, kind: str | None = None) -> Json:
     else:
         made = {"type": kind, **_MAKERS[kind](draw)}
         if draw.chance(0.25):
-            made["normal_map"] = {"texture": "flat.png" if draw.white else "bent.png", **_mapping(draw)}
+            made["normal_map"] = {"texture": "flat.png" if draw.white else "bent.png", **mapping(draw)}
             made["normal_map"] |= _optional(
                 draw,
                 scale=lambda: draw.between(-1.0, 1.0),
@@ -278,7 +284,7 @@ def material(draw: Draw, kind: str | None = None) -> Json:
             made["bump_map"] = {
                 "texture": draw.one(("heights.png", "alpha.png")),
                 "scale": draw.between(-0.1, 0.1),
-                **_mapping(draw),
+                **mapping(draw),
             }
             made["bump_map"] |= _optional(
                 draw,
@@ -320,7 +326,7 @@ def emission_for_white(draw: Draw, second_set: bool = True) -> tuple[Any, Any]:
 
     if kind == "color":
         return first, rest(first)
-    more = _mapping(draw)
+    more = mapping(draw)
     if not second_set:
         more.pop("uv_set", None)
     if kind == "picture":

@@ -19,11 +19,14 @@ from typing import Any, Final
 import numpy as np
 from mixed_files import files
 from mixed_parts import Draw, Json, emission_for_white, medium
+from mixed_plugins import PLUGINS, plugged
 from mixed_shapes import Things
 
 from clrender.cameras.poses import CONVENTIONS, pose_matrix
 from clrender.exact.matrices import inverse
 from clrender.scene import Camera, Scene
+from clrender.scene.poses import Transform
+from clrender.scene.transforms import affine
 
 __all__ = ["KINDS", "Mixed", "mixed_scene"]
 
@@ -57,7 +60,7 @@ class Mixed:
 
     def scene(self, folder: Path) -> Scene:
         """The scene, with its files in a folder."""
-        return Scene(**self.content).placed(self.name, folder)
+        return Scene(**self.content).placed(self.name, folder).with_plugins(PLUGINS)
 
     def write(self, folder: Path) -> Path:
         """Write the scene and the files that it names; returns the scene's path."""
@@ -85,7 +88,64 @@ def mixed_scene(kind: str, number: int) -> Mixed:
     _as_seen_by_machines(mixed.name, mixed.content["camera"])
     _grouped(mixed.name, mixed.content)
     _categorized(mixed.name, mixed.content)
+    _moving(mixed)
+    plugged(mixed.name, mixed.content)
     return mixed
+
+
+_SOLID: Final = ("lambert", "oren_nayar", "conductor", "mirror")
+"""Materials that have no inside."""
+
+
+def _moving(mixed: Mixed) -> None:
+    """Move things and the camera while the shutter is open; by random numbers of their own."""
+    draw, content = Draw(f"motion of {mixed.name}", white=False), mixed.content
+    if not draw.chance(0.35):
+        return
+    begin = draw.between(-1.0, 1.0)
+    camera = content["camera"]
+    camera |= {"shutter": [begin, begin + draw.between(0.1, 1.0)]}
+    camera |= {"time": draw.between(-9.0, 9.0)} if draw.chance(0.5) else {}
+    middle = camera.get("time", 0.0) + begin + 0.2
+    for shape in content["shapes"]:
+        if _may_move(mixed, shape) and draw.chance(0.6):
+            shape["motion"] = _keys(draw, middle)
+    # Of a camera in a ball of its own the ball would stay behind
+    if "position" in camera and "lens" not in content.get("materials", {}) and draw.chance(0.6):
+        near = _plus(camera["position"], draw.point(0.1))
+        keys = [{"position": camera["position"]}, {"position": near, "target": draw.point(0.3)}]
+        keys[1] |= {"up": camera["up"]} if draw.chance(0.5) else {}
+        camera["motion"] = [{"time": middle + at, **key} for at, key in zip((-0.3, 0.4), keys, strict=True)]
+
+
+def _may_move(mixed: Mixed, shape: Json) -> bool:
+    """Not the walls; and where radiance is known, nothing that has an inside, or shines."""
+    if shape.get("flip_normals") or max(shape.get("size", [0.0])) > _REACH or shape.get("radius", 0.0) > _REACH:
+        return False
+    if mixed.exact is None:
+        return "edge_u" not in shape or max(map(abs, shape["edge_u"])) < _REACH
+    parts = mixed.content["groups"][shape["group"]]["shapes"] if shape["type"] == "instance" else [shape]
+    kinds = {mixed.content["materials"][part["material"]]["type"] for part in parts if "material" in part}
+    whole = all("material" in part and not {"interior", "emission"} & part.keys() for part in parts)
+    return whole and kinds <= set(_SOLID)
+
+
+def _keys(draw: Draw, middle: float) -> list[Json]:
+    """Keys of a motion about a time: a step, a turn, or a matrix."""
+    way = draw.one(("step", "turn", "matrix"))
+    there: Json = {"translate": draw.point(0.3)}
+    if way == "turn":
+        there |= {"rotate_degrees": draw.point(25.0), "scale": draw.between(0.9, 1.1)}
+    if way == "matrix":
+        turned = affine(Transform(rotate_degrees=tuple(draw.point(25.0)))).linear
+        rows = [[*row, step] for row, step in zip(turned, draw.point(0.3), strict=True)]
+        there = {"matrix": [*rows, [0.0, 0.0, 0.0, 1.0]]}
+    keys: list[Json] = [{}, there, {}][: draw.count(2, 3)]
+    return [{"time": middle - 0.4 + 0.5 * number, **key} for number, key in enumerate(keys)]
+
+
+def _plus(point: list[float], by: list[float]) -> list[float]:
+    return [a + b for a, b in zip(point, by, strict=True)]
 
 
 def _grouped(name: str, content: Json) -> None:

@@ -136,9 +136,9 @@ __kernel void sampling_light_choice(SCENE_PARAMETERS __global const float* bits,
     TreeWalk walk = light_begin(&scene, from, up, sampler, set, &choice);
     tree_descend(&scene, &walk);
     light_choose(&scene, &walk, sampler, set, mask_all(), &choice);
-    const LightRow light = light_at(&scene, choice.light);
+    const LightRow light = light_at(&scene, choice.light, splat(0.0f));
     const uint number = (uint)at;
-    const LightRow next = light_at(&scene, (splat_uint(number) + lane_index()) % settings->light_count);
+    const LightRow next = light_at(&scene, (splat_uint(number) + lane_index()) % settings->light_count, splat(0.0f));
     lane_save(vfloat_from_bits(choice.light), results + at);
     lane_save(settings->light_levels ? choice.probability : light.row[LIGHT_ROW_PROBABILITY], results + count + at);
     lane_save(light_probability(&scene, from, up, &light), results + (size_t)2 * count + at);

@@ -51,7 +51,9 @@ NEVER = {
     ("Scene", "title"),
     ("Scene", "image"),
     ("Scene", "render"),
-    *((camera, key) for camera in ("Camera",) for key in ("f_stop", "shutter", "iso")),  # of display images
+    *((camera, key) for camera in ("Camera",) for key in ("f_stop", "iso")),  # of display images
+    ("Camera", "flow_step"),  # of layers (tests/image/test_flow.py)
+    ("Camera", "rolling_shutter"),  # refused by half of the integrators (tests/image/test_motion_blur.py)
     *((shape, "interior") for shape in ("Quad", "Disk", "Triangle")),  # of closed shapes
     *(("Subsurface", key) for key in ("opacity", "opacity_cutoff")),  # refused
 }

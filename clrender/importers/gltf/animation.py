@@ -13,7 +13,7 @@ from clrender.importers.gltf.accessors import Accessors
 from clrender.importers.gltf.document import Document
 from clrender.wording import quoted
 
-__all__ = ["Moved", "moved_at"]
+__all__ = ["Moved", "moved_at", "values_at"]
 
 Moved: TypeAlias = dict[tuple[int, str], list[float]]
 """Animated values, by node and path."""
@@ -40,6 +40,12 @@ def moved_at(document: Document, accessors: Accessors, seconds: float | None) ->
     if len(animations) > 1:
         name = animations[0].get("name", "0")
         document.note(f"it has {len(animations)} animations; of these the first, {quoted(name)}, moves the model")
+    return values_at(document, accessors, seconds)
+
+
+def values_at(document: Document, accessors: Accessors, seconds: float) -> Moved:
+    """Like `moved_at`, of a file that has an animation, and without notes."""
+    animations = document.items("animations")
     moved: Moved = {}
     for channel in animations[0]["channels"]:
         target = channel["target"]

@@ -15,6 +15,7 @@ from clrender.importers.gltf.animation import moved_at
 from clrender.importers.gltf.container import opened
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.matrices import Matrix
+from clrender.importers.gltf.motion import NodeMotion
 from clrender.importers.gltf.nodes import Nodes
 from clrender.importers.gltf.validator import validate
 from clrender.wording import quoted
@@ -37,14 +38,17 @@ class NodeCamera:
         Table `camera` of a scene file.
     image : dict
         Table `image`; empty if the camera does not give the shape of its image.
+    node : int
+        Index of the node.
     """
 
     name: str
     keys: dict[str, Any]
     image: dict[str, int]
+    node: int
 
 
-def add_camera(document: Document, nodes: Nodes) -> None:
+def add_camera(document: Document, nodes: Nodes, motion: NodeMotion) -> None:
     """Add the first camera and the size of its image to the draft's description, if there is a camera."""
     usable = _cameras(document, nodes)
     if not usable:
@@ -52,9 +56,20 @@ def add_camera(document: Document, nodes: Nodes) -> None:
     first = usable[0]
     if len(usable) > 1:
         document.note(f"it has {len(usable)} cameras; the image is of the first, {quoted(first.name)}")
-    document.draft.description["camera"] = first.keys
+    document.draft.description["camera"] = {**first.keys, **_moving(document, motion, first.node)}
     if first.image:
         document.draft.description["image"] = first.image
+
+
+def _moving(document: Document, motion: NodeMotion, index: int) -> dict[str, Any]:
+    """Keys of the motion of a camera; empty if it rests."""
+    keys = []
+    for time, world in zip(motion.times, motion.of(index), strict=False):
+        made = _made(document, document.items("nodes")[index]["camera"], world, index)
+        if made is None:
+            return {}
+        keys.append({"time": time, **{key: made[0][key] for key in ("position", "target", "up")}})
+    return {"motion": keys} if keys else {}
 
 
 def read_cameras(path: Path, files: AssetFiles, choices: Choices) -> list[NodeCamera]:
@@ -90,7 +105,7 @@ def _cameras(document: Document, nodes: Nodes) -> list[NodeCamera]:
         if made is not None:
             keys, aspect = made
             name = document.items("cameras")[node["camera"]].get("name") or node.get("name")
-            usable.append(NodeCamera(name or f"/cameras/{node['camera']}", keys, _image(aspect)))
+            usable.append(NodeCamera(name or f"/cameras/{node['camera']}", keys, _image(aspect), index))
     return usable
 
 

@@ -23,6 +23,7 @@ from clrender.importers.gltf.lights import add_lights
 from clrender.importers.gltf.materials import Materials
 from clrender.importers.gltf.matrices import IDENTITY, Matrix
 from clrender.importers.gltf.meshes import Meshes, Part
+from clrender.importers.gltf.motion import NodeMotion
 from clrender.importers.gltf.nodes import Nodes
 from clrender.importers.gltf.textures import Textures
 from clrender.importers.gltf.validator import validate
@@ -55,13 +56,16 @@ def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft
     accessors.check()
     decode_draco(document, accessors)
     check_animations(document, accessors)
-    nodes = Nodes(document, moved_at(document, accessors, choices.time_at))
+    # Of an open shutter the image is of an animation, which begins at time 0
+    moment = 0.0 if choices.time_at is None and choices.shutter is not None else choices.time_at
+    nodes = Nodes(document, moved_at(document, accessors, moment))
+    motion = NodeMotion(document, accessors, choices)
     skins = [joint_transforms(document, accessors, index, nodes.world) for index in range(len(document.items("skins")))]
     meshes = Meshes(document, accessors, Materials(document, Textures(document, accessors), choices.variant))
     for index in nodes.shown:
         if "mesh" in document.items("nodes")[index]:
-            _add_shapes(document, accessors, nodes, skins, meshes, index)
-    add_camera(document, nodes)
+            _add_shapes(document, accessors, nodes, motion, skins, meshes, index)
+    add_camera(document, nodes, motion)
     add_lights(document, nodes)
     description = document.draft.description
     if not description["shapes"]:
@@ -71,7 +75,13 @@ def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft
 
 
 def _add_shapes(
-    document: Document, accessors: Accessors, nodes: Nodes, skins: list[list[Matrix]], meshes: Meshes, index: int
+    document: Document,
+    accessors: Accessors,
+    nodes: Nodes,
+    motion: NodeMotion,
+    skins: list[list[Matrix]],
+    meshes: Meshes,
+    index: int,
 ) -> None:
     """Add the shapes of a node's mesh, for each of its instances."""
     node, shapes = document.items("nodes")[index], document.draft.description["shapes"]
@@ -79,7 +89,11 @@ def _add_shapes(
     weights = nodes.weights(index, document.items("meshes")[node["mesh"]])
     parts = meshes.parts(node["mesh"], weights, joints, index)
     # Skinned vertices are already in world space, independent of their node
-    world = IDENTITY if joints else nodes.world[index]
+    keys = [] if joints else motion.keys(index)
+    world = IDENTITY if joints or keys else nodes.world[index]
+    moves = {"motion": keys} if keys else {}
+    if motion.times and _deforms(node, motion, joints, weights, document, index):
+        document.note(f"/nodes/{index}: its mesh changes its form, and is rendered as it is at the time of the image")
     name = (node.get("name") or document.items("meshes")[node["mesh"]].get("name") or "")[:NAME_LIMIT]
     maps = instance_maps(document, accessors, index)
     places = np.array([world[:3]]) if maps is None else placed(world, maps)
@@ -88,15 +102,31 @@ def _add_shapes(
         document.note(f"/nodes/{index}: {_times(int(np.count_nonzero(flat)))} left out, which its transform flattens")
         places = places[~flat]
     made = [_shape(part) for part in parts]
-    if maps is not None and place_group(document.draft, made, places, name):
+    if maps is not None and place_group(document.draft, made, places, name, moves):
         return
     if len(shapes) + len(places) * len(made) > SHAPE_LIMIT:
         raise document.fault(f"/nodes/{index}", f"makes more than {SHAPE_LIMIT} shapes of the scene; export fewer")
     for rows in places.tolist():
         matrix = (*(tuple(row) for row in rows), IDENTITY[3])
         for shape in made:
-            where = {} if matrix == IDENTITY else {"transform": {"matrix": matrix}}
+            where: dict[str, Any] = {} if matrix == IDENTITY else {"transform": {"matrix": matrix}}
+            where |= moves
             shapes.append({**shape, **({"name": name} if name else {}), **where})
+
+
+def _deforms(
+    node: dict[str, Any],
+    motion: NodeMotion,
+    joints: list[Matrix] | None,
+    weights: list[float],
+    document: Document,
+    index: int,
+) -> bool:
+    """Whether a mesh changes its form while the shutter is open: by its joints, or its morph targets."""
+    if joints is not None and any(motion.of(joint) for joint in document.items("skins")[node["skin"]]["joints"]):
+        return True
+    mesh = document.items("meshes")[node["mesh"]]
+    return any(each != weights for each in motion.weights(index, mesh))
 
 
 def _shape(part: Part) -> dict[str, Any]:

@@ -1,0 +1,137 @@
+"""Sequences of images: the frames of an animation, their names, and which of them are there already."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from clrender.errors import ClrenderError, UsageError
+from clrender.limits import shown
+
+if TYPE_CHECKING:
+    from clrender.rendering.job import RenderJob
+
+__all__ = ["FRAMES_PER_SECOND", "Frames", "frames"]
+
+FRAMES_PER_SECOND: Final = 24.0
+_MOST: Final = 10**6
+_NUMBER: Final = re.compile(r"%(0\d)?d")
+_EMBEDDED: Final = (".png", ".exr")
+"""Extensions of files that say how they were made, as `frames` of a render that is resumed have to."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Numbers of frames.
+
+    Attributes
+    ----------
+    first, last, step : int
+        The first, the last, which may be between two, and what to add from one to the next.
+    """
+
+    first: int
+    last: int
+    step: int
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(range(self.first, self.last + 1, self.step))
+
+    def __len__(self) -> int:
+        return len(range(self.first, self.last + 1, self.step))
+
+    def check(self, outputs: Sequence[Path], others: Mapping[str, object], resume: bool) -> None:
+        """Check the names of the outputs, and that nothing is asked for that is of one image.
+
+        Parameters
+        ----------
+        outputs : sequence of pathlib.Path
+            Patterns of names.
+        others : mapping of str to object
+            Values of options that are for one image.
+        resume : bool
+            Whether frames that are there are kept.
+
+        Raises
+        ------
+        UsageError
+        """
+        for output in outputs:
+            if (
+                len(_NUMBER.findall(output.name)) != 1
+                or "%" in _NUMBER.sub("", output.name)
+                or "%" in str(output.parent)
+            ):
+                raise UsageError(
+                    f"{output}: with --frames a name has one place for the number of the frame; write one such as "
+                    f"{output.stem.replace('%', '')}_%04d{output.suffix}"
+                )
+        for option, value in others.items():
+            if value:
+                raise UsageError(f"{option}: is for one image, and --frames makes {len(self)}; leave one of them out")
+        if resume and not any(output.suffix.lower() in _EMBEDDED for output in outputs):
+            raise UsageError("--resume: of frames only .png and .exr say how they were made; name one of those with -o")
+
+
+def frames(value: str) -> Frames:
+    """Parse ``A:B`` or ``A:B:S``; used as a click type.
+
+    Raises
+    ------
+    click.BadParameter
+        It is nothing of that kind.
+    """
+    match = re.fullmatch(r"(-?\d{1,7}):(-?\d{1,7})(?::(\d{1,7}))?", value, re.ASCII)
+    if not match:
+        raise click.BadParameter(f"{shown(value)} is no range of frames such as 1:48, or 1:48:2 for every second one.")
+    found = Frames(int(match[1]), int(match[2]), int(match[3] or 1))
+    if found.step < 1 or not 1 <= len(found) <= _MOST:
+        raise click.BadParameter(
+            f"{shown(value)} holds {max(len(found), 0) if found.step else 0} frames; name 1 to {_MOST}."
+        )
+    return found
+
+
+def named(outputs: Sequence[Path], number: int) -> list[Path]:
+    """The outputs of a frame."""
+    return [output.with_name(output.name % number) for output in outputs]
+
+
+def is_done(paths: Sequence[Path], job: RenderJob, how: Mapping[str, Any]) -> bool:
+    """Whether the files of a frame are there, and those that say how they were made were made in this way.
+
+    Parameters
+    ----------
+    paths : sequence of pathlib.Path
+    job : RenderJob
+    how : mapping
+        ``tone_map``, ``exposure``, ``exr_type`` and ``exr_compression`` of files.
+    """
+    from clrender.image.files import read_provenance
+
+    if not all(path.is_file() for path in paths):
+        return False
+    width, height = job.settings.film_size
+    request = json.loads(json.dumps(job.request()))
+    del request["sampler_sha256"]  # a part of the kernels
+    for path in paths:
+        if path.suffix.lower() not in _EMBEDDED:
+            continue
+        try:
+            said = read_provenance(path) or {}
+        except ClrenderError:
+            return False
+        settings = {name: value for name, value in said.get("settings", {}).items() if name != "spp"}
+        made = {**settings, **{name: said.get(name) for name in request if name not in settings}}
+        stored = said.get("stored", {})
+        if made != request or said.get("samples") != width * height * job.sample_count:
+            return False
+        if said.get("denoised") != job.denoise or any(stored[name] != how[name] for name in stored.keys() & how.keys()):
+            return False
+    return True

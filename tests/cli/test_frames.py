@@ -1,0 +1,128 @@
+"""Sequences of images: names, what is kept of them, and that each is the image that is rendered alone."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_support import call
+
+import clrender
+from clrender.cli.frames import Frames
+from clrender.image.files import read_image
+
+SCENE = """
+[camera]
+position = [0.0, 1.5, 4.0]
+target = [0.0, 0.6, 0.0]
+[materials.w]
+type = "lambert"
+reflectance = [0.7, 0.6, 0.5]
+[[shapes]]
+type = "box"
+center = [0, 0.3, 0]
+size = [0.6, 0.6, 0.6]
+material = "w"
+motion = [{time = 0.0, translate = [-1.5, 0, 0]}, {time = 1.0, translate = [1.5, 0, 0], rotate_degrees = [0, 90, 0]}]
+[[lights]]
+type = "environment"
+radiance = [1, 1, 1]
+"""
+SMALL = ("--size", "24x16", "--spp", "2", "--quiet")
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE)
+    return path
+
+
+def hashes(text: str) -> dict[str, str]:
+    """Hashes of images by frame, of what the command prints."""
+    return dict(re.findall(r"frame (-?\d+): .*image sha256 ([0-9a-f]{64})", text))
+
+
+def test_frames_are_what_is_rendered_alone(scene: Path, tmp_path: Path) -> None:
+    names = ["-o", str(tmp_path / "f_%03d.png"), "-o", str(tmp_path / "f_%03d.exr")]
+    result = call("render", str(scene), "--frames", "-1:7:4", "--fps", "8", "--shutter", "0:1/16", *names, *SMALL)
+    assert result.returncode == 0, result.stderr
+    found = hashes(result.stdout)
+    assert list(found) == ["-1", "3", "7"]
+    assert sorted(path.name for path in tmp_path.glob("f_*")) == [
+        f"f_{number}.{ending}" for number in ("-01", "003", "007") for ending in ("exr", "png")
+    ]
+    for frame, digest in found.items():
+        still = clrender.load(scene, time_at=int(frame) / 8, shutter=(0.0, 1.0 / 16))
+        assert clrender.render(still, size=(24, 16), spp=2).stats["image_sha256"] == digest
+    verified = call("verify", str(tmp_path / "f_003.png"), "--fraction", "1", "--json")
+    assert json.loads(verified.stdout)["sound"]
+
+
+def test_frames_that_are_done_are_kept(scene: Path, tmp_path: Path) -> None:
+    pattern = str(tmp_path / "f_%d.png")
+
+    def rendered(*more: str) -> list[str]:
+        result = call("render", str(scene), "--frames", "0:3", "-o", pattern, *SMALL, *more)
+        assert result.returncode == 0, result.stderr
+        return list(hashes(result.stdout))
+
+    assert rendered() == ["0", "1", "2", "3"]
+    assert rendered("--resume") == []
+    (tmp_path / "f_1.png").unlink()
+    (tmp_path / "f_2.png").write_bytes(b"half of a picture")
+    assert rendered("--resume") == ["1", "2"]
+    assert rendered("--resume", "--tone-map", "agx") == ["0", "1", "2", "3"]
+    assert rendered("--resume", "--tone-map", "agx", "--seed", "3") == ["0", "1", "2", "3"]
+    scene.write_text(SCENE.replace("time = 1.0", "time = 2.0"))
+    assert rendered("--resume", "--tone-map", "agx", "--seed", "3") == ["0", "1", "2", "3"]
+
+
+def test_an_interruption_leaves_whole_frames(scene: Path, tmp_path: Path) -> None:
+    arguments = ["render", str(scene), "--frames", "0:999", "-o", str(tmp_path / "f_%d.exr"), *SMALL]
+    with subprocess.Popen([sys.executable, "-m", "clrender", *arguments], stderr=subprocess.PIPE, text=True) as process:
+        deadline = time.monotonic() + 120.0
+        while len(list(tmp_path.glob("f_*.exr"))) < 2 and time.monotonic() < deadline:
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        _, told = process.communicate(timeout=60)
+    assert process.returncode == 130 and "--resume keeps the others" in told
+    made = list(tmp_path.glob("f_*"))
+    assert len(made) >= 2
+    for path in made:
+        assert np.isfinite(read_image(path)).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--frames", "0:3", "-o", "x.png"), "one place for the number"),
+        (("--frames", "0:3", "-o", "x_%d_%d.png"), "one place for the number"),
+        (("--frames", "0:3", "-o", "x_%s.png"), "one place for the number"),
+        (("--frames", "3:0", "-o", "x_%d.png"), "0 frames"),
+        (("--frames", "0:3:0", "-o", "x_%d.png"), "0 frames"),
+        (("--frames", "all", "-o", "x_%d.png"), "no range of frames"),
+        (("--frames", "0:3", "-o", "x_%d.png", "--checkpoint", "a.film"), "--checkpoint"),
+        (("--frames", "0:3", "-o", "x_%d.png", "--time-at", "1"), "--time-at"),
+        (("--frames", "0:3", "-o", "x_%d.hdr", "--resume"), ".png and .exr"),
+        (("--fps", "3", "-o", "x.png"), "--frames"),
+        (("--shutter", "1:0", "-o", "x.png"), "no interval"),
+        (("--shutter", "0:x", "-o", "x.png"), "no interval"),
+    ],
+)
+def test_what_is_refused(scene: Path, tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:
+    given = [str(tmp_path / each) if each.startswith("x") else each for each in arguments]
+    result = call("render", str(scene), *given, *SMALL)
+    assert result.returncode == 2 and words in result.stderr and result.stderr.count("\n") == 1, result.stderr
+    assert not list(tmp_path.glob("x*"))
+
+
+def test_numbers_of_frames() -> None:
+    assert list(Frames(1, 6, 2)) == [1, 3, 5] and len(Frames(1, 6, 2)) == 3
