@@ -387,3 +387,28 @@ def test_majority() -> None:
     found: npt.NDArray[np.float32] = majority(numbers, taken)
     assert found[0].tolist() == [1, 0, 7, 0, 0]
     assert found[1].tolist() == [0.5, 0.5, 1.0, 0.0, np.float32(2 / 3)]
+
+
+def test_what_moves(device: Device) -> None:
+    """A group with a lamp in it, placed twice, moves by a pixel while the shutter is open; so does a plain shape."""
+    group = {"shapes": [strip(0.0, 0.5, name="leg"), strip(0.5, 1.0, emission=[1, 1, 1])]}
+    del group["shapes"][1]["material"]
+    motion = [{"time": 0.0, "translate": [0, 0, 0]}, {"time": 1.0, "translate": [1, 0, 0]}]
+    places = [[[1, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]] for x in (-4.0, -1.0)]
+    shapes: list[dict[str, Any]] = [
+        {"type": "instance", "group": "g", "name": "chair", "category": "c", "transforms": places, "motion": motion},
+        strip(2.0, 3.0, name="plank", motion=motion),
+    ]
+    what = scene(*shapes, groups={"g": group}).changed({"camera.shutter": [0.0, 1.0]})
+    image = rendered(device, what, amodal="all")
+    labels = image.labels["instance"]
+    assert [each.name for each in labels] == ["chair[0]", "chair[1]", "plank"]
+    for each, columns in zip(labels, ((0, 1), (3, 4), (6, 7)), strict=True):
+        assert each.area == each.whole_area and abs(each.area - 4.0) < 0.25
+        assert set(np.unique(image.mask("instance")[:, columns])) <= {0, each.number}
+        np.testing.assert_allclose(image.amodal[each.number][:, columns].mean(axis=0), 0.5, atol=0.1)
+        assert not np.delete(image.amodal[each.number], columns, axis=1).any()
+    parts = {each.name: each.area for each in image.labels["part"]}
+    assert parts.keys() == {"g/leg", "g/quad_1", "plank"} and parts["g/leg"] == pytest.approx(4.0, abs=0.3)
+    (category,) = image.labels["category"]
+    assert category.area == labels[0].area + labels[1].area
