@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from clrender.rendering.rendered_image import RenderedImage as RenderedImage
     from clrender.rendering.session import Session as Session
     from clrender.scene import Scene as Scene
+    from clrender.sensor import Sensor as Sensor
     from clrender.verification import verify as verify
     from clrender.view.notebook import View as View
 
@@ -43,6 +44,7 @@ _HOMES = {
     "RenderJob": "clrender.rendering.job",
     "Scene": "clrender.scene",
     "SceneError": "clrender.errors",
+    "Sensor": "clrender.sensor",
     "Session": "clrender.rendering.session",
     "UsageError": "clrender.errors",
     "View": "clrender.view.notebook",

@@ -16,7 +16,9 @@ __all__ = ["lint", "lint_text"]
 ROOT: Final = Path(__file__).resolve().parent.parent
 _ROOMS: Final = (
     "exact/matrices.py",
+    "exact/counters.py",
     "exact/elementary.py",
+    "datasets/",
     "exporters/",
     "flatten/",
     "importers/",
@@ -24,9 +26,12 @@ _ROOMS: Final = (
     "photon/",
     "radiosity/",
     "scene/",
+    "sensor/",
     *(
         f"image/{name}.py"
-        for name in (*("colorimetry", "display", "exr", "files", "pictures", "radiance_hdr", "texel_tiles"),)
+        for name in (
+            *("colorimetry", "display", "exr", "files", "pictures", "radiance_hdr", "texel_tiles", "exact_display"),
+        )
     ),
 )
 """What of the package ends in the bits of scenes and images; `exact` is where other functions are corrected."""

@@ -12,11 +12,14 @@ from clrender.aov.first_hits import (
     LayerArguments,
     LayerKind,
     first_hits,
+    hit_counts,
 )
+from clrender.aov.labels import Label, Labelling, labels_told
 from clrender.aov.names import (
     AOVS,
     ERRORS,
     FLOWS,
+    LABELS,
     MATTES,
     OF_FILM,
     channel_count,
@@ -32,10 +35,13 @@ __all__ = [
     "FLOWS",
     "GUIDES",
     "GUIDE_SAMPLES",
+    "LABELS",
     "LAYER_KINDS",
     "LAYER_SAMPLES",
     "MATTES",
     "OF_FILM",
+    "Label",
+    "Labelling",
     "LayerArguments",
     "LayerKind",
     "channel_count",
@@ -43,6 +49,8 @@ __all__ = [
     "exact_channels",
     "exr_channels",
     "first_hits",
+    "hit_counts",
+    "labels_told",
     "matte_attributes",
     "matte_names",
 ]

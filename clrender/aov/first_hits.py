@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,7 +13,9 @@ import numpy.typing as npt
 
 from clrender import layout
 from clrender.aov.cryptomatte import matte_names, name_id, ranked
-from clrender.aov.names import FLOWS, MATTES, OF_FILM, RANKS
+from clrender.aov.label_numbers import LabelNumbers, majority
+from clrender.aov.labels import Labelling
+from clrender.aov.names import FLOWS, LABELS, MATTES, OF_FILM, RANKS
 from clrender.aov.samples import PrimitiveSamples
 from clrender.device.scene_arrays import scene_array_names
 from clrender.device.team import DeviceTeam, most_slots
@@ -46,6 +49,7 @@ __all__ = [
     "LayerArguments",
     "LayerKind",
     "first_hits",
+    "hit_counts",
 ]
 
 _Array = npt.NDArray[np.float32]
@@ -169,6 +173,7 @@ def first_hits(
     most_samples: int = LAYER_SAMPLES,
     should_stop: Callable[[], bool] | None = None,
     notify: Callable[[str], None] | None = None,
+    areas: dict[str, dict[int, float]] | None = None,
 ) -> dict[str, _Array]:
     """Layers of first hits, with the same bits however the work is divided.
 
@@ -190,6 +195,8 @@ def first_hits(
         Called between launches; if it returns True, samples are missing.
     notify : callable, optional
         Called with a line about each device that failed.
+    areas : dict, optional
+        Receives, for each layer of labels, the pixels that each of its numbers covers.
 
     Returns
     -------
@@ -209,7 +216,9 @@ def first_hits(
         without any. ``normal_camera`` : the normal along the image's right, its up, and backward. ``depth`` : distance
         from the camera's position, metres; ``z_depth`` : the same along the view; infinite where nothing is hit.
         ``object``, ``material`` : indices in the scene's lists of shapes and of materials, from 0, of the first
-        sample's hit; -1 if it hits nothing, or a shape without a material. ``crypto_object``, ``crypto_material`` :
+        sample's hit; -1 if it hits nothing, or a shape without a material. ``instance``, ``category``, ``part`` : the
+        number that most samples of the pixel have (`clrender.aov.labels.Labelling`), 0 for nothing, and the share of
+        its samples that have it. ``crypto_object``, ``crypto_material`` :
         `clrender.aov.cryptomatte.ranked` of the names of shapes and materials. The others are means over samples;
         those of depth, z_depth, position and uv are over samples that hit something.
 
@@ -239,7 +248,7 @@ def first_hits(
         most = most_slots(devices, settings.max_memory)
         passes = _Passes(team, asked, settings, should_stop, notify or (lambda line: None), apart, most)
         for name in wanted:
-            if name not in (*_NUMBERS, *MATTES, *FLOWS, _TURNED):
+            if name not in (*_NUMBERS, *MATTES, *FLOWS, *LABELS, _TURNED):
                 found[name] = _layer(name, *passes.mean(name, _alpha_samples(settings) if name == "alpha" else samples))
         if _TURNED in wanted:
             kind = _TURNED if flat.camera["segments"].any() else "normal"
@@ -248,9 +257,9 @@ def first_hits(
         if any(name in _NUMBERS for name in wanted):
             seen = _seen(*passes.mean("primitive", 1), flat)
             found |= {name: _numbers(name, seen, scene) for name in _NUMBERS if name in wanted}
-        mattes = [name for name in wanted if name in MATTES]
-        if mattes:
-            found |= _mattes(mattes, passes, samples, scene, flat)
+        counted = [name for name in wanted if name in MATTES or name in LABELS]
+        if counted:
+            found |= _counted(counted, passes, samples, scene, flat, {} if areas is None else areas)
     flows = [name for name in wanted if name in FLOWS]
     if flows:
         moving = partial(make, pipeline=FIRST_HITS, on_device=partial(LayerArguments, asked=asked))
@@ -260,6 +269,38 @@ def first_hits(
             passes = replace(passes, team=team)
             found |= {name: _layer(name, *passes.mean(name, samples)) for name in flows}
     return {name: found[name] for name in wanted}
+
+
+def hit_counts(
+    devices: Sequence[Device],
+    make: Callable[..., DeviceWorker],
+    settings: RenderSettings,
+    samples: int,
+    should_stop: Callable[[], bool] | None = None,
+    notify: Callable[[str], None] | None = None,
+) -> npt.NDArray[np.uint32]:
+    """Number of the samples of each pixel that hit anything.
+
+    Parameters
+    ----------
+    devices, make, settings, should_stop, notify
+        See `first_hits`.
+    samples : int
+        Samples of each pixel, which are the image's first ones.
+
+    Returns
+    -------
+    (H, W) uint32
+    """
+    asked = LayerKind()
+    on_device = partial(LayerArguments, asked=asked)
+    with DeviceTeam(devices, partial(make, pipeline=FIRST_HITS, on_device=on_device)) as team:
+        apart = MOST_BYTES if settings.max_memory is None else 0
+        most = most_slots(devices, settings.max_memory)
+        passes = _Passes(team, asked, settings, should_stop, notify or (lambda line: None), apart, most)
+        film = Film(*settings.film_size)
+        passes.run("primitive", samples, film)
+        return np.array(film.counts, np.uint32)
 
 
 def _alpha_samples(settings: RenderSettings) -> int:
@@ -312,21 +353,39 @@ def _numbers(name: str, seen: npt.NDArray[np.int64], scene: Scene) -> _Array:
     return _planar(np.array([-1, *of_seen], np.float32)[seen][..., None])
 
 
-def _mattes(names: Sequence[str], passes: _Passes, samples: int, scene: Scene, flat: FlatScene) -> dict[str, _Array]:
-    """Mattes, computed for some rows of tiles at a time: samples are kept individually until they are counted."""
+def _counted(
+    names: Sequence[str],
+    passes: _Passes,
+    samples: int,
+    scene: Scene,
+    flat: FlatScene,
+    areas: dict[str, dict[int, float]],
+) -> dict[str, _Array]:
+    """Mattes and labels, for some rows of tiles at a time: samples are kept individually until they are counted."""
     (width, height), tile = passes.settings.film_size, passes.tile
-    ids = {name: _ids(each) for name, each in matte_names(scene).items()}
-    planes = {name: np.zeros((2 * RANKS, height, width), np.float32) for name in names}
+    mattes, labels = ([name for name in names if name in kind] for kind in (MATTES, LABELS))
+    ids = {name: _ids(each) for name, each in matte_names(scene).items()} if mattes else {}
+    numbering = LabelNumbers(Labelling.of(scene), flat) if labels else None
+    counts: dict[str, Counter[int]] = {name: Counter() for name in labels}
+    planes = {name: np.zeros((2 if name in labels else 2 * RANKS, height, width), np.float32) for name in names}
     all_rows = -(-height // tile)
     most = min(_SAMPLES_BYTES, (passes.settings.max_memory or 2**62) // 16)
-    step = max(1, most // (4 * samples * tile * width))
+    step = max(1, most // (8 * samples * tile * width))
     for first in range(0, all_rows, step):
         rows = (first, min(first + step, all_rows))
         seen = PrimitiveSamples(width, height, rows, samples, tile)
         passes.run("primitive", samples, seen, rows)
-        numbers, taken = seen.told_apart(flat), seen.taken.reshape(-1)
-        for name, plane in planes.items():
-            plane[:, seen.top : seen.bottom] = ranked(numbers, taken, ids[name]).reshape(2 * RANKS, -1, width)
+        taken, band = seen.taken.reshape(-1), slice(seen.top, seen.bottom)
+        numbers = seen.told_apart(flat) if mattes else seen.numbers
+        for name in mattes:
+            planes[name][:, band] = ranked(numbers, taken, ids[name]).reshape(2 * RANKS, -1, width)
+        for name in labels:
+            assert numbering is not None
+            numbers = seen.labelled(name, numbering, flat)
+            planes[name][:, band] = majority(numbers, taken).reshape(2, -1, width)
+            values, found = np.unique(numbers, return_counts=True)
+            counts[name].update(dict(zip(values.tolist(), found.tolist(), strict=True)))
+    areas |= {name: {n: count / samples for n, count in sorted(each.items()) if n} for name, each in counts.items()}
     return {name: np.moveaxis(plane, 0, 2) for name, plane in planes.items()}
 
 

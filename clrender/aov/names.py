@@ -15,6 +15,7 @@ __all__ = [
     "AOVS",
     "ERRORS",
     "FLOWS",
+    "LABELS",
     "MATTES",
     "OF_FILM",
     "RANKS",
@@ -44,6 +45,9 @@ AOVS: Final[Mapping[str, str]] = {
     "uv": "UV",
     "object": "V",
     "material": "V",
+    "instance": "VA",
+    "category": "VA",
+    "part": "VA",
     "samples": "V",
     "stderr": "RGB",
     "unconverged": "V",
@@ -63,6 +67,9 @@ FLOWS: Final = frozenset(("flow", "scene_flow"))
 
 MATTES: Final[Mapping[str, str]] = {"crypto_object": "CryptoObject", "crypto_material": "CryptoMaterial"}
 """The layers that are mattes, and their names in files."""
+
+LABELS: Final = ("instance", "category", "part")
+"""The layers of exact numbers; see `clrender.aov.labels`."""
 
 _HALF: Final = ("alpha", "albedo", "emission", "normal", "normal_camera", "tangent")
 """Shares, colours and directions, for which half precision suffices."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ from clrender.errors import RenderError
 from clrender.film.unit import BLOCK_SLOTS, Unit, UnitSums, tile_slots
 
 if TYPE_CHECKING:
+    from clrender.aov.label_numbers import LabelNumbers
     from clrender.flatten.flat_scene import FlatScene
 
 __all__ = ["PrimitiveSamples"]
@@ -89,14 +91,43 @@ class PrimitiveSamples:
         return int((unit.pixels(self._width, self._height) * result.done).sum())
 
     def told_apart(self, flat: FlatScene) -> npt.NDArray[np.uint32]:
-        """`numbers`, overwritten with the objects of `FlatInstances.seen` in place of primitives.
+        """The objects of `FlatInstances.seen` in place of primitives.
 
         Returns
         -------
         (pixels, samples) uint32
             Counted from 1; 0 for nothing.
         """
-        for row in self.numbers:
+        shapes = flat.arrays["primitive_shape"]
+        return self._mapped(lambda primitives: flat.instances.seen(primitives, shapes) + 1)
+
+    def labelled(self, layer: str, labels: LabelNumbers, flat: FlatScene) -> npt.NDArray[np.uint32]:
+        """The numbers of a layer of labels in place of primitives.
+
+        Parameters
+        ----------
+        layer : str
+            One of `clrender.aov.names.LABELS`.
+        labels : LabelNumbers
+        flat : FlatScene
+
+        Returns
+        -------
+        (pixels, samples) uint32
+            From 1; 0 for nothing.
+        """
+        shapes = flat.arrays["primitive_shape"]
+
+        def numbers(primitives: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+            rows, instance = flat.instances.rows_of(primitives)
+            return labels.of(layer, shapes[rows].astype(np.int64), instance)
+
+        return self._mapped(numbers)
+
+    def _mapped(self, numbers: Callable[[npt.NDArray[np.int64]], npt.NDArray[np.int64]]) -> npt.NDArray[np.uint32]:
+        """Numbers in place of primitives, (pixels, samples) uint32; row by row, to save memory."""
+        found = np.zeros_like(self.numbers)
+        for row, into in zip(self.numbers, found, strict=True):
             hit = row > 0
-            row[hit] = flat.instances.seen(row[hit].astype(np.int64) - 1, flat.arrays["primitive_shape"]) + 1
-        return self.numbers.reshape(-1, self.numbers.shape[2])
+            into[hit] = numbers(row[hit].astype(np.int64) - 1)
+        return found.reshape(-1, found.shape[2])

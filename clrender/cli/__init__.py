@@ -32,6 +32,7 @@ STARTED: Final = time.perf_counter()
 COMMANDS: Final[dict[str, str]] = {
     "render": "Render a scene to image files.",
     "view": "Show a scene live in the browser.",
+    "dataset": "Make a labelled data set of many images.",
     "devices": "List OpenCL devices and their check results.",
     "doctor": "Diagnose OpenCL on this machine: problems, causes and fixes.",
     "new": "Write a commented example scene.",
@@ -44,7 +45,7 @@ COMMANDS: Final[dict[str, str]] = {
     "furnace": "Measure the physics of materials: energy, reciprocity, sampling.",
     "report": "Reproduce the original report: its table, figures and conclusions.",
     "merge": "Merge films of the same render, or write the image of one.",
-    "verify": "Render random tiles of an image again and compare them bit for bit.",
+    "verify": "Render parts of an image or a data set again and compare them bit for bit.",
     "radiosity": "Animate a moving shape in a diffuse scene.",
     "bench": "Benchmark clrender, optionally against other renderers.",
     "warmup": "Compile kernels before they are needed.",

@@ -62,7 +62,12 @@ _FILM_PIXELS: Final = 1 << 24
     shell_complete=complete_layers,
     help="Layers of the .exr: alpha,albedo,emission,normal,normal_camera,tangent,depth,z_depth,position,uv,flow,"
     "scene_flow,"
-    "object,material,samples,crypto_object,crypto_material,stderr,unconverged.",
+    "object,material,instance,category,part,samples,crypto_object,crypto_material,stderr,unconverged.",
+)
+@click.option(
+    "--amodal",
+    metavar="LIST",
+    help="Layers of the .exr with what these instances, or all, cover as if nothing stood before them.",
 )
 @click.option(
     "--light-groups",
@@ -141,6 +146,7 @@ def render(
     shutter: float | tuple[float, float] | None,
     iso: float | None,
     aov: str | None,
+    amodal: str | None,
     light_groups: bool,
     alpha: bool,
     exr_type: str,
@@ -180,10 +186,11 @@ def render(
     check_distinct(written, [Path(scene), *([guiding_field] if guiding_field else [])])
     layers = _layers(aov, outputs)
     _check_layers(light_groups, "--light-groups", outputs)
+    _check_layers(amodal is not None, "--amodal", outputs)
     if alpha:
         layers, reading["hide_environment"] = _with_alpha(layers, outputs), True
     exr = {"exr_type": exr_type, "exr_compression": exr_compression, "exr_tile": exr_tile}
-    _check_exr(layers, exr)
+    _check_exr((*layers, "instance") if amodal else layers, exr)
     with interruptible() as interrupt, ExitStack() as stack:
         from clrender.aov import FLOWS
         from clrender.importers import load
@@ -195,6 +202,7 @@ def render(
         waiting.stage("reading")
         chosen = {name: value for name, value in settings.items() if value is not None}
         chosen |= {"aov": layers, "denoise": denoise, "guiding_field": guiding_field, "light_groups": light_groups}
+        chosen |= {"amodal": amodal} if amodal else {}
         photographic: dict[str, Any] = {"f_stop": f_stop, "shutter": shutter, "iso": iso}
         if isinstance(shutter, tuple):
             reading["shutter"], photographic["shutter"] = shutter, None

@@ -1,4 +1,4 @@
-"""`clrender verify`: verifies that an image is the result of the render in its metadata."""
+"""`clrender verify`: verifies that an image is the result of the render in its metadata, or a data set of its own."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import click
 from clrender.cli.completing import complete_devices, complete_scenes
 from clrender.cli.options import EnvironmentType, allow_path_option, number, plugin_option
 from clrender.cli.progress import ProgressDisplay
+from clrender.errors import UsageError
 
 if TYPE_CHECKING:
     from clrender.verification import Verification
@@ -28,7 +29,13 @@ __all__ = ["verify"]
     default=0.1,
     show_default=True,
     metavar="F",
-    help="Fraction of the tiles (16 by 16 pixels) to render again, selected at random.",
+    help="Fraction of the tiles (16 by 16 pixels), or of a data set's images, to render again, selected at random.",
+)
+@click.option(
+    "--sample",
+    type=number(1, 10**9, whole=True),
+    metavar="N",
+    help="Number of images of a data set to render again, in place of --fraction.",
 )
 @click.option(
     "--scene", metavar="SCENE", shell_complete=complete_scenes, help="Scene of the image (as named in the file)."
@@ -67,6 +74,7 @@ __all__ = ["verify"]
 def verify(
     image: Path,
     fraction: float,
+    sample: int | None,
     scene: str | None,
     environment: Path | float | None,
     guiding_field: Path | None,
@@ -79,11 +87,20 @@ def verify(
 ) -> None:
     """Render random tiles of IMAGE (.film .exr .png) again with its own settings and compare them bit for bit.
 
+    IMAGE may also be the folder of a data set (`clrender dataset`): all of its files are compared with its manifest,
+    and some of its images are rendered again.
+
     Reports the probability that this check detects wrong tiles. Exits with code 1 if anything differs, and with code 2
     if the file cannot be verified: if its scene is missing, it was made by other kernels, or its pixels were processed.
     """
     from clrender.verification import verify as verify_image
 
+    if image.is_dir():
+        _refuse_options(environment, guiding_field)
+        _verify_dataset(image, fraction, sample, scene, devices, seed, as_json, quiet, allow_paths)
+        return
+    if sample is not None:
+        raise UsageError("--sample is for data sets; of an image, --fraction says how many tiles are rendered again")
     with ProgressDisplay(quiet=quiet) as display:
         found = verify_image(
             image,
@@ -105,6 +122,52 @@ def verify(
     if not found.sound:
         for fault in found.faults:
             click.echo(f"error: {image}: verification failed: {fault}", err=True)
+        sys.exit(1)
+
+
+def _refuse_options(environment: Path | float | None, guiding_field: Path | None) -> None:
+    for option, value in (("--environment", environment), ("--guiding-field", guiding_field)):
+        if value is not None:
+            raise UsageError(f"{option} is not for data sets, whose description says it; leave it out")
+
+
+def _verify_dataset(
+    folder: Path,
+    fraction: float,
+    sample: int | None,
+    scene: str | None,
+    devices: tuple[str, ...],
+    seed: int | None,
+    as_json: bool,
+    quiet: bool,
+    allow_paths: tuple[Path, ...],
+) -> None:
+    from clrender.datasets import verify_dataset
+
+    found = verify_dataset(
+        folder,
+        fraction,
+        sample=sample,
+        scene=scene,
+        allow_paths=allow_paths,
+        device=list(devices) or None,
+        seed=seed,
+        notify=None if quiet else lambda line: click.echo(line, err=True),
+    )
+    if as_json:
+        least = found.detected() if found.sound else None
+        click.echo(json.dumps({**dataclasses.asdict(found), "sound": found.sound, "detected_95": least}, indent=2))
+    elif found.sound:
+        done = f"{found.files} files of {found.images} images as the manifest says, {found.checked} rendered again"
+        line = f"{folder}: {done}, identical bit for bit"
+        if found.checked < found.images:
+            least = found.detected()
+            chance = f"would have been detected with probability {found.detection(least):.1%}"
+            line += f"; if {least} or more were wrong together with the manifest, it {chance}"
+        click.echo(line)
+    if not found.sound:
+        for fault in found.faults:
+            click.echo(f"error: {folder}: verification failed: {fault}", err=True)
         sys.exit(1)
 
 

@@ -14,6 +14,9 @@ __all__ = [
     "angle_of",
     "arccosine",
     "exponential_minus_one",
+    "exponential_of",
+    "logarithm_of",
+    "power_of_two",
     "root",
     "sin_cos",
     "sin_cos_degrees",
@@ -23,6 +26,7 @@ __all__ = [
 
 _CONTEXT: Final = Context(prec=50)
 _PI: Final = Decimal("3.14159265358979323846264338327950288419716939937510582")
+_LN2: Final = Decimal("0.693147180559945309417232121458176568075500134360255254")
 _BITS: Final = 220
 _SPARE: Final = 40
 """Bits below those of the last term of a series."""
@@ -128,6 +132,22 @@ def exponential_minus_one(x: float) -> float:
     if x > 709.0:
         return math.inf
     return float(_CONTEXT.subtract(_CONTEXT.exp(Decimal(x)), Decimal(1)))
+
+
+def exponential_of(x: float) -> float:
+    """exp(x) of a number of magnitude below 700."""
+    return float(_CONTEXT.exp(Decimal(x)))
+
+
+def logarithm_of(x: float) -> float:
+    """Natural logarithm of a positive number."""
+    return float(_CONTEXT.ln(Decimal(x)))
+
+
+def power_of_two(x: float) -> float:
+    """2^x of a number of magnitude below 1000."""
+    whole = math.floor(x)
+    return math.ldexp(float(_CONTEXT.exp(_CONTEXT.multiply(Decimal(x - whole), _LN2))), whole)
 
 
 def root(x: float, degree: int) -> float:

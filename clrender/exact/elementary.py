@@ -8,13 +8,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["angles_of", "arctangent", "degrees_of", "exponential", "power_two_fifths", "sines_cosines"]
+__all__ = ["angles_of", "arctangent", "degrees_of", "exponential", "logarithm", "power_two_fifths", "sines_cosines"]
 
 _Floats = NDArray[np.float64]
 
 _LOG2_E: Final = 1.4426950408889634
 _QUARTER: Final = tuple(map(float.fromhex, ("0x1.921fb54400000p+0", "0x1.0b4611a600000p-34", "0x1.3198a2e037073p-69")))
 """Parts of π/2: products of the first two with integers below 2^20 are exact."""
+_SQRT_HALF: Final = 0.7071067811865476
 _LN2_HIGH: Final = float.fromhex("0x1.62e42fee00000p-1")
 _LN2_LOW: Final = float.fromhex("0x1.a39ef35793c76p-33")
 """Remainder of ln 2: products of the high part with integers below 2^20 are exact."""
@@ -35,6 +36,24 @@ def exponential(x: _Floats) -> _Floats:
     for n in range(14, 0, -1):
         total = 1.0 + total * rest / n
     return np.ldexp(total, doublings.astype(np.int64))
+
+
+def logarithm(x: _Floats) -> _Floats:
+    """Natural logarithm of positive numbers, with a relative error below 6e-16.
+
+    Parameters
+    ----------
+    x : ndarray of float64
+        Normal numbers.
+    """
+    share, doublings = np.frexp(x)
+    small = share < _SQRT_HALF
+    share, doublings = np.where(small, 2.0 * share, share), doublings - small
+    slope = (share - 1.0) / (share + 1.0)
+    square, total = slope * slope, np.zeros_like(slope)
+    for n in range(23, 0, -2):
+        total = 1.0 / n + square * total
+    return doublings * _LN2_HIGH + (2.0 * slope * total + doublings * _LN2_LOW)
 
 
 def arctangent(x: _Floats) -> _Floats:

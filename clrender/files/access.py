@@ -60,7 +60,7 @@ def check_writable(path: str | Path) -> None:
 
 
 @contextmanager
-def atomic_write(path: str | Path, beside: str | None = None) -> Iterator[IO[bytes]]:
+def atomic_write(path: str | Path, beside: str | None = None, *, durable: bool = True) -> Iterator[IO[bytes]]:
     """Open a binary file that replaces `path` if the block succeeds and is removed if it fails.
 
     The data is written to a temporary file beside `path`, flushed to disk and renamed. So `path` is either the complete
@@ -72,6 +72,9 @@ def atomic_write(path: str | Path, beside: str | None = None) -> Iterator[IO[byt
     beside : str, optional
         Name of the temporary file, for a caller that knows that no one else uses it. A file left there by a killed
         process is replaced, so at most one remains. By default each temporary file has a unique name.
+    durable : bool
+        Whether to wait for the disk. Otherwise only a killed program, and no crash of the machine, leaves the old or
+        the new file whole: for many small files whose content is proved before it is used.
 
     Raises
     ------
@@ -86,13 +89,15 @@ def atomic_write(path: str | Path, beside: str | None = None) -> Iterator[IO[byt
         with _beside(path, beside) as (file, temporary):
             yield file
             file.flush()
-            os.fsync(file.fileno())
+            if durable:
+                os.fsync(file.fileno())
             # The target of a link is replaced, not the link.
             target = Path(os.path.realpath(path))
             if target.exists():
                 temporary.chmod(target.stat().st_mode & 0o7777)
             temporary.replace(target)
-            _sync_folder(target.parent)
+            if durable:
+                _sync_folder(target.parent)
     except OSError as error:
         raise RenderError(_reason(path, error)) from None
 

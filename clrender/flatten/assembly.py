@@ -57,6 +57,10 @@ class Assembly:
         shapes that of their instance), `seen_shape` the index in `scene`.
     seen_begin : (N,) int64
         Of each instance: the offset from the index of a group's shape in `scene` to its index in these two arrays.
+    own_turns : (own_shapes,) int64
+        Of each shape in world space: which transform of its entry in the original list placed it, from 0.
+    placed : (N, 2) int64
+        Of each instance: its entry in the original list, and which transform of the entry placed it.
     motion_of : (N,) int64
         Of each instance: which of `motions` follows its map while the shutter is open; -1: it rests.
     motions : tuple of Knots
@@ -70,6 +74,8 @@ class Assembly:
     seen_place: NDArray[np.int64]
     seen_shape: NDArray[np.int64]
     seen_begin: NDArray[np.int64]
+    own_turns: NDArray[np.int64]
+    placed: NDArray[np.int64]
     motion_of: NDArray[np.int64]
     motions: tuple[Knots, ...] = ()
 
@@ -84,6 +90,7 @@ class Assembly:
             group_of=self.group_of[still],
             maps=self.maps[still],
             seen_begin=self.seen_begin[still],
+            placed=self.placed[still],
             motion_of=self.motion_of[still],
             motions=(),
         )
@@ -103,21 +110,25 @@ def assemble(scene: Scene) -> Assembly:
     none = np.zeros(0, np.int64)
     if len(own) == len(scene.shapes):
         all_own = np.arange(len(own))
-        return Assembly(scene, len(own), (), none, np.zeros((0, 3, 4)), all_own, all_own, none, none)
+        nowhere = np.zeros((0, 3, 4)), all_own, all_own, none, np.zeros_like(all_own), np.zeros((0, 2), np.int64)
+        return Assembly(scene, len(own), (), none, *nowhere, none)
     written: list[_Placed] = []
     kept: list[_Placed] = []
     groups: dict[Hashable, tuple[int, range]] = {}
-    placed: list[tuple[int, int, int, int]] = []  # entry, group, how often, motion
+    placed: list[tuple[int, int, int, int, int]] = []  # entry, group, how often, motion, first transform
     maps: list[NDArray[np.float64]] = []
+    turns = [np.zeros(len(own), np.int64)]
     motions: list[Knots] = []
     small = _small_groups(scene)
 
-    def place_group(entry: int, name: Hashable, shapes: list[_Placed], array: NDArray[np.float64], motion: int) -> None:
+    def place_group(
+        entry: int, name: Hashable, shapes: list[_Placed], array: NDArray[np.float64], motion: int, turn: int = 0
+    ) -> None:
         if name not in groups:
             begin = len(kept)
             kept.extend(shapes)
             groups[name] = len(groups), range(begin, len(kept))
-        placed.append((entry, groups[name][0], len(array), motion))
+        placed.append((entry, groups[name][0], len(array), motion, turn))
         maps.append(array)
 
     for index, instance in enumerate(scene.shapes):
@@ -138,7 +149,7 @@ def assemble(scene: Scene) -> Assembly:
             _check_number(scene, index, len(kept) + len(shining) * len(array), len(array), len(shining))
             # Each place of what shines is a light of its own, with a row of its own
             for number, each in enumerate(array if shining else ()):
-                place_group(index, (index, number), _written(shining, each[None]), _ONCE, len(motions) - 1)
+                place_group(index, (index, number), _written(shining, each[None]), _ONCE, len(motions) - 1, number)
             if len(shining) < len(shapes):
                 dark = [each for each in shapes if not emits(scene, each[1])]
                 place_group(index, instance.group, dark, array, len(motions) - 1)
@@ -147,30 +158,41 @@ def assemble(scene: Scene) -> Assembly:
         _check_number(scene, index, len(own) + len(written) + len(alone) * len(array), len(array), len(alone))
         written += _written(alone, array)
         own_places += [index] * (len(alone) * len(array))
+        turns.append(np.repeat(np.arange(len(array)), len(alone)))
         if len(alone) < len(shapes):
             place_group(index, instance.group, [each for each in shapes if not emits(scene, each[1])], array, -1)
     in_world = [*own, *written]
     ranges = tuple(range(len(in_world) + each.start, len(in_world) + each.stop) for _, each in groups.values())
     seen_place, seen_shape, begins = [np.array(own_places, np.int64)], [np.arange(len(in_world))], [none]
     total = len(in_world)
-    for index, group, count, _ in placed:
+    for index, group, count, _, _ in placed:
         seen_place.append(np.full(len(ranges[group]), index))
         seen_shape.append(np.array(ranges[group]))
         begins.append(np.full(count, total - ranges[group].start))
         total += len(ranges[group])
-    counts = np.array([count for _, _, count, _ in placed], np.int64)
+    counts = np.array([count for _, _, count, _, _ in placed], np.int64)
     return Assembly(
         scene.assembled([*in_world, *kept]),
         len(in_world),
         ranges,
-        np.repeat(np.array([group for _, group, _, _ in placed], np.int64), counts),
+        np.repeat(np.array([group for _, group, _, _, _ in placed], np.int64), counts),
         np.concatenate([np.zeros((0, 3, 4)), *maps]),
         np.concatenate(seen_place),
         np.concatenate(seen_shape),
         np.concatenate(begins),
-        np.repeat(np.array([motion for _, _, _, motion in placed], np.int64), counts),
+        np.concatenate(turns),
+        np.concatenate(
+            [np.zeros((0, 2), np.int64), *(_numbered(entry, count, turn) for entry, _, count, _, turn in placed)],
+            dtype=np.int64,
+        ),
+        np.repeat(np.array([motion for _, _, _, motion, _ in placed], np.int64), counts),
         tuple(motions),
     )
+
+
+def _numbered(entry: int, count: int, turn: int) -> NDArray[np.int64]:
+    """(count, 2): an entry, and the numbers of its transforms from `turn` on."""
+    return np.stack([np.full(count, entry), np.arange(turn, turn + count)], axis=1)
 
 
 def _check_number(scene: Scene, index: int, total: int, places: int, shining: int) -> None:

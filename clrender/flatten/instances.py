@@ -77,6 +77,9 @@ class FlatInstances:
         Index in the scene's list of shapes, for each shape in world space.
     seen_begin : (N,) int64
         See `clrender.flatten.assembly.Assembly`.
+    own_turns : (S,) int64
+    placed : (N, 2) int64
+        See `clrender.flatten.assembly.Assembly`.
     motion_rows : (K, 16) float32
         Knots of what moves; one row of zeros if nothing does.
     motion_places : (N, 2) uint32
@@ -97,6 +100,8 @@ class FlatInstances:
     own_vertices: int
     own_places: NDArray[np.int64]
     seen_begin: NDArray[np.int64]
+    own_turns: NDArray[np.int64]
+    placed: NDArray[np.int64]
     motion_rows: NDArray[np.float32]
     motion_places: NDArray[np.uint32]
     motion_of: NDArray[np.int64]
@@ -104,15 +109,21 @@ class FlatInstances:
 
     @classmethod
     def none(
-        cls, own_triangles: int, own_analytic: int, own_vertices: int, own_places: NDArray[np.int64]
+        cls,
+        own_triangles: int,
+        own_analytic: int,
+        own_vertices: int,
+        own_places: NDArray[np.int64],
+        own_turns: NDArray[np.int64] | None = None,
     ) -> FlatInstances:
-        """The instances of a scene that has none."""
+        """The instances of a scene that has none, or only such that are written out."""
         nowhere = np.array([layout.NONE, 0, 0, 0], np.uint32)
         own = own_triangles, own_analytic, own_vertices, own_places
         empty = np.zeros(0, np.int64)
+        turns = np.zeros_like(own_places) if own_turns is None else own_turns
         resting = np.zeros((1, 16), np.float32), np.zeros((1, 2), np.uint32), empty
         nothing = np.zeros((2, 16), np.float32), nowhere, np.zeros((0, 6), np.float32), (), empty
-        return cls(*nothing, *own, empty, *resting)
+        return cls(*nothing, *own, empty, turns, np.zeros((0, 2), np.int64), *resting)
 
     @property
     def count(self) -> int:
@@ -219,7 +230,8 @@ def flat_instances(assembly: Assembly, surfaces: FlatSurfaces) -> FlatInstances:
     present = filled[assembly.group_of] if len(assembly.group_of) else np.zeros(0, bool)
     group_of, maps = assembly.group_of[present], assembly.maps[present]
     if not len(group_of):
-        return FlatInstances.none(own_triangles, own_analytic, own_vertices, assembly.seen_place[: assembly.own_shapes])
+        own_places = assembly.seen_place[: assembly.own_shapes]
+        return FlatInstances.none(own_triangles, own_analytic, own_vertices, own_places, assembly.own_turns)
     counts = np.array([group.count for group in groups], np.int64)[group_of]
     numbers = triangles + analytic + np.concatenate([[0], np.cumsum(counts)])
     if numbers[-1] > NUMBER_LIMIT:
@@ -270,6 +282,8 @@ def flat_instances(assembly: Assembly, surfaces: FlatSurfaces) -> FlatInstances:
         group_of,
         *own,
         assembly.seen_begin[present],
+        assembly.own_turns,
+        assembly.placed[present],
         motion_rows,
         at,
         motion_of,

@@ -12,7 +12,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from clrender.aov import MATTES
+from clrender.aov import LABELS, MATTES
 from clrender.image.display import jpeg_bytes, png_bytes
 from clrender.image.tone_map import LUMINANCE, to_display
 
@@ -167,6 +167,8 @@ def _layer(key: str, layer: _Array, image: ShownImage) -> tuple[_Bytes, str]:
             return _ranged(some, "distance", "m")
         case "object" | "material":
             return _colored(some[..., 0].astype(np.int64)), "a colour for each number; black: nothing"
+        case _ if key in LABELS:
+            return _colored(some[..., 0].astype(np.int64) - 1), "a colour for each number; black: nothing"
         case _ if key in MATTES:
             names = np.ascontiguousarray(some[..., 0]).view(np.uint32).astype(np.int64)
             return _colored(
@@ -212,7 +214,7 @@ def _bytes(shares: npt.NDArray[Any]) -> _Bytes:
 
 def _source(key: str, pixels: _Bytes) -> str:
     """An image as a data URL: a PNG if colours stand for ids, else a JPEG, which is far smaller for noisy images."""
-    exact = key in ("object", "material") or key in MATTES
+    exact = key in ("object", "material") or key in MATTES or key in LABELS
     data, kind = (png_bytes(pixels, {}), "png") if exact else (jpeg_bytes(pixels), "jpeg")
     return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from clrender.aov import ERRORS, FLOWS, check_aovs
+from clrender.aov import ERRORS, FLOWS, Labelling, check_aovs
 from clrender.device.source import kernels_sha256
 from clrender.errors import UsageError
 from clrender.files.package_data import kernels_folder
@@ -55,6 +55,8 @@ class RenderJob:
         The only light group that shines; see `clrender.flatten.light_groups.lit_by`.
     views : tuple of Camera
         Cameras whose images are rendered together, below each other; empty: that of the scene.
+    amodal : tuple of str
+        Instances whose amodal masks are rendered, or ``all``.
     """
 
     scene: Scene
@@ -67,6 +69,7 @@ class RenderJob:
     light_groups: bool = False
     lit_by: str | None = None
     views: tuple[Camera, ...] = ()
+    amodal: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -79,6 +82,7 @@ class RenderJob:
         denoise: bool = False,
         guiding_field: GuidingField | str | Path | None = None,
         light_groups: bool = False,
+        amodal: str | Iterable[str] = (),
         plugins: Any = None,
         **settings: Any,
     ) -> RenderJob:
@@ -99,6 +103,9 @@ class RenderJob:
             on.
         light_groups : bool
             Whether to render the part of each light group as well, in as many renders again.
+        amodal : str or iterable of str
+            Names of instances whose masks are rendered as well as if nothing stood before them, or ``all``; with
+            the layer ``instance``.
         plugins : Plugin, str, pathlib.Path, or iterable of them, optional
             Plugins that the scene's materials use, besides those that it was loaded with; see `clrender.plugin`.
         **settings
@@ -119,7 +126,12 @@ class RenderJob:
             settings = {"guiding": "on", **settings}
             guiding_field = _field(guiding_field)
         scene = scene.with_plugins(plugins)
+        masks = tuple(each.strip() for each in amodal.split(",")) if isinstance(amodal, str) else tuple(amodal)
+        aov = (*check_aovs(aov), "instance") if masks else aov
         job = cls._checked(scene, settings_for(scene, size, settings), samples, aov, denoise, guiding_field)
+        if masks:
+            Labelling.of(scene).numbered(masks)
+            job = dataclasses.replace(job, amodal=masks)
         if not light_groups:
             return job
         if job.integrator.bias == "discretised":
@@ -320,6 +332,7 @@ class RenderJob:
             "guiding_field": field,
             "light_groups": self.light_groups,
             "lit_by": self.lit_by,
+            "amodal": list(self.amodal),
             "request": self.request(),
         }
         return json.dumps(content), assets  # in the scene's own order, which numbers the materials
@@ -355,6 +368,7 @@ class RenderJob:
             aov, denoise, request = tuple(content["aov"]), bool(content["denoise"]), dict(content["request"])
             description, field = dict(content["scene"]), content["guiding_field"]
             groups = bool(content.get("light_groups", False)), content.get("lit_by")
+            amodal = tuple(content.get("amodal", ()))
         except (KeyError, TypeError, ValueError) as error:
             raise UsageError(f"this is no clrender job of the format {FORMAT!r} ({error})") from None
         scene = scene_from_portable(description, assets, "job")
@@ -365,7 +379,7 @@ class RenderJob:
                 f"the job was made for another image: {', '.join(different)} differ here; make it with this version "
                 "of clrender"
             )
-        return dataclasses.replace(job, light_groups=groups[0], lit_by=groups[1])
+        return dataclasses.replace(job, light_groups=groups[0], lit_by=groups[1], amodal=amodal)
 
 
 def _field(given: GuidingField | str | Path) -> GuidingField:

@@ -16,7 +16,17 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender import layout
-from clrender.aov import GUIDE_SAMPLES, GUIDES, LAYER_SAMPLES, first_hits, matte_names
+from clrender.aov import (
+    GUIDE_SAMPLES,
+    GUIDES,
+    LABELS,
+    LAYER_SAMPLES,
+    Labelling,
+    first_hits,
+    hit_counts,
+    labels_told,
+    matte_names,
+)
 from clrender.device import Device
 from clrender.device.launch import LaunchConfig
 from clrender.device.prepared import Prepared, Request
@@ -36,6 +46,7 @@ from clrender.flatten.light_groups import group_names
 from clrender.image.denoise import Denoiser
 from clrender.image.files import image_sha256
 from clrender.process.memory import largest_tile, room
+from clrender.rendering.amodal import alone
 from clrender.rendering.effort import effort_told
 from clrender.rendering.job import RenderJob
 from clrender.rendering.light_groups import adding_up
@@ -127,6 +138,7 @@ class JobRender:
         self._apart_bytes = MOST_BYTES
         self._holds, self._sums = False, True
         self._compiled = 0.0
+        self._areas: dict[str, dict[int, float]] = {}
         self._prepared_stats: Mapping[str, Any] = {}
         self._guiding_field: GuidingField | None = None
         self._resumed: Mapping[str, int] = dict.fromkeys(("samples", "rays", "shadow_rays", "max_depth"), 0)
@@ -157,6 +169,8 @@ class JobRender:
             self._tell_outcome(flat, taken.tally, image)
         if self._job.light_groups:
             image.light_groups = self._groups(flat, image)
+        if self._job.amodal:
+            image.amodal = self._amodal(image)
         return image
 
     def _struct(self) -> npt.NDArray[np.void]:
@@ -199,6 +213,37 @@ class JobRender:
         image.stats["light_groups"] = list(parts)
         image.stats["light_groups_seconds"] = time.perf_counter() - begin
         return adding_up(image.linear, parts)
+
+    def _amodal(self, image: RenderedImage) -> dict[int, npt.NDArray[np.float32]]:
+        """Masks of instances as if nothing stood before them: the same camera samples, in scenes of each one alone."""
+        begin, labelling = time.perf_counter(), Labelling.of(self._job.scene)
+        samples = min(self._settings.spp, LAYER_SAMPLES)
+        common = dataclasses.replace(self._job, aov=(), denoise=False, light_groups=False, amodal=())
+        masks, areas = dict[int, npt.NDArray[np.float32]](), dict[int, float]()
+        for number in labelling.numbered(self._job.amodal):
+            job = dataclasses.replace(common, scene=alone(self._job.scene, labelling, number))
+            counts = JobRender(self._residency, job, None, self._should_stop).hit_counts(samples)
+            if self._should_stop():
+                self._residency.tell("warning: there are no amodal masks, as the render was stopped early")
+                return {}
+            masks[number] = (counts / np.float64(samples)).astype(np.float32)
+            areas[number] = int(counts.sum(dtype=np.int64)) / samples
+        image.labels = labels_told(self._job.scene, self._areas, areas)
+        image.stats["labels"] = {layer: [each.told() for each in some] for layer, some in image.labels.items()}
+        image.stats["amodal_seconds"] = time.perf_counter() - begin
+        return masks
+
+    def hit_counts(self, samples: int) -> npt.NDArray[np.uint32]:
+        """Number of the first `samples` of each pixel that hit anything, (height, width) uint32."""
+        flat = self._residency.flat(self._job)
+        launch = dataclasses.replace(
+            self._launch, samples=samples * math.prod(self._settings.film_size), stand_ins=STAND_INS
+        )
+        make = partial(
+            self._residency.worker, flat=flat, settings=self._settings.struct(self._plan.tile), launch=launch
+        )
+        stop, tell = self._should_stop, self._residency.tell
+        return hit_counts(self._residency.devices, make, self._settings, samples, stop, tell)
 
     def developed(self) -> RenderedImage:
         """The image of the film that was begun, without further samples; see `Session.develop`."""
@@ -297,7 +342,11 @@ class JobRender:
         wanted = {name: layers[name] for name in job.aov if name in layers}
         mattes = {name: names for name, names in matte_names(job.scene).items() if name in wanted} if job.aov else {}
         incomplete = not tally.complete or lacking
-        return RenderedImage(linear, stats, film, incomplete, denoised, wanted, mattes, self._guiding_field)
+        image = RenderedImage(linear, stats, film, incomplete, denoised, wanted, mattes, self._guiding_field)
+        if any(name in LABELS for name in wanted):
+            image.labels = labels_told(job.scene, {name: self._areas[name] for name in LABELS if name in wanted}, {})
+            stats["labels"] = {layer: [each.told() for each in some] for layer, some in image.labels.items()}
+        return image
 
     def _tell_outcome(self, flat: FlatScene, tally: Tally, image: RenderedImage) -> None:
         """Say which devices failed, which samples were lost, and why an image is black."""
@@ -572,6 +621,7 @@ class JobRender:
             most,
             self._should_stop,
             self._residency.tell,
+            self._areas,
         )
 
     def _check_progress(self, tally: Tally, film: Film) -> None:

@@ -11,14 +11,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from clrender.aov import MATTES, exact_channels, exr_channels, matte_attributes
+from clrender.aov import LABELS, MATTES, Label, exact_channels, exr_channels, matte_attributes
 from clrender.errors import RenderError, UsageError
+from clrender.files.access import atomic_write
 from clrender.film import Film
 from clrender.film.replicates import relative_error
+from clrender.image.deep_png import deep_png_bytes
 from clrender.image.exposure import camera_exposure, photographic_stops
 from clrender.image.exr_write import ExrFormat
 from clrender.image.files import png_bytes, write_image
 from clrender.limits import checked_path
+from clrender.rendering.amodal import amodal_channels
 from clrender.rendering.light_groups import group_channels
 
 if TYPE_CHECKING:
@@ -103,6 +106,11 @@ class RenderedImage:
     light_groups : dict of str to (height, width, 3) float32
         The part of `linear` that each light group contributes, if they were asked for. Sums of all of them in single
         precision, in any order, are `linear` to the bit, unless the pixel filter is negative somewhere.
+    labels : mapping of str to tuple of Label
+        For each of the layers ``instance``, ``category`` and ``part``: what the numbers that cover something stand
+        for, and their areas.
+    amodal : dict of int to (height, width) float32
+        Of each instance of `amodal`: the share of every pixel that it would cover if nothing stood before it.
     """
 
     linear: npt.NDArray[np.float32]
@@ -114,6 +122,8 @@ class RenderedImage:
     mattes: Mapping[str, Sequence[str | None]] = field(default_factory=dict)
     guiding_field: GuidingField | None = None
     light_groups: dict[str, npt.NDArray[np.float32]] = field(default_factory=dict)
+    labels: Mapping[str, tuple[Label, ...]] = field(default_factory=dict)
+    amodal: dict[int, npt.NDArray[np.float32]] = field(default_factory=dict)
 
     @property
     def picture(self) -> npt.NDArray[np.float32]:
@@ -132,6 +142,59 @@ class RenderedImage:
     def camera_stops(self) -> float:
         """Exposure of display images, in stops, from the camera's f-stop, shutter and iso; 0 without them."""
         return photographic_stops(**camera_exposure(self.stats, {}))
+
+    def mask(self, layer: str) -> npt.NDArray[np.uint32]:
+        """The numbers of a layer of labels: what covers most of each pixel.
+
+        Parameters
+        ----------
+        layer : str
+            ``instance``, ``category`` or ``part``, which the image must have.
+
+        Returns
+        -------
+        (height, width) uint32
+            From 1, see `labels`; 0 for nothing.
+
+        Raises
+        ------
+        UsageError
+            The image has no such layer.
+        """
+        if layer not in self.aovs or layer not in LABELS:
+            have = ", ".join(name for name in self.aovs if name in LABELS) or "none"
+            raise UsageError(f"layer is {layer!r}, but the layers of labels that this image has are: {have}")
+        return self.aovs[layer][..., 0].astype(np.uint32)
+
+    def save_mask(self, path: str | Path, layer: str) -> None:
+        """Write the numbers of a layer of labels.
+
+        Parameters
+        ----------
+        path : str or Path
+            `.png`: grey with 16 bits; `.npy`: (height, width) uint32.
+        layer : str
+            See `mask`.
+
+        Raises
+        ------
+        UsageError
+            The image has no such layer, the ending is another one, or the numbers are too large for a `.png`.
+        RenderError
+            When the file cannot be written.
+        """
+        path, numbers = checked_path(path, "path"), self.mask(layer)
+        ending = path.suffix.lower()
+        if ending not in (".png", ".npy"):
+            raise UsageError(f"{path}: masks are written to .png and .npy; end it in one of them")
+        largest = int(numbers.max())
+        if ending == ".png" and largest > 65535:
+            raise UsageError(f"{path}: has the number {largest}, but a .png holds at most 65535; write a .npy")
+        with atomic_write(path) as file:
+            if ending == ".png":
+                file.write(deep_png_bytes(numbers.astype(np.uint16)))
+            else:
+                np.save(file, numbers)
 
     def save(
         self,
@@ -175,8 +238,8 @@ class RenderedImage:
         elif path.suffix.lower() == ".exr":
             check_mattes(self.aovs, exr)
             exact, attributes = exact_channels(self.aovs), matte_attributes(self.mattes)
-            exact |= group_channels(self.light_groups).keys()
-            channels = exr_channels(self.aovs) | group_channels(self.light_groups)
+            more = group_channels(self.light_groups) | amodal_channels(self.amodal)
+            exact, channels = exact | more.keys(), exr_channels(self.aovs) | more
             stored = {"exr_type": exr_type, "exr_compression": exr_compression}
             told = {**self.stats, "stored": stored}
             write_image(path, self.picture, told, channels=channels, exr=exr, exact=exact, attributes=attributes)
@@ -197,17 +260,17 @@ class RenderedImage:
 
 
 def check_mattes(layers: Iterable[str], exr: ExrFormat) -> None:
-    """Check that an `.exr` file keeps the ids of mattes, if there are any.
+    """Check that an `.exr` file keeps the ids of mattes and the numbers of labels, if there are any.
 
     Raises
     ------
     UsageError
-        When there are mattes and the compression is lossy.
+        When there are mattes or labels and the compression is lossy.
     """
-    matte = next((name for name in layers if name in MATTES), None)
+    matte = next((name for name in layers if name in MATTES or name in LABELS), None)
     if matte is not None and exr.lossy:
         raise UsageError(
-            f"exr_compression is {exr.compression!r}, which changes numbers, and the ids of {matte} have to stay as "
+            f"exr_compression is {exr.compression!r}, which changes numbers, and those of {matte} have to stay as "
             "they are; choose another, such as zip"
         )
 

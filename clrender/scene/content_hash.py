@@ -90,7 +90,7 @@ def _contents(scene: SceneContents) -> dict[str, bytes]:
 
 def _without_names(table: dict[str, Any]) -> None:
     """Take away what changes no image: names for layers."""
-    for key in ("name", "light_group"):
+    for key in ("name", "category", "light_group"):
         table.pop(key, None)
 
 

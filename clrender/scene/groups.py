@@ -70,6 +70,10 @@ class Instance(Part):
 
     type: Literal["instance"]
     name: Name | None = Field(None, description="name in Cryptomatte layers; several shapes may have the same name")
+    category: Name | None = Field(
+        None,
+        description="what it is, such as chair, for the layer of categories; all shapes of the group are then that",
+    )
     group: Name = Field(description="name of a group in `[groups]`")
     transform: Transform = Transform()
     motion: Motion = Field((), description="keys of a motion, which acts after the transforms; times ascend")

@@ -55,6 +55,7 @@ class Surface(Part):
         description="name of the medium inside the closed shape; without a material the surface is invisible",
     )
     name: Name | None = Field(None, description="name in Cryptomatte layers; several shapes may have the same name")
+    category: Name | None = Field(None, description="what it is, such as chair, for the layer of categories")
     light_group: LayerName | None = Field(None, description="group of its light, for layers of light groups")
     visible_to_camera: Flag = Field(True, description="false: rays of the camera pass it; all others meet it")
     flip_normals: Flag = False

@@ -27,7 +27,7 @@ RENDER_OPTIONS = (
     "guiding-memory guiding-field save-guiding-field specular-chains patches patch-rays "
     "radiosity-display tone-map exposure aov denoise tile "
     "f-stop shutter iso environment time-at frames fps variant samples-per-pass work-group lanes time shard stats "
-    "quiet allow-path plugin strict up define camera crop alpha hide-environment light-groups "
+    "quiet allow-path plugin strict up define camera crop alpha hide-environment light-groups amodal "
     "exr-type exr-compression exr-tile checkpoint resume max-memory cluster "
     "replicate-spp error confidence share error-floor progress preview"
 )

@@ -18,6 +18,7 @@ from documented_files import make_files
 import clrender
 from clrender.cli import main
 from clrender.cli.options import DomainType
+from clrender.datasets import load_spec
 from clrender.integrators import INTEGRATORS
 from clrender.limits import Choice
 
@@ -128,7 +129,10 @@ def completed(text: str) -> str:
 def test_scenes_of_the_documentation_are_valid(tmp_path: Path, page: Path) -> None:
     make_files(tmp_path)
     for block in blocks(page):
-        if block.language == "toml":
+        if block.language == "toml" and block.file is not None and block.file.endswith("set.toml"):
+            (tmp_path / block.file).write_text(block.text)
+            assert load_spec(tmp_path / block.file).images > 0
+        elif block.language == "toml":
             (tmp_path / "scene.toml").write_text(completed(block.text))
             if block.file == "wrong.toml":
                 with pytest.raises(clrender.SceneError):
@@ -201,7 +205,7 @@ def test_variables_of_the_environment_are_read_somewhere() -> None:
 
 def test_names_of_the_python_interface_exist() -> None:
     named = set(re.findall(r"`clrender\.([A-Za-z_]+)", REFERENCE))
-    assert named <= set(clrender.__all__) | {"radiosity", "cluster", "view"}
+    assert named <= set(clrender.__all__) | {"radiosity", "cluster", "view", "datasets"}
     assert set(clrender.__all__) - {"__version__"} <= named | set(re.findall(r"`([A-Z]\w+Error)`", REFERENCE))
 
 

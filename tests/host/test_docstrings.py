@@ -38,7 +38,7 @@ FAULTS = {
 _ARRAY = re.compile(r"NDArray|ndarray")
 _SHAPE = re.compile(r"\([^()]*,[^()]*\)")
 _DTYPE = re.compile(
-    r"\b(float32|float64|uint8|uint32|uint64|int32|int64|bool)\b|`[A-Z]\w+`"
+    r"\b(float32|float64|uint8|uint16|uint32|uint64|int32|int64|bool)\b|`[A-Z]\w+`"
 )  # or a struct of the kernels
 
 

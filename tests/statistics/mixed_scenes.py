@@ -87,6 +87,7 @@ def mixed_scene(kind: str, number: int) -> Mixed:
     mixed = {"white": _white, "light": _light, "black": _black}[kind](draw, f"{kind} {number}")
     _as_seen_by_machines(mixed.name, mixed.content["camera"])
     _grouped(mixed.name, mixed.content)
+    _categorized(mixed.name, mixed.content)
     _moving(mixed)
     plugged(mixed.name, mixed.content)
     return mixed
@@ -154,6 +155,15 @@ def _grouped(name: str, content: Json) -> None:
     for part in (*shapes, *content["lights"]):
         if part["type"] != "instance" and draw.chance(0.3):
             part["light_group"] = draw.one(("a", "b"))
+
+
+def _categorized(name: str, content: Json) -> None:
+    """Say what some shapes are, which changes no image; by random numbers of their own."""
+    draw = Draw(f"categories of {name}", white=False)
+    inside = [shape for group in content.get("groups", {}).values() for shape in group["shapes"]]
+    for part in (*content["shapes"], *inside):
+        if draw.chance(0.3):
+            part["category"] = draw.one(("ball", "lamp", "wall"))
 
 
 def _assembled(things: Things, camera: Json, lights: list[Json], **more: Any) -> Json:
