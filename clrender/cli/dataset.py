@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from clrender.cli.completing import complete_files
-from clrender.cli.options import allow_path_option, device_option
+from clrender.cli.options import allow_path_option, device_option, plugin_option
 from clrender.errors import UsageError
 from clrender.limits import shown
 
@@ -58,6 +58,7 @@ def _part(value: Any) -> tuple[int, int]:
 @click.option("--dry-run", is_flag=True, help="Print what each image would be, one JSON object a line.")
 @device_option
 @click.option("--quiet", is_flag=True, help="No progress; only errors on stderr.")
+@plugin_option
 @allow_path_option
 def dataset(
     spec: Path,
@@ -69,6 +70,7 @@ def dataset(
     dry_run: bool,
     devices: tuple[str, ...],
     quiet: bool,
+    plugins: tuple[Path, ...],
     allow_paths: tuple[Path, ...],
 ) -> None:
     """Make the data set that SPEC (.toml or .json) describes in DIR.
@@ -81,7 +83,7 @@ def dataset(
     if output is None and not dry_run:
         raise UsageError("the option --output is missing; name the folder of the data set with -o DIR")
     names = None if writers is None else [name.strip() for name in writers.split(",") if name.strip()]
-    plan = DatasetPlan.load(spec, names, allow_paths)
+    plan = DatasetPlan.load(spec, names, allow_paths, plugins)
     wanted = _wanted(plan.spec.images, images, part)
     if dry_run:
         for index in wanted:

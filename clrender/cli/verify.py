@@ -97,7 +97,7 @@ def verify(
 
     if image.is_dir():
         _refuse_options(environment, guiding_field)
-        _verify_dataset(image, fraction, sample, scene, devices, seed, as_json, quiet, allow_paths)
+        _verify_dataset(image, fraction, sample, scene, devices, seed, as_json, quiet, plugins, allow_paths)
         return
     if sample is not None:
         raise UsageError("--sample is for data sets; of an image, --fraction says how many tiles are rendered again")
@@ -140,6 +140,7 @@ def _verify_dataset(
     seed: int | None,
     as_json: bool,
     quiet: bool,
+    plugins: tuple[Path, ...],
     allow_paths: tuple[Path, ...],
 ) -> None:
     from clrender.datasets import verify_dataset
@@ -150,6 +151,7 @@ def _verify_dataset(
         sample=sample,
         scene=scene,
         allow_paths=allow_paths,
+        plugins=plugins,
         device=list(devices) or None,
         seed=seed,
         notify=None if quiet else lambda line: click.echo(line, err=True),

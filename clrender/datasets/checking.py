@@ -19,8 +19,10 @@ from clrender.datasets.spec import Spec
 from clrender.datasets.stored import StoredFiles
 from clrender.datasets.variation import DatasetPlan
 from clrender.errors import UsageError
+from clrender.plugins import Plugin, as_plugins
 from clrender.rendering.session import Session
 from clrender.scene import builtin_names
+from clrender.verification.checking import check_plugins
 from clrender.verification.confidence import detection_probability, least_detected
 
 if TYPE_CHECKING:
@@ -92,6 +94,7 @@ def verify_dataset(
     sample: int | None = None,
     scene: str | Path | None = None,
     allow_paths: Sequence[str | Path] = (),
+    plugins: Any = None,
     device: str | int | Device | Sequence[str | int | Device] | None = None,
     seed: int | None = None,
     on_progress: Callable[[int, int], None] | None = None,
@@ -110,8 +113,8 @@ def verify_dataset(
     scene : path, optional
         The data set's scene; by default the one that it names, from the working folder, the data set's folder or the
         one around it.
-    allow_paths : sequence of path
-        See `clrender.load`.
+    allow_paths, plugins
+        See `clrender.load`; a manifest never names where plugins are.
     device : str, int, Device, sequence of them, optional
         See `clrender.render`; any device will do.
     seed : int, optional
@@ -128,7 +131,7 @@ def verify_dataset(
     Raises
     ------
     UsageError
-        There is no manifest, its scene is missing or another one, or it was made by other kernels.
+        There is no manifest, its scene or a plugin is missing or another one, or it was made by other kernels.
     SceneError, DeviceError, RenderError
         See `clrender.render`.
     """
@@ -142,7 +145,7 @@ def verify_dataset(
     faults += found
     chosen = np.random.default_rng(seed).choice(len(images), count, replace=False).tolist() if images else []
     again = sorted({*chosen, *damaged})
-    plan = _plan(folder, manifest, spec, scene, allow_paths)
+    plan = _plan(folder, manifest, spec, scene, allow_paths, as_plugins(plugins))
     with Session(device, notify=notify) as session:
         for number, index in enumerate(again, 1):
             made = ImageFiles(None, keep=index in damaged)
@@ -218,7 +221,12 @@ def _files_checked(
 
 
 def _plan(
-    folder: Path, manifest: Mapping[str, Any], spec: Spec, scene: str | Path | None, allow_paths: Sequence[str | Path]
+    folder: Path,
+    manifest: Mapping[str, Any],
+    spec: Spec,
+    scene: str | Path | None,
+    allow_paths: Sequence[str | Path],
+    plugins: Sequence[Plugin],
 ) -> DatasetPlan:
     """The data set's plan, with the scene that it was made from."""
     named = [spec.camera.file] if spec.camera.file is not None else []
@@ -232,7 +240,8 @@ def _plan(
         raise UsageError(
             f"{folder}: was made from {what}, not found here; go to the folder with it, or name the scene with --scene"
         )
-    plan = DatasetPlan.of(spec, str(folder / MANIFEST), base, scene, allow_paths)
+    check_plugins(str(folder), manifest.get("plugins", {}), plugins)
+    plan = DatasetPlan.of(spec, str(folder / MANIFEST), base, scene, allow_paths, plugins)
     here = manifest_head(plan)
     if here["scene_sha256"] != manifest["scene_sha256"]:
         raise UsageError(

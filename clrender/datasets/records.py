@@ -14,6 +14,7 @@ from clrender.datasets.variation import DatasetPlan
 from clrender.datasets.writers.webdataset import END, archive_of
 from clrender.device.source import kernels_sha256
 from clrender.files.access import atomic_write
+from clrender.flatten.plugin_rows import plugin_hashes
 from clrender.version import __version__
 
 __all__ = ["FORMAT", "MANIFEST", "Records", "file_sha256", "manifest_head"]
@@ -26,6 +27,7 @@ _PARTS: Final = {"scene_sha256": str, "linear_sha256": str, "pixels": dict}
 
 def manifest_head(plan: DatasetPlan) -> dict[str, Any]:
     """What a manifest says of the whole data set."""
+    plugins = plugin_hashes(plan.base.plugins)
     return {
         "format": FORMAT,
         "spec": plan.spec.content(),
@@ -33,6 +35,7 @@ def manifest_head(plan: DatasetPlan) -> dict[str, Any]:
         "scene_sha256": plan.base.sha256(),
         "kernel_sha256": kernels_sha256(),
         "version": __version__,
+        **({"plugins": plugins} if plugins else {}),
     }
 
 

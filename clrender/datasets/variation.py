@@ -71,7 +71,11 @@ class DatasetPlan:
 
     @classmethod
     def load(
-        cls, path: str | Path, writers: Iterable[str] | None = None, allow_paths: Sequence[str | Path] = ()
+        cls,
+        path: str | Path,
+        writers: Iterable[str] | None = None,
+        allow_paths: Sequence[str | Path] = (),
+        plugins: Any = None,
     ) -> DatasetPlan:
         """Read the file of a data set and what it names, and check its first image.
 
@@ -81,7 +85,7 @@ class DatasetPlan:
             `.toml` or `.json`; names of files in it are relative to its folder.
         writers : iterable of str, optional
             In place of those of the file.
-        allow_paths : sequence of path
+        allow_paths, plugins
             See `clrender.load`.
 
         Raises
@@ -90,10 +94,10 @@ class DatasetPlan:
             See `of`.
         """
         spec = load_spec(path, writers)
-        return cls.of(spec, ascii(str(path))[1:-1], Path(path).parent, allow_paths=allow_paths)
+        return cls.of(spec, ascii(str(path))[1:-1], Path(path).parent, allow_paths=allow_paths, plugins=plugins)
 
     @classmethod
-    def from_table(cls, content: Mapping[str, Any], folder: str | Path = ".") -> DatasetPlan:
+    def from_table(cls, content: Mapping[str, Any], folder: str | Path = ".", plugins: Any = None) -> DatasetPlan:
         """A data set as its file would say it.
 
         Parameters
@@ -101,13 +105,15 @@ class DatasetPlan:
         content : mapping
         folder : path
             That names of files are relative to.
+        plugins : Plugin, path, or iterable of them, optional
+            See `clrender.load`.
 
         Raises
         ------
         SceneError, UsageError
             See `of`.
         """
-        return cls.of(Spec.of(content, "data set"), "data set", Path(folder))
+        return cls.of(Spec.of(content, "data set"), "data set", Path(folder), plugins=plugins)
 
     @classmethod
     def of(
@@ -117,6 +123,7 @@ class DatasetPlan:
         folder: Path,
         scene: str | Path | None = None,
         allow_paths: Sequence[str | Path] = (),
+        plugins: Any = None,
     ) -> DatasetPlan:
         """Load the scene of a data set, and check its first image.
 
@@ -129,7 +136,7 @@ class DatasetPlan:
             That names of files are relative to.
         scene : path, optional
             In place of the one that it names.
-        allow_paths : sequence of path
+        allow_paths, plugins
             See `clrender.load`.
 
         Raises
@@ -143,7 +150,7 @@ class DatasetPlan:
         options = {key: value for key, value in spec.load.model_dump().items() if value is not None}
         if isinstance(options.get("environment"), str):
             options["environment"] = folder / options["environment"]
-        base = load(wanted, allow_paths=allow_paths, **options)
+        base = load(wanted, allow_paths=allow_paths, plugins=plugins, **options)
         cameras: tuple[tuple[str, Camera], ...] = ()
         if spec.camera.file is not None:
             cameras = tuple(load_cameras(folder / spec.camera.file).items())

@@ -334,7 +334,10 @@ class SceneArrays:
 
     def look(self, scene: FlatScene) -> None:
         """Replace the cameras and their motions by those of a scene that has the same arrays."""
-        for name, array in (("camera", scene.camera), ("camera_knots", scene.camera_knots)):
+        arrays: dict[str, NDArray[Any]] = {"camera": scene.camera}
+        if scene.camera["segments"].any():  # those of cameras at rest are not read
+            arrays["camera_knots"] = scene.camera_knots
+        for name, array in arrays.items():
             held = self.buffers[name]
             if held.nbytes == array.nbytes:
                 self._device.write(held, array)

@@ -162,7 +162,7 @@ _Uv = tuple[Annotated[Finite, Field(ge=-1e6, le=1e6)], Annotated[Finite, Field(g
 class Mesh(Surface):
     """Triangle mesh from a file (.ply, .ply.gz, .obj, .stl), or inline as vertices and faces."""
 
-    late_keys: ClassVar[frozenset[str]] = frozenset({"visible_to_camera", "light_group", "shadow_terminator_offset"})
+    late_keys: ClassVar[frozenset[str]] = Surface.late_keys | {"shadow_terminator_offset"}
 
     type: Literal["mesh"]
     file: FileName | None = None

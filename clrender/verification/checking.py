@@ -19,7 +19,7 @@ from clrender.film.unit import BLOCK, blocks_across
 from clrender.flatten.plugin_rows import plugin_hashes
 from clrender.importers import load
 from clrender.limits import checked_path
-from clrender.plugins import as_plugins
+from clrender.plugins import Plugin, as_plugins
 from clrender.rendering.job import RenderJob
 from clrender.rendering.session import Session
 from clrender.scene import Scene, builtin_names
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from clrender.guiding.field import GuidingField
     from clrender.rendering.rendered_image import Progress
 
-__all__ = ["Verification", "verify"]
+__all__ = ["Verification", "check_plugins", "verify"]
 
 TILE: Final = 16
 """Side of the sampled tiles, pixels: small, so that a fraction of them is informative about the rest."""
@@ -171,7 +171,7 @@ def verify(
     chosen = tiles[np.sort(np.random.default_rng(seed).choice(len(tiles), count, replace=False))]
     wanted = claim.ledger.restricted(_blocks_of(claim, chosen))
     found = _scene(path, claim, scene, environment, allow_paths).with_plugins(allowed)
-    _check_plugins(path, claim, found)
+    check_plugins(str(path), claim.request.get("plugins", {}), found.plugins)
     job = _job(path, claim, found, guiding_field)
     with Session(device, notify=notify) as session:
         film = session.render_part(job, wanted, lambda here: _check(path, claim, here), on_progress)
@@ -277,10 +277,24 @@ def _found(path: Path, name: str, option: str) -> str | Path:
     raise UsageError(f"{path}: was made from {name!r}, which was not found; give its location with {option} FILE")
 
 
-def _check_plugins(path: Path, claim: Claim, scene: Scene) -> None:
-    """Check that all plugins of an image were given, and with the texts that it was made with."""
-    given = plugin_hashes(scene.plugins)
-    said = claim.request.get("plugins", {})
+def check_plugins(path: str, said: Any, plugins: Sequence[Plugin]) -> None:
+    """Check that all plugins of an image or a data set are given, and with the texts that it was made with.
+
+    Parameters
+    ----------
+    path : str
+        Of what was made, for messages.
+    said : mapping of str to str
+        Names of its plugins and the SHA-256 of their texts; anything else says nothing.
+    plugins : sequence of Plugin
+        Those that are given.
+
+    Raises
+    ------
+    UsageError
+        One is missing, or has another text.
+    """
+    given = plugin_hashes(plugins)
     for name, sha256 in sorted(said.items()) if isinstance(said, Mapping) else ():
         if name not in given:
             raise UsageError(

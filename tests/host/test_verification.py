@@ -96,8 +96,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def job_of(**how: Any) -> RenderJob:
-    return RenderJob.of(clrender.load("scene.toml"), size=(WIDTH, HEIGHT), spp=SPP, **how)
+def job_of(time_at: float | None = None, **how: Any) -> RenderJob:
+    return RenderJob.of(clrender.load("scene.toml", time_at=time_at), size=(WIDTH, HEIGHT), spp=SPP, **how)
 
 
 def told(job: RenderJob, film: Film) -> dict[str, Any]:
@@ -377,7 +377,7 @@ JUNK: list[Any] = [None, 3, -1, 2**70, 0.5, "x", "\0", [], [1], {}, {"x": 1}, Tr
 @pytest.mark.parametrize("name", ["a.png", "a.exr", "a.film"])
 def test_whatever_a_file_says_ends_in_a_sentence(folder: Path, name: str) -> None:
     """Anything in the place of anything: an error that users understand, a fault, or no matter."""
-    job = job_of()
+    job = job_of(time_at=1.0)
     film = truth(job)
     stored = {"tone_map": "srgb", "exposure": -2.0} if name == "a.png" else {"exr_type": "float"}
     good = {**told(job, film), "stored": {**stored, "exr_compression": "zip"}, "scene": {"name": "scene.toml"}}

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from clrender.device import Device
 
 IMAGES = 6
+SCENES = Path(__file__).parents[2] / "scenes" / "plugins"
 BOP = "bop/train/000000"
 
 
@@ -564,6 +565,25 @@ def test_what_cannot_be_verified(made: tuple[DatasetPlan, Path], device: Device,
     for wrong in ({"fraction": 0.0}, {"fraction": 2}, {"sample": 0}):
         with pytest.raises(UsageError, match=f"{next(iter(wrong))} is"):
             verify_dataset(folder, **wrong, device=device)
+
+
+def test_sets_with_a_plugin_are_proved_with_its_text(device: Device, tmp_path: Path) -> None:
+    text = (SCENES / "minnaert.cl").read_text()
+    (tmp_path / "minnaert.cl").write_text(text)
+    shutil.copy(SCENES / "moon.toml", tmp_path)
+    content = {"scene": "moon.toml", "images": 2, "size": [8, 6], "render": {"spp": 1}}
+    with pytest.raises(SceneError, match="minnaert"):
+        DatasetPlan.from_table(content, tmp_path)
+    plan = DatasetPlan.from_table(content, tmp_path, plugins=tmp_path / "minnaert.cl")
+    assert make_dataset(plan, tmp_path / "a", device=device).missing == 0
+    assert verify_dataset(tmp_path / "a", plugins=tmp_path / "minnaert.cl", device=device).sound
+    with pytest.raises(UsageError, match=r"was made with the plugin minnaert .* --plugin FILE"):
+        verify_dataset(tmp_path / "a", device=device)
+    (tmp_path / "minnaert.cl").write_text(text.replace("0.5f * INV_PI", "0.4f * INV_PI"))
+    with pytest.raises(UsageError, match="another text of the plugin minnaert"):
+        verify_dataset(tmp_path / "a", plugins=tmp_path / "minnaert.cl", device=device)
+    changed = DatasetPlan.from_table(content, tmp_path, plugins=tmp_path / "minnaert.cl")
+    assert make_dataset(changed, tmp_path / "a", device=device).rendered == 2
 
 
 def test_names_do_not_lead_out_of_the_folder(made: tuple[DatasetPlan, Path], device: Device, tmp_path: Path) -> None:

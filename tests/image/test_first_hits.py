@@ -28,7 +28,7 @@ def scene(shapes: list[dict[str, Any]], lights: list[dict[str, Any]] | None = No
     materials: dict[str, Any] = {name: {"type": "lambert", "reflectance": rgb} for name, rgb in COLOURS.items()}
     materials["mirror"] = {"type": "mirror", "reflectance": MIRROR}
     materials["glass"] = {"type": "dielectric", "ior": 1.5}
-    view = {"position": [0.0, 0.0, 0.0], "target": [0.0, 0.0, -1.0], "vertical_fov": 90.0, **camera}
+    view = {"position": [0.0, 0.0, 0.0], "target": [0.0, 0.0, -1.0], "vertical_fov": 90.0, "flow_step": 1.0, **camera}
     return Scene.model_validate({"camera": view, "materials": materials, "shapes": shapes, "lights": lights or []})
 
 
@@ -285,7 +285,7 @@ def test_depth_along_the_view_and_normals_of_the_camera(device: Device) -> None:
 def test_layers_of_a_render_and_in_a_file(device: Device, tmp_path: Path) -> None:
     import OpenEXR
 
-    what = clrender.load("room")
+    what = clrender.load("room").changed(camera__flow_step=1.0)
     errors: dict[str, Any] = {"size": (WIDTH, HEIGHT), "spp": 32, "replicate_spp": 2, "error": 1e-6}
     plain = clrender.render(what, **errors)
     image = clrender.render(what, **errors, aov=AOVS)
