@@ -23,7 +23,7 @@ from clrender.plugins import Plugin, as_plugins
 from clrender.rendering.session import Session
 from clrender.scene import builtin_names
 from clrender.verification.checking import check_plugins
-from clrender.verification.confidence import detection_probability, least_detected
+from clrender.verification.confidence import SampledCheck
 
 if TYPE_CHECKING:
     from clrender.device import Device
@@ -34,7 +34,7 @@ _HASHES: Final = ("scene_sha256", "linear_sha256")
 
 
 @dataclass(frozen=True)
-class DatasetVerification:
+class DatasetVerification(SampledCheck):
     """Result of the verification of a data set.
 
     Attributes
@@ -55,36 +55,9 @@ class DatasetVerification:
     faults: tuple[str, ...]
 
     @property
-    def sound(self) -> bool:
-        """Whether nothing was found to be wrong."""
-        return not self.faults
-
-    def detection(self, wrong: int) -> float:
-        """Probability that `wrong` images whose manifest is wrong as well would have been found.
-
-        Parameters
-        ----------
-        wrong : int
-
-        Returns
-        -------
-        float
-        """
-        return detection_probability(self.images, self.checked, wrong)
-
-    def detected(self, confidence: float = 0.95) -> int:
-        """The smallest number of such images of which one would have been found with this probability.
-
-        Parameters
-        ----------
-        confidence : float
-            The probability.
-
-        Returns
-        -------
-        int
-        """
-        return least_detected(self.images, self.checked, confidence)
+    def parts(self) -> int:
+        """Number of images: those whose manifest is wrong as well are found by rendering them only."""
+        return self.images
 
 
 def verify_dataset(

@@ -24,7 +24,7 @@ from clrender.rendering.job import RenderJob
 from clrender.rendering.session import Session
 from clrender.scene import Scene, builtin_names
 from clrender.verification.claim import Claim, claim_of
-from clrender.verification.confidence import detection_probability, least_detected
+from clrender.verification.confidence import SampledCheck
 from clrender.verification.findings import Comparison, explanation
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ _UPRIGHT: Final = (".obj", ".ply", ".stl")
 
 
 @dataclass(frozen=True)
-class Verification:
+class Verification(SampledCheck):
     """Result of a verification.
 
     Attributes
@@ -70,37 +70,9 @@ class Verification:
     samples: int
 
     @property
-    def sound(self) -> bool:
-        """Whether nothing was found to be wrong."""
-        return not self.faults
-
-    def detection(self, wrong: int) -> float:
-        """Probability that a fault would have been found in an image with `wrong` wrong tiles.
-
-        Parameters
-        ----------
-        wrong : int
-            Number of tiles of 16 by 16 pixels.
-
-        Returns
-        -------
-        float
-        """
-        return detection_probability(self.tiles, self.checked, wrong)
-
-    def detected(self, confidence: float = 0.95) -> int:
-        """The smallest number of wrong tiles that would have been found with this probability.
-
-        Parameters
-        ----------
-        confidence : float
-            The probability.
-
-        Returns
-        -------
-        int
-        """
-        return least_detected(self.tiles, self.checked, confidence)
+    def parts(self) -> int:
+        """Number of tiles."""
+        return self.tiles
 
 
 def verify(

@@ -2,7 +2,55 @@
 
 from __future__ import annotations
 
-__all__ = ["detection_probability", "least_detected"]
+from abc import ABC, abstractmethod
+
+__all__ = ["SampledCheck", "detection_probability", "least_detected"]
+
+
+class SampledCheck(ABC):
+    """What was found in a sample of parts, and what that says of the others."""
+
+    checked: int
+    """Number of parts that were drawn at random."""
+    faults: tuple[str, ...]
+    """Sentences about what is wrong."""
+
+    @property
+    @abstractmethod
+    def parts(self) -> int:
+        """Number of all parts."""
+
+    @property
+    def sound(self) -> bool:
+        """Whether nothing was found to be wrong."""
+        return not self.faults
+
+    def detection(self, wrong: int) -> float:
+        """Probability that a fault would have been found if this many parts were wrong.
+
+        Parameters
+        ----------
+        wrong : int
+
+        Returns
+        -------
+        float
+        """
+        return detection_probability(self.parts, self.checked, wrong)
+
+    def detected(self, confidence: float = 0.95) -> int:
+        """The smallest number of wrong parts of which one would have been found with this probability.
+
+        Parameters
+        ----------
+        confidence : float
+            The probability.
+
+        Returns
+        -------
+        int
+        """
+        return least_detected(self.parts, self.checked, confidence)
 
 
 def detection_probability(total: int, checked: int, wrong: int) -> float:
