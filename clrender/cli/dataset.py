@@ -127,7 +127,7 @@ def _told(plan: DatasetPlan, index: int) -> dict[str, Any]:
     varied = plan.image(index)
     return {
         "image": index,
-        "camera": camera_told(varied.scene.camera, varied.size),
+        "camera": camera_told(varied.moment.camera, varied.size),
         "drawn": varied.drawn,
         "seed": varied.seed,
     }

@@ -86,7 +86,9 @@ def make_dataset(
 
     Raises
     ------
-    SceneError, UsageError, DeviceError, RenderError
+    UsageError
+        The folder has images of another data set, or `images` are none of this one.
+    SceneError, DeviceError, RenderError
         An image cannot be made or written; those before it are kept.
     """
     folder, begin = Path(folder), time.perf_counter()
@@ -98,6 +100,7 @@ def make_dataset(
     except OSError as error:
         raise UsageError(f"{folder}: cannot be made ({error.strerror}); name a folder that can") from None
     records, rendered = Records(plan, folder), 0
+    records.refuse_others()
     progress = DatasetProgress(-1, 0, len(wanted), 0, 0.0)
     with Session(device, notify=_once(notify)) as session:
         for done, index in enumerate(wanted, 1):
@@ -157,7 +160,7 @@ def merge_datasets(plan: DatasetPlan, folder: str | Path, others: Iterable[str |
     plan : DatasetPlan
     folder : path
     others : iterable of path
-        Images that are damaged, or of another data set, are left out.
+        Images that are damaged are left out.
 
     Returns
     -------
@@ -167,15 +170,17 @@ def merge_datasets(plan: DatasetPlan, folder: str | Path, others: Iterable[str |
     Raises
     ------
     UsageError
-        A folder does not exist.
+        A folder does not exist, or has images of another data set.
     """
     folder, begin = Path(folder), time.perf_counter()
     folder.mkdir(parents=True, exist_ok=True)
     records, copied = Records(plan, folder), 0
+    records.refuse_others()
     for other in map(Path, others):
         if not other.is_dir():
             raise UsageError(f"{other}: is no folder; name those in which parts of the data set were made")
         there = Records(plan, other)
+        there.refuse_others()
         for index in range(plan.spec.images):
             record = there.read(index)
             if record is None or records.read(index) is not None or not there.proved(index):

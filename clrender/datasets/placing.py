@@ -80,7 +80,7 @@ def _is_number(value: Any) -> bool:
 
 
 def placed_camera(scene: Scene, table: CameraTable, up: str, drawer: Drawer) -> Camera:
-    """The camera of a scene, placed.
+    """The camera of a scene, placed. One that is placed does not move, whatever motion the scene's camera has.
 
     Parameters
     ----------
@@ -92,6 +92,8 @@ def placed_camera(scene: Scene, table: CameraTable, up: str, drawer: Drawer) -> 
     drawer : Drawer
     """
     camera, right_up = scene.camera, camera_up(scene.camera)
+    if table == CameraTable():
+        return camera
     target = camera.target if table.target is None else drawer.vector("camera.target", table.target)
     position = camera.position
     if table.type in ("sphere", "hemisphere"):
@@ -110,7 +112,7 @@ def placed_camera(scene: Scene, table: CameraTable, up: str, drawer: Drawer) -> 
         right_up = _AXES[up][0]
     roll = drawer.number("camera.roll_degrees", table.roll_degrees)
     right_up = _rolled(forward, right_up, roll)
-    return camera.changed({"position": position, "target": target, "up": right_up})
+    return camera.changed({"position": position, "target": target, "up": right_up, "motion": ()})
 
 
 def camera_up(camera: Camera) -> Vector:

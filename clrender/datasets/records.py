@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -13,6 +14,7 @@ from clrender.datasets.files import json_bytes
 from clrender.datasets.variation import DatasetPlan
 from clrender.datasets.writers.webdataset import END, archive_of
 from clrender.device.source import kernels_sha256
+from clrender.errors import UsageError
 from clrender.files.access import atomic_write
 from clrender.flatten.plugin_rows import plugin_hashes
 from clrender.version import __version__
@@ -53,6 +55,26 @@ class Records:
         self.plan, self.folder = plan, folder
         self.head = manifest_head(plan)
         self._key = hashlib.sha256(json_bytes(self.head)).hexdigest()
+
+    def refuse_others(self) -> None:
+        """Refuse a folder with images of another data set: files of both would be in one folder.
+
+        Raises
+        ------
+        UsageError
+            It has a manifest or a record that is not of this data set.
+        """
+        records = itertools.islice((self.folder / "records").glob("*.json"), 1)
+        for path, expected in ((self.folder / MANIFEST, self.head), *((each, {"key": self._key}) for each in records)):
+            try:
+                said = json.loads(path.read_bytes())
+            except (OSError, ValueError):
+                continue  # what is damaged is made again
+            if isinstance(said, dict) and any(said.get(key, value) != value for key, value in expected.items()):
+                raise UsageError(
+                    f"{self.folder}: has images of another data set, or by another version of clrender "
+                    f"({path.relative_to(self.folder)}); name another folder, or delete this one"
+                )
 
     def path(self, index: int) -> Path:
         """The file of an image's record."""

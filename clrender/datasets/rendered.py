@@ -19,8 +19,10 @@ from clrender.image.files import image_sha256
 from clrender.rendering.amodal import amodal_channels
 from clrender.rendering.rendered_image import RenderedImage
 from clrender.scene.groups import Instance
+from clrender.scene.motion import rests
+from clrender.scene.resting import placements
 from clrender.scene.shapes import Transform
-from clrender.scene.transforms import Affine, affine
+from clrender.scene.transforms import Affine, affine, combined
 
 __all__ = ["Rendered", "Seen", "box_of"]
 
@@ -40,7 +42,7 @@ class Seen:
     model : str
         Name of its group, else its own.
     pose : Affine
-        From the space of its group, or of its shape before its transform, to world space.
+        From the space of its group, or of its shape before its transform, to world space, when the shutter opens.
     """
 
     number: int
@@ -131,14 +133,18 @@ class Rendered:
     def _seen(self, labelling: Labelling, number: int) -> Seen:
         label = next(each for each in self.image.labels["instance"] if each.number == number)
         entries = list(labelling.entries(number))
-        name, scene = label.name, self.varied.scene
+        name, scene = label.name, self.varied.moment
         shape = scene.shapes[entries[0][0]]
         model = shape.group if isinstance(shape, Instance) else name
         if len(entries) > 1:
             model, pose = name, self.varied.poses.get(name, affine(Transform()))
-        elif entries[0][1] is not None:
+            if keys := self.varied.scene.shapes[entries[0][0]].motion:
+                moved = rests(keys, *scene.camera.interval)
+                assert moved is not None
+                pose = combined(moved, pose)
+        elif isinstance(shape, Instance):
             entry, turn = entries[0]
-            rows = scene.transforms(entry).maps[turn].tolist()
+            rows = placements(scene, entry)[turn or 0].tolist()
             pose = affine(Transform(matrix=(*map(tuple, rows), (0.0, 0.0, 0.0, 1.0))))
         else:
             pose = affine(shape.transform)
@@ -161,7 +167,7 @@ class Rendered:
     @property
     def camera(self) -> dict[str, Any]:
         """Its camera; see `clrender.datasets.views`."""
-        return camera_told(self.varied.scene.camera, self.varied.size)
+        return camera_told(self.varied.moment.camera, self.varied.size)
 
 
 def box_of(mask: npt.NDArray[np.bool_]) -> list[int]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from clrender.importers.cameras.read import load_cameras, with_camera
 from clrender.importers.load import load
 from clrender.rendering.job import RenderJob
 from clrender.scene import Camera, Scene, builtin_names
+from clrender.scene.resting import has_motion, opened
 from clrender.scene.transforms import Affine
 from clrender.wording import quoted
 
@@ -45,6 +47,11 @@ class Varied:
     seed: int
     drawn: dict[str, Any]
     poses: dict[str, Affine]
+
+    @cached_property
+    def moment(self) -> Scene:
+        """The scene when the shutter opens, at rest: where its camera and objects are said to be."""
+        return opened(self.scene)
 
 
 @dataclass(frozen=True)
@@ -170,9 +177,13 @@ class DatasetPlan:
 
         Raises
         ------
+        UsageError
+            No image has this number.
         SceneError
             What was drawn is no valid scene.
         """
+        if not 0 <= index < 1 << 64:
+            raise UsageError(f"image {index}: images are numbered from 0 on")
         spec, drawer = self.spec, Drawer(self.spec.seed, index)
         try:
             scene = self.base
@@ -192,6 +203,10 @@ class DatasetPlan:
                 scene = scene.changed({("shapes",): shapes})
             scene = scene.with_checked(camera=placed_camera(scene, spec.camera, spec.up, drawer))
             self._check_categories(scene)
+            if "camera.time" in spec.vary and not (has_motion(scene) or scene.camera.motion):
+                raise SceneError(
+                    "vary.camera.time has no effect, since nothing in the scene has a motion; leave it out"
+                )
         except SceneError as error:
             raise SceneError(f"{self.source}: image {index}: {error}") from None
         width, height = spec.size or (scene.image.width, scene.image.height)

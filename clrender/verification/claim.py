@@ -200,6 +200,8 @@ def claim_of(path: Path) -> Claim:
     """
     ending = path.suffix.lower()
     if ending not in (*FILM_ENDINGS, ".exr", ".png"):
+        if not path.exists():
+            raise UsageError(f"{path}: does not exist; check its name and folder")
         raise UsageError(f"{path}: only .film, .exr and .png files contain their settings; verify one of those")
     provenance = None if ending in FILM_ENDINGS else read_provenance(path)
     if provenance is None and ending not in FILM_ENDINGS:

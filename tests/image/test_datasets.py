@@ -410,8 +410,11 @@ def test_another_data_set_in_the_same_folder(made: tuple[DatasetPlan, Path], dev
     _, folder = made
     shutil.copytree(folder, tmp_path / "a")
     other = plan_of(tmp_path, seed=8, images=2, writers=["images"])
-    assert make_dataset(other, tmp_path / "a", device=device).rendered == 2
-    assert told(tmp_path, "a/manifest.json")["spec"]["seed"] == 8
+    with pytest.raises(
+        UsageError, match=r"a: has images of another data set.* \(manifest\.json\); name another folder"
+    ):
+        make_dataset(other, tmp_path / "a", device=device)
+    assert same(tmp_path / "a", folder)
 
 
 def test_a_sensor(device: Device, tmp_path: Path) -> None:
@@ -583,7 +586,66 @@ def test_sets_with_a_plugin_are_proved_with_its_text(device: Device, tmp_path: P
     with pytest.raises(UsageError, match="another text of the plugin minnaert"):
         verify_dataset(tmp_path / "a", plugins=tmp_path / "minnaert.cl", device=device)
     changed = DatasetPlan.from_table(content, tmp_path, plugins=tmp_path / "minnaert.cl")
-    assert make_dataset(changed, tmp_path / "a", device=device).rendered == 2
+    with pytest.raises(
+        UsageError, match=r"a: has images of another data set.* \(manifest\.json\); name another folder"
+    ):
+        make_dataset(changed, tmp_path / "a", device=device)
+
+
+def test_folders_of_other_data_sets_are_refused(device: Device, tmp_path: Path) -> None:
+    def plan(seed: int) -> DatasetPlan:
+        return DatasetPlan.from_table(
+            {"scene": "room", "images": 2, "size": [8, 6], "seed": seed, "render": {"spp": 1}}
+        )
+
+    make_dataset(plan(1), tmp_path / "part", images=range(1), device=device)
+    words = r"part: has images of another data set.* \(records/000000\.json\)"
+    with pytest.raises(UsageError, match=words):
+        make_dataset(plan(2), tmp_path / "part", device=device)
+    with pytest.raises(UsageError, match=words):
+        merge_datasets(plan(2), tmp_path / "b", [tmp_path / "part"])
+    assert make_dataset(plan(1), tmp_path / "part", device=device).rendered == 1
+    with pytest.raises(UsageError, match="image -1: images are numbered from 0 on"):
+        plan(1).image(-1)
+
+
+@pytest.mark.parametrize("what", ["shape", "instance", "several", "camera"])
+def test_poses_are_those_of_the_opening_of_the_shutter(device: Device, tmp_path: Path, what: str) -> None:
+    """The centre of a ball is where its mask is, whichever way it moves; a placed camera does not move."""
+    motion = [{"time": 0.0, "translate": [-0.6, 0.0, 0.0]}, {"time": 1.0, "translate": [0.6, 0.4, 0.0]}]
+    ball: dict[str, Any] = {"type": "sphere", "radius": 0.2, "emission": [1, 1, 1]}
+    named, shapes = {"name": "ball", "category": "ball"}, list[dict[str, Any]]()
+    if what == "instance":
+        shapes = [{"type": "instance", "group": "g", "transform": {"scale": 0.8}, "motion": motion, **named}]
+    elif what == "several":
+        shapes = [{**ball, **named, "motion": motion}, {**ball, **named, "radius": 0.1, "motion": motion}]
+    else:
+        shapes = [{**ball, **named, "motion": motion if what == "shape" else []}]
+    camera: dict[str, Any] = {"position": [0, 0, 4], "target": [0, 0, 0], "vertical_fov": 40.0}
+    if what == "camera":
+        camera["motion"] = [{"time": 0.0, "target": [-0.6, 0, 0]}, {"time": 1.0, "target": [0.5, 0.2, 0]}]
+    scene = {"camera": camera, "shapes": shapes, "groups": {"g": {"shapes": [ball]}}}
+    (tmp_path / "scene.json").write_text(json.dumps(scene))
+    content = {"scene": "scene.json", "images": 3, "size": [64, 64], "render": {"spp": 16}, "layers": ["instance"],
+               "writers": ["images", "bop"], "vary": {"camera.time": {"choice": [0.0, 0.3, 1.0]}}}  # fmt: skip
+    plan = DatasetPlan.from_table(content, tmp_path)
+    make_dataset(plan, tmp_path / "a", device=device)
+    truth, cameras = told(tmp_path, f"a/{BOP}/scene_gt.json"), told(tmp_path, f"a/{BOP}/scene_camera.json")
+    for index in range(3):
+        x, y, z = truth[f"{index}"][0]["cam_t_m2c"]
+        fx, _, cx, _, fy, cy, *_ = cameras[f"{index}"]["cam_K"]
+        rows, columns = np.nonzero(picture(tmp_path / f"a/images/{index:06d}.instance.png"))
+        assert abs(columns.mean() - (cx + fx * x / z)) < 0.5
+        assert abs(rows.mean() - (cy + fy * y / z)) < 0.5
+    placed = {**content, "vary": {}, "camera": {"type": "box", "position": [0, 0, 6]}}
+    place = DatasetPlan.from_table(placed, tmp_path).image(0).scene.camera
+    assert place.position == (0.0, 0.0, 6.0) and not place.motion
+
+
+def test_a_time_without_motion_is_refused(tmp_path: Path) -> None:
+    content = {"scene": "room", "images": 1, "vary": {"camera.time": {"uniform": [0, 1]}}}
+    with pytest.raises(SceneError, match=r"vary\.camera\.time has no effect"):
+        DatasetPlan.from_table(content, tmp_path)
 
 
 def test_names_do_not_lead_out_of_the_folder(made: tuple[DatasetPlan, Path], device: Device, tmp_path: Path) -> None:

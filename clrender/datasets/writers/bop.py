@@ -35,7 +35,7 @@ class Bop:
 
     def write(self, rendered: Rendered, files: ImageFiles) -> Any:
         """See `Writer`."""
-        name, spec, camera = rendered.name, rendered.plan.spec, rendered.varied.scene.camera
+        name, spec, camera = rendered.name, rendered.plan.spec, rendered.varied.moment.camera
         numbers = pinhole(camera, rendered.varied.size)
         if numbers is None or camera.type == "fisheye" or camera.distortion is not None or camera.mirrored:
             raise refuse_camera(camera, "bop", "describes cameras without distortion, and not this one")

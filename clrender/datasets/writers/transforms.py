@@ -24,7 +24,7 @@ class Transforms:
 
     def write(self, rendered: Rendered, files: ImageFiles) -> Any:
         """See `Writer`."""
-        camera = rendered.varied.scene.camera
+        camera = rendered.varied.moment.camera
         frame = _lens(camera, rendered.varied.size)
         files.png(f"transforms/images/{rendered.name}.png", rendered.picture)
         return {
