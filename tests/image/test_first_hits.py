@@ -252,7 +252,7 @@ CUTS = {"room": (ONE, (4, 16, 1), (8, 64, 5), (16, 16, 3)), "bumpy": ((1, 16, 3)
 @pytest.mark.long
 @pytest.mark.parametrize("name", CUTS)
 def test_the_same_bits_however_the_work_is_cut(device: Device, name: str) -> None:
-    what = clrender.load(name)
+    what = clrender.load(name).changed(camera__flow_step=1.0)
     expected = layers(device, what, spp=6)
     for lanes, tile, passes in CUTS[name]:
         found = layers(device, what, lanes=lanes, samples_per_pass=passes, spp=6, tile=tile)
