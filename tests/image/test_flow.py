@@ -110,3 +110,18 @@ def test_flow_needs_two_times() -> None:
         clrender.render(clrender.load("room"), size=(8, 8), spp=1, aov="flow")
     scene = clrender.load("room")
     assert scene.changed({"camera.flow_step": 1.0}).sha256() == scene.sha256()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lens", list(LENSES))
+def test_flow_has_the_same_bits_on_every_driver(all_devices: list[Device], lens: str) -> None:
+    """But for rusticl, which does not end compiling programs of scenes with instances of motions."""
+    scene, seen = moving(lens), dict[str, bytes]()
+    for device in all_devices:
+        if "rusticl" in device.info.platform.lower():
+            continue
+        with clrender.Session(device.info.index) as session:
+            image = session.render(scene, size=SIZE, spp=3, aov=("flow", "scene_flow"))
+        for name, layer in {**image.aovs, "image": image.linear}.items():
+            assert seen.setdefault(name, layer.tobytes()) == layer.tobytes(), f"{name} on {device.info.title}"
+    assert len(seen) == 3

@@ -322,7 +322,10 @@ def free_memory() -> int:
 @pytest.mark.parametrize(
     "settings",
     [
-        pytest.param({"aov": sorted(AOVS.keys() - FLOWS), "max_depth": 2, "replicate_spp": 1, "error": 0.5}, marks=pytest.mark.slow),
+        pytest.param(
+            {"aov": sorted(AOVS.keys() - FLOWS), "max_depth": 2, "replicate_spp": 1, "error": 0.5},
+            marks=pytest.mark.slow,
+        ),
         pytest.param({"integrator": "whitted"}, marks=pytest.mark.slow),
         pytest.param({"integrator": "reuse"}, marks=pytest.mark.slow),
         pytest.param({"integrator": "photon", "photons": 500}, marks=pytest.mark.slow),
