@@ -6,6 +6,7 @@ tables may hold distributions.
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Callable, Mapping
 from typing import Any, Final
@@ -16,7 +17,7 @@ from clrender.importers.shared.spectra import blackbody_color
 from clrender.scene.values import fault
 from clrender.wording import shown
 
-__all__ = ["DISTRIBUTIONS", "checked_value", "drawn"]
+__all__ = ["DISTRIBUTIONS", "checked_value", "drawn", "named_in"]
 
 DISTRIBUTIONS: Final[Mapping[str, tuple[str, ...]]] = {
     "uniform": (),
@@ -29,6 +30,8 @@ DISTRIBUTIONS: Final[Mapping[str, tuple[str, ...]]] = {
 """Keys of distributions, and the other keys that they may have."""
 
 _ATTEMPTS: Final = 1000
+_NEAR: Final = 0.8
+"""Similarity from which a key is a distribution's, misspelt: no key of a scene file is so near."""
 _LUMINANCE: Final = (0.2126, 0.7152, 0.0722)
 _KELVIN: Final = (100.0, 1e5)
 
@@ -55,12 +58,22 @@ def checked_value(value: Any) -> Any:
     return value
 
 
+def named_in(value: Any) -> list[str]:
+    """The names that a value is, or that are drawn for it."""
+    if isinstance(value, str):
+        return [value]
+    return [name for each in value["choice"] for name in named_in(each)] if _kind(value) == "choice" else []
+
+
 def _check(value: Any, at: tuple[str | int, ...]) -> None:
     kind = _kind(value)
     if kind is not None:
         _CHECKS[kind](value, at)
     elif isinstance(value, Mapping):
         for key, each in value.items():
+            near = difflib.get_close_matches(str(key)[:40], DISTRIBUTIONS, n=1, cutoff=_NEAR)
+            if near and key != near[0] and len(value) <= 2:
+                raise fault("value", f"is no distribution; did you mean {near[0]}?", *at, str(key))
             _check(each, (*at, str(key)))
     elif isinstance(value, list | tuple):
         for index, each in enumerate(value):

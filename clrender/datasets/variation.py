@@ -10,6 +10,7 @@ from typing import Any
 
 from clrender.datasets.placing import Drawer, placed_camera, with_distractors, with_objects
 from clrender.datasets.spec import Spec, load_spec
+from clrender.datasets.values import named_in
 from clrender.errors import SceneError, UsageError
 from clrender.exact.counters import key_of, philox
 from clrender.importers.cameras.read import load_cameras, with_camera
@@ -18,7 +19,7 @@ from clrender.rendering.job import RenderJob
 from clrender.scene import Camera, Scene, builtin_names
 from clrender.scene.resting import has_motion, opened
 from clrender.scene.transforms import Affine
-from clrender.wording import quoted
+from clrender.wording import quoted, suggestion
 
 __all__ = ["DatasetPlan", "Varied"]
 
@@ -163,6 +164,7 @@ class DatasetPlan:
             cameras = tuple(load_cameras(folder / spec.camera.file).items())
             if not cameras:
                 raise SceneError(f"{source}: camera.file has no camera; name another file")
+        _check_groups(spec, source, base)
         plan = cls(spec, source, base, cameras, _categories(spec, base))
         plan.job(plan.image(0))
         return plan
@@ -243,6 +245,16 @@ class DatasetPlan:
                 raise SceneError(
                     f"the category {quoted(shape.category)} is not in categories; list all that images may have there"
                 )
+
+
+def _check_groups(spec: Spec, source: str, base: Scene) -> None:
+    """Refuse names of groups that the scene does not have, before the image that draws them."""
+    named = [(f"distractors[{n}].groups", name) for n, each in enumerate(spec.distractors) for name in each.groups]
+    named += [(f"objects[{n}].group", name) for n, each in enumerate(spec.objects) for name in named_in(each.group)]
+    for place, name in named:
+        if name not in base.groups:
+            text = f"names the group {quoted(name)}, which the scene does not have{suggestion(name, base.groups)}"
+            raise SceneError(f"{source}: {place} {text}")
 
 
 def _categories(spec: Spec, base: Scene) -> tuple[str, ...]:

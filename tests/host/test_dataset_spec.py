@@ -255,7 +255,15 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "no such group": (
         {"distractors": [{"groups": ["cub"]}]},
-        'names a group "cub" that does not exist; did you mean "cube"',
+        r'distractors\[0\].groups names the group "cub", which the scene does not have; did you mean "cube"',
+    ),
+    "a group that a later image draws": (
+        {"objects": [{"name": "stool", "group": {"choice": ["stool", {"choice": ["cub"]}], "weights": [1000, 1]}}]},
+        r'objects\[0\].group names the group "cub", which the scene does not have; did you mean "cube"',
+    ),
+    "a distribution misspelt": (
+        {"vary": {"a": [1, {"unifrom": [0, 1]}]}},
+        r"vary\.a\[1\]\.unifrom is no distribution; did you mean uniform",
     ),
     "an object twice": ({"objects": [{"name": "ball"}, {"name": ["ball"]}]}, 'objects place "ball" twice'),
     "a group of what has none": (
