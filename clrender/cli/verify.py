@@ -16,6 +16,7 @@ from clrender.cli.progress import ProgressDisplay
 from clrender.errors import UsageError
 
 if TYPE_CHECKING:
+    from clrender.datasets import DatasetVerification
     from clrender.verification import Verification
 
 __all__ = ["verify"]
@@ -115,13 +116,19 @@ def verify(
             on_progress=display,
             notify=display.say,
         )
-    if as_json:
-        click.echo(json.dumps(_numbers(found), indent=2))
+    numbers = {**_numbers(found), "detection_of_one": found.detection(1)}
+    _report(image, found, numbers if as_json else _confidence(found))
+
+
+def _report(path: Path, found: Verification | DatasetVerification, conclusion: dict[str, object] | str) -> None:
+    """Print the numbers, or the conclusion if nothing is wrong, and the faults; exit with 1 if there are any."""
+    if not isinstance(conclusion, str):
+        click.echo(json.dumps(conclusion, indent=2))
     elif found.sound:
-        click.echo(f"{image}: {_confidence(found)}")
+        click.echo(f"{path}: {conclusion}")
     if not found.sound:
         for fault in found.faults:
-            click.echo(f"error: {image}: verification failed: {fault}", err=True)
+            click.echo(f"error: {path}: verification failed: {fault}", err=True)
         sys.exit(1)
 
 
@@ -156,31 +163,23 @@ def _verify_dataset(
         seed=seed,
         notify=None if quiet else lambda line: click.echo(line, err=True),
     )
-    if as_json:
-        least = found.detected() if found.sound else None
-        click.echo(json.dumps({**dataclasses.asdict(found), "sound": found.sound, "detected_95": least}, indent=2))
-    elif found.sound:
-        done = f"{found.files} files of {found.images} images as the manifest says, {found.checked} rendered again"
-        line = f"{folder}: {done}, identical bit for bit"
-        if found.checked < found.images:
-            least = found.detected()
-            chance = f"would have been detected with probability {found.detection(least):.1%}"
-            line += f"; if {least} or more were wrong together with the manifest, it {chance}"
-        click.echo(line)
-    if not found.sound:
-        for fault in found.faults:
-            click.echo(f"error: {folder}: verification failed: {fault}", err=True)
-        sys.exit(1)
+    _report(folder, found, _numbers(found) if as_json else _confidence_in_set(found))
 
 
-def _numbers(found: Verification) -> dict[str, object]:
+def _numbers(found: Verification | DatasetVerification) -> dict[str, object]:
     least = found.detected() if found.sound else None
-    return {
-        **dataclasses.asdict(found),
-        "sound": found.sound,
-        "detected_95": least,
-        "detection_of_one": found.detection(1),
-    }
+    return {**dataclasses.asdict(found), "sound": found.sound, "detected_95": least}
+
+
+def _confidence_in_set(found: DatasetVerification) -> str:
+    """The conclusion if nothing is wrong with a data set, as text."""
+    done = f"{found.files} files of {found.images} images as the manifest says, {found.checked} rendered again"
+    line = f"{done}, identical bit for bit"
+    if found.checked == found.images:
+        return line
+    least = found.detected()
+    chance = f"would have been detected with probability {found.detection(least):.1%}"
+    return f"{line}; if {least} or more were wrong together with the manifest, it {chance}"
 
 
 def _confidence(found: Verification) -> str:
