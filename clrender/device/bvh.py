@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
@@ -34,6 +34,7 @@ __all__ = [
     "Bvh",
     "InstanceBoxes",
     "Numbers",
+    "Part",
     "SourceArrays",
     "broken_pairs",
     "build",
@@ -49,6 +50,8 @@ __all__ = [
 NODE_WORDS: Final = 56
 TRIANGLE_BLOCK_WORDS: Final = 128
 ANALYTIC_BLOCK_WORDS: Final = 72
+_TRIANGLE_ID: Final = 120
+_ANALYTIC_ID: Final = 64
 MERGE_CHUNK: Final = 64
 COST_ROOTS: Final = 7
 BINARY_WORDS: Final = 8
@@ -275,56 +278,82 @@ def build_over(
     return builder.collapse(order, builder.merge(order, boxes))
 
 
-def joined(device: Device, trees: Sequence[Bvh]) -> tuple[Bvh, list[int]]:
+@dataclass(frozen=True)
+class Part:
+    """A BVH in the arrays of one or several.
+
+    Attributes
+    ----------
+    buffers : (Buffer, Buffer, Buffer)
+        Nodes, then packs.
+    firsts : (int, int, int)
+        Its first node, and its first block of each kind of packs.
+    counts : (int, int, int)
+        See `Bvh.counts`.
+    levels : int
+    ranges : tuple of range
+        The nodes of each level, counted from its first one.
+    """
+
+    buffers: tuple[Buffer, Buffer, Buffer]
+    firsts: tuple[int, int, int]
+    counts: tuple[int, int, int]
+    levels: int
+    ranges: tuple[range, ...]
+
+    @classmethod
+    def of(cls, tree: Bvh) -> Part:
+        """A whole BVH."""
+        return cls(tree.buffers, (0, 0, 0), tree.counts, tree.levels, tree.ranges)
+
+
+def joined(device: Device, trees: Sequence[tuple[Part, int, int]]) -> tuple[Bvh, list[Part]]:
     """Concatenate several BVHs in one set of arrays.
 
     Parameters
     ----------
     device : Device
-    trees : sequence of Bvh
-        They are consumed. The first one has instances as leaves. Its levels and those of the deepest of the others add
-        up.
+    trees : sequence of (Part, int, int)
+        Each with what is to be added to the numbers of its triangles, and to those of its spheres and disks. The first
+        one has instances as leaves. Its levels and those of the deepest of the others add up.
 
     Returns
     -------
     tree : Bvh
         The first one, followed by the others.
-    roots : list of int
-        Index of the first node of each.
+    parts : list of Part
+        Where each is in it.
 
     Raises
     ------
     RenderError
         When there are too many primitives, or the device has no memory for them.
     """
-    totals = [sum(counts) for counts in zip(*(tree.counts for tree in trees), strict=True)]
+    totals = [sum(counts) for counts in zip(*(tree.counts for tree, _, _ in trees), strict=True)]
     if max(totals[1:]) > _MOST_BLOCKS:
-        for tree in trees:
-            tree.release(device)
         raise _too_many(f"{len(trees)} groups of shapes", max(totals[1:]))
     program = device.common_program()
-    words = (NODE_WORDS, TRIANGLE_BLOCK_WORDS, ANALYTIC_BLOCK_WORDS)
+    words, numbers = (NODE_WORDS, TRIANGLE_BLOCK_WORDS, ANALYTIC_BLOCK_WORDS), (0, _TRIANGLE_ID, _ANALYTIC_ID)
     buffers = [
         device.empty(4 * (width * total + (_BEYOND if packs else 0)))
         for packs, (width, total) in enumerate(zip(words, totals, strict=True))
     ]
-    made, roots, ranges = [0, 0, 0], [], list[range]()
-    for tree in trees:
+    nodes, triangles, others = buffers
+    made, parts, ranges = (0, 0, 0), list[Part](), list[range]()
+    for tree, of_triangles, of_round in trees:
         ranges += [range(made[0] + each.start, made[0] + each.stop) for each in tree.ranges]
-        firsts: _Arguments = [_u(number) for number in made]
-        launch_each(
-            device, program, "build_append", tree.node_count, [tree.nodes, _u(tree.node_count), *firsts, buffers[0]]
-        )
-        for kind in (1, 2):
-            first, length = made[kind] * words[kind] // 8, tree.counts[kind] * words[kind] + _BEYOND
-            arguments: _Arguments = [tree.buffers[kind], _u(length), _u(first), buffers[kind]]
-            launch_each(device, program, "build_copy", length, arguments)
-        roots.append(made[0])
-        made = [before + more for before, more in zip(made, tree.counts, strict=True)]
-        device.finish()
-        tree.release(device)
-    levels = trees[0].levels + max((tree.levels for tree in trees[1:]), default=0)
-    return Bvh(buffers[0], buffers[1], buffers[2], totals[0], totals[1], totals[2], levels, tuple(ranges)), roots
+        parts.append(replace(tree, buffers=(nodes, triangles, others), firsts=made))
+        blocks: _Arguments = [_u(new - old) for new, old in zip(made[1:], tree.firsts[1:], strict=True)]
+        head: _Arguments = [tree.buffers[0], _u(tree.firsts[0]), _u(tree.counts[0]), _u(made[0])]
+        launch_each(device, program, "build_append", tree.counts[0], [*head, *blocks, nodes])
+        for kind, of_others in ((1, of_triangles), (2, of_round)):
+            rows, length = words[kind] // 8, tree.counts[kind] * words[kind] + _BEYOND
+            head = [tree.buffers[kind], _u(tree.firsts[kind] * rows), _u(length), _u(made[kind] * rows)]
+            changes: _Arguments = [_u(words[kind]), _u(numbers[kind]), _u(of_triangles), _u(of_others)]
+            launch_each(device, program, "build_copy", length, [*head, *changes, buffers[kind]])
+        made = (made[0] + tree.counts[0], made[1] + tree.counts[1], made[2] + tree.counts[2])
+    levels = parts[0].levels + max((part.levels for part in parts[1:]), default=0)
+    return Bvh(nodes, triangles, others, *made, levels, tuple(ranges)), parts
 
 
 def refit(device: Device, source: SourceArrays, tree: Bvh, instance_boxes: npt.NDArray[np.float32]) -> None:
@@ -604,4 +633,5 @@ class _Builder:
 
 
 def _u(value: int) -> np.uint32:
-    return np.uint32(value)
+    """An argument of a kernel, modulo 2^32."""
+    return np.uint32(value & 0xFFFFFFFF)

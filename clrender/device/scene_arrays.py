@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.device import bvh
+from clrender.device.scene_trees import SceneTrees, masked_primitives
 from clrender.errors import MemoryRefused, RenderError
 from clrender.files.package_data import kernels_folder
 from clrender.flatten.chains import chain_table
@@ -143,6 +144,8 @@ class SceneArrays:
         BVH to use instead of one over the whole scene; the caller still owns it.
     apart : (S,) bool, optional
         Shapes whose triangles are each by itself in the BVH, also where two are a parallelogram.
+    earlier : SceneTrees, optional
+        BVHs of another scene, which the caller owns: groups that are the same go on with theirs.
 
     Attributes
     ----------
@@ -157,6 +160,8 @@ class SceneArrays:
     apart : (S,) bool
         Shapes that are to be `apart` in a BVH that is to be refitted: also those whose parallelograms `refit` found to
         be none any more.
+    rates : dict of (str, bytes) to float
+        Samples a second that were last traced, by kernel file and settings.
 
     Raises
     ------
@@ -170,12 +175,13 @@ class SceneArrays:
         scene: FlatScene,
         tree: bvh.Bvh | None = None,
         apart: NDArray[np.bool_] | None = None,
+        earlier: SceneTrees | None = None,
     ) -> None:
         check_room(device, scene)
         self._device = device
-        self._lent = tree
         self._scene = scene
         self._chains: Buffer | None = None
+        self.rates: dict[tuple[str, bytes], float] = {}
         triangles, primitives = scene.triangle_count, scene.triangle_count + scene.analytic_count
         device.common_program(large=primitives > _MANY_PRIMITIVES)
         arrays = self._given(scene, [name for name in scene.arrays if name != "texels"])
@@ -186,9 +192,12 @@ class SceneArrays:
         self.apart = np.zeros(len(scene.arrays["shapes"]), bool) if apart is None else apart
         self._pairs = units[(units & bvh.UNIT_PAIR) != 0]
         self._built_cost: float | None = None
-        self.tree, self.masked_tree = (
-            (tree, None) if tree else _trees(device, source, units, scene, arrays["instance_rows"])
-        )
+        self._own_trees: SceneTrees | None = None
+        if tree is None:
+            trees = self._own_trees = SceneTrees(device, source, units, scene, arrays["instance_rows"], earlier)
+            self.tree, self.masked_tree = trees.opaque, trees.masked
+        else:
+            self.tree, self.masked_tree = tree, None
         pages, self.page_bits = texel_pages(device, scene.arrays["texels"])
         smooth = len(scene.arrays["normals"]) > 1
         self.buffers: dict[str, Buffer] = {
@@ -251,7 +260,7 @@ class SceneArrays:
         RenderError
             When the device fails. The arrays must not be used any more.
         """
-        if self._lent is not None or not _same_shapes(self._scene, scene):
+        if self._own_trees is None or not _same_shapes(self._scene, scene):
             return False
         device = self._device
         arrays = self._given(scene, [name for name in scene.arrays if name not in ("texels", *_AS_THEY_ARE)])
@@ -263,6 +272,7 @@ class SceneArrays:
                 return False
             if self._built_cost is None:
                 self._built_cost = sum(bvh.cost(device, tree) for tree in self._trees)
+            self._own_trees.forget_groups()
             for tree in self._trees:
                 bvh.refit(device, source, tree, scene.instances.boxes)
             if not sum(bvh.cost(device, tree) for tree in self._trees) <= _MOST_COST * self._built_cost:
@@ -345,9 +355,16 @@ class SceneArrays:
             self.buffers[name] = self._device.upload(array)
             self._device.release(held)
 
+    def trees_for(self, scene: FlatScene) -> SceneTrees | None:
+        """The BVHs, if groups of another scene can go on with theirs; the caller owns them from then on."""
+        if self._own_trees is None or not self._own_trees.shares_groups(scene):
+            return None
+        trees, self._own_trees = self._own_trees, None
+        return trees
+
     def release(self) -> None:
-        """Release the device memory."""
-        lent = self.tree.buffers if self._lent else ()
+        """Release the device memory, but for BVHs that are others'."""
+        lent = () if self._own_trees else [buffer for tree in self._trees for buffer in tree.buffers]
         if self._chains is not None:
             self._device.release(self._chains)
             self._chains = None
@@ -383,60 +400,5 @@ def _same_shapes(old: FlatScene, new: FlatScene) -> bool:
     pairs = [(old.arrays[name], new.arrays[name]) for name in ("triangles", "primitive_shape", "texels")]
     if not all(a is b or np.array_equal(a, b) for a, b in pairs):
         return False
-    masked, now = _masked(old), _masked(new)
+    masked, now = masked_primitives(old), masked_primitives(new)
     return masked is None or now is None or bool(np.array_equal(masked, now))  # with the same features, both or neither
-
-
-def _trees(
-    device: Device, source: bvh.SourceArrays, units: bvh.Numbers, scene: FlatScene, instance_rows: Buffer
-) -> tuple[bvh.Bvh, bvh.Bvh | None]:
-    """Build the BVH over opaque primitives, and the one over masked primitives if there are any.
-
-    The BVHs of groups are appended to them; the rows of instances refer to these.
-    """
-    masked, instances = _masked(scene), scene.instances
-    firsts = units & bvh.UNIT_NUMBER
-    rows = instances.rows.copy()
-    trees: list[bvh.Bvh] = []
-    for column, among in (("ROOT", masked is None or ~masked), ("MASKED_ROOT", masked)):
-        if among is None:
-            continue
-        chosen = np.broadcast_to(among, source.triangle_count + source.analytic_count)
-
-        def part(
-            triangles: slice, analytic: slice, chosen: NDArray[np.bool_] = chosen
-        ) -> tuple[bvh.Numbers, bvh.Numbers]:
-            """The chosen units of a range of triangles, and the chosen ones of a range of spheres and disks."""
-            begin, end = np.searchsorted(firsts, [triangles.start, triangles.stop])
-            some = units[begin:end]
-            round_ones = np.arange(analytic.start, analytic.stop, dtype=np.uint32)
-            return (
-                some[chosen[firsts[begin:end]]],
-                round_ones[chosen[source.triangle_count :][analytic]],
-            )
-
-        own = part(slice(0, instances.own_triangles), slice(0, instances.own_analytic))
-        parts = [part(group.triangles, group.analytic(source.triangle_count)) for group in instances.groups]
-        filled = np.array([len(some) + len(others) > 0 for some, others in parts], bool)
-        numbers = np.flatnonzero(filled[instances.group_of]) if instances.count else np.zeros(0, np.intp)
-        boxes = bvh.InstanceBoxes(numbers.astype(np.uint32), instances.boxes[numbers])
-        tree = bvh.build_over(device, source, *own, boxes)
-        if len(numbers):
-            below = {group: bvh.build_over(device, source, *parts[group]) for group in np.flatnonzero(filled).tolist()}
-            tree, roots = bvh.joined(device, [tree, *below.values()])
-            of_group = np.zeros(len(parts), np.uint32)
-            of_group[list(below)] = roots[1:]
-            rows.view(np.uint32)[::2, layout.columns("INSTANCE")[column]] = of_group[instances.group_of]
-        trees.append(tree)
-    if instances.count:
-        device.write(instance_rows, rows)
-    return trees[0], trees[1] if len(trees) > 1 else None
-
-
-def _masked(scene: FlatScene) -> NDArray[np.bool_] | None:
-    """Mask of the primitives that rays may pass through; None if there are none."""
-    if not scene.features.opacity:
-        return None
-    count = scene.triangle_count + scene.analytic_count
-    flags: NDArray[np.uint32] = scene.arrays["shapes"]["flags"][scene.arrays["primitive_shape"][:count]]
-    return np.asarray((flags & layout.SHAPE_MASKED) != 0)

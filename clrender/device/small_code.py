@@ -42,6 +42,8 @@ class SmallCode:
         self.possible = info.type == "cpu" and "pocl" in info.version.lower()
         self._taken: Counter[_Key] = Counter()
         self._small: dict[_Key, bool] = {}
+        self._keys: dict[_Key, str] = {}
+        self._there: set[str] = set()
 
     def macros(self, entry: str, macros: Mapping[str, str], samples: int | None) -> dict[str, str]:
         """Macros to build a program with that is to trace about `samples` more samples.
@@ -66,4 +68,10 @@ class SmallCode:
 
     def is_there(self, entry: str, macros: Mapping[str, str]) -> bool:
         """Whether the program with these macros has been compiled, by this process or an earlier one."""
-        return has_run(program_key(self._info, self._options, load_source(entry, macros)))
+        program = entry, tuple(sorted(macros.items()))
+        if program not in self._keys:  # a render of many units asks before each
+            self._keys[program] = program_key(self._info, self._options, load_source(entry, macros))
+        key = self._keys[program]
+        if key not in self._there and has_run(key):
+            self._there.add(key)
+        return key in self._there

@@ -197,7 +197,8 @@ class DeviceWorker:
             self._film: DeviceFilm | None = None
             self._owned.callback(self._release_film)
             self._film_version: object | None = None
-            self._rate = 0.0
+            self._alike = pipeline.entry, _but_seed(self._settings)
+            self._rate = self._arrays.rates.get(self._alike, 0.0)
             self._done_at = 0.0
             self._rays = 0
             named = {**self._arrays.buffers, "settings": self._settings_buffer}
@@ -417,6 +418,7 @@ class DeviceWorker:
         rate = part.part.slot_count * part.part.sample_count / max(seconds, 1e-4)
         # A very short launch, such as a spot check, does not show that the device is slow
         self._rate = rate if seconds > _SHORT_SECONDS else max(rate, self._rate)
+        self._arrays.rates[self._alike] = self._rate
         rays, shadow_rays, deepest = (part.reading.array[:, column] for column in range(3))
         shadows = int(shadow_rays.sum(dtype=np.uint64))
         return part.rays + int(rays.sum(dtype=np.uint64)) + shadows, shadows, int(deepest.max())
@@ -480,6 +482,13 @@ class DeviceWorker:
     def release(self) -> None:
         """Release everything that the worker allocated on the device."""
         self._owned.close()
+
+
+def _but_seed(settings: npt.NDArray[np.void]) -> bytes:
+    """The settings on which the speed depends."""
+    same = settings.copy()
+    same["seed"] = 0
+    return same.tobytes()
 
 
 def _padded(items: int, group: int) -> int:

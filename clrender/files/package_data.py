@@ -12,6 +12,7 @@ __all__ = ["integrator_names", "kernels_folder", "scenes_folder"]
 _PACKAGE = Path(__file__).resolve().parent.parent
 
 
+@cache
 def _folder(name: str) -> Path:
     installed = _PACKAGE / name
     checkout = _PACKAGE.parent / name

@@ -7,6 +7,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -420,6 +421,7 @@ def _check_parts(settings: RenderSettings, first: int, stop: int) -> None:
         raise UsageError(f"samples is {(first, stop)}; a render that stops by its error takes all of them, from 0 on")
 
 
+@cache
 def _sampler_sha256() -> str:
     """Hash of the kernels' sampler, which maps a seed, a pixel and a sample to sample points."""
     return hashlib.sha256((kernels_folder() / "core" / "sampler.h").read_bytes()).hexdigest()

@@ -416,14 +416,16 @@ class JobRender:
 
     def _flat(self) -> tuple[FlatScene, dict[str, float]]:
         """The scene as arrays, and the memory that reading and flattening it took."""
+        known = self._residency.has_read(self._job.scene)
         with self._timed("read_seconds"):
-            if not self._residency.has_read(self._job.scene):
+            if not known:
                 with self._residency.stages.during("reading"):
                     self._job.scene.read_named()
         memory: dict[str, float] = {"read_peak_rss_bytes": peak_rss()}
         with self._timed("flatten_seconds"):
             flat = self._residency.flat(self._job)
-        memory |= {"flatten_peak_rss_bytes": peak_rss(), "flat_bytes": flat.nbytes}
+        flattened = memory["read_peak_rss_bytes"] if known else peak_rss()
+        memory |= {"flatten_peak_rss_bytes": flattened, "flat_bytes": flat.nbytes}
         for line in flat.messages:
             self._residency.tell(line)
         return flat, memory

@@ -214,7 +214,7 @@ class Residency:
 
     def _moved(self, device: Device, arrays: SceneArrays | None, flat: FlatScene) -> SceneArrays:
         """The arrays of another scene: those that are there, if they can be refitted; else they are released."""
-        apart = None
+        apart = trees = None
         if arrays is not None:
             del self._uploaded[device]
             with ExitStack() as spent:
@@ -223,8 +223,11 @@ class Residency:
                     spent.pop_all()
                     return arrays
                 apart = arrays.apart if self.refits and len(arrays.apart) == len(flat.arrays["shapes"]) else None
-        with self.stages.during("building"):
-            return SceneArrays(device, flat, apart=apart)
+                trees = arrays.trees_for(flat)
+        with self.stages.during("building"), ExitStack() as spent:
+            if trees is not None:
+                spent.callback(trees.release)
+            return SceneArrays(device, flat, apart=apart, earlier=trees)
 
     def _forget(self, device: Device, before: frozenset[Buffer]) -> None:
         """Release everything that was allocated on a device since `before`, after a worker could not be made."""

@@ -230,25 +230,31 @@ __kernel void build_collapse(COLLAPSE_PARAMETERS, __global const uint* inner, __
     }
 }
 
-// A tree's nodes into the array of all, whose references count from the array's beginning.
-__kernel void build_append(__global const float* nodes, uint count, uint first_node, uint first_triangle_block, uint first_analytic_block,
+// A tree's nodes, from the first on, into another array. References count from an array's beginning, so they change by as much as the tree's
+// first node and its first blocks do, modulo 2^32.
+__kernel void build_append(__global const float* nodes, uint first, uint count, uint there_first, uint triangle_blocks, uint analytic_blocks,
                            __global float* to) {
     const uint i = (uint)get_global_id(0);
     if (i >= count) return;
-    __global const float* node = nodes + (size_t)i * BVH_NODE_WORDS;
-    __global float* there = to + (size_t)(first_node + i) * BVH_NODE_WORDS;
+    __global const float* node = nodes + (size_t)(first + i) * BVH_NODE_WORDS;
+    __global float* there = to + (size_t)(there_first + i) * BVH_NODE_WORDS;
     for (uint k = 0; k < BVH_CHILD; ++k) there[k] = node[k];
     for (uint k = BVH_CHILD; k < BVH_NODE_WORDS; ++k) {
         uint reference = as_uint(node[k]);
         const int leaf = (reference & BVH_LEAF) != 0, instance = !leaf && (reference & BVH_INSTANCE) != 0;
-        const uint blocks = reference & BVH_ANALYTIC ? first_analytic_block : first_triangle_block;
-        if (reference != BVH_EMPTY && !instance) reference += leaf ? 8u * blocks : first_node;
+        const uint blocks = reference & BVH_ANALYTIC ? analytic_blocks : triangle_blocks;
+        if (reference != BVH_EMPTY && !instance) reference += leaf ? 8u * blocks : there_first - first;
         there[k] = as_float(reference);
     }
 }
 
-// Blocks of packs likewise, word by word.
-__kernel void build_copy(__global const float* words, uint count, uint first, __global float* to) {
+// Blocks of packs likewise, word by word; first and there_first count eight words. What is added to the numbers of pairs of triangles, and
+// to those of others, is where their primitives are now less where they were.
+__kernel void build_copy(__global const float* words, uint first, uint count, uint there_first, uint block_words, uint numbers, uint of_pairs,
+                         uint of_others, __global float* to) {
     const uint i = (uint)get_global_id(0);
-    if (i < count) to[(size_t)first * 8u + i] = words[i];
+    if (i >= count) return;
+    uint word = as_uint(words[(size_t)first * 8u + i]);
+    if (i % block_words / 8u == numbers / 8u && (word & BVH_NUMBER)) word += word & BVH_PAIR ? of_pairs : of_others;
+    to[(size_t)there_first * 8u + i] = as_float(word);
 }

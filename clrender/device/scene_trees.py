@@ -1,0 +1,229 @@
+"""The BVHs of a scene: over what is opaque and what is masked, each followed by those of its groups.
+
+From one image to the next, often only the camera, lights or the places of instances change. A group's BVH depends on
+none of these, so a group that is the same in the next scene keeps its BVH, whose bits are those of a new one.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender import layout
+from clrender.device import bvh
+
+if TYPE_CHECKING:
+    from clrender.device.device import Buffer, Device
+    from clrender.flatten.flat_scene import FlatScene
+    from clrender.flatten.instances import FlatGroup
+
+__all__ = ["SceneTrees", "masked_primitives"]
+
+_SHARE: Final = 8
+"""BVHs are kept for the next scene if they take at most one part in this many of the device's memory."""
+
+
+@dataclass(frozen=True)
+class _GroupTree:
+    """The BVH of a group among those of a scene, and what it is over.
+
+    Attributes
+    ----------
+    part : bvh.Part
+    group : FlatGroup
+    units : (U,) uint32
+        Of the scene's, those that it is over.
+    round_ones : (R,) uint32
+        Likewise.
+    """
+
+    part: bvh.Part
+    group: FlatGroup
+    units: bvh.Numbers
+    round_ones: bvh.Numbers
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Number of the group's primitives of either kind."""
+        return self.group.triangle_count, self.group.analytic_count
+
+
+class SceneTrees:
+    """The BVHs of a scene on a device.
+
+    Parameters
+    ----------
+    device : Device
+    source : bvh.SourceArrays
+    units : (U,) uint32
+        `bvh.triangle_units` of the source.
+    scene : FlatScene
+    instance_rows : Buffer
+        Rows of the scene's instances; the roots of their groups' BVHs are written there.
+    earlier : SceneTrees, optional
+        Those of another scene, which the caller still owns: groups that are the same are copied from them.
+
+    Attributes
+    ----------
+    opaque : bvh.Bvh
+        BVH over all opaque primitives and instances.
+    masked : bvh.Bvh or None
+        BVH over all masked primitives and instances.
+
+    Raises
+    ------
+    RenderError
+        When there are too many primitives, or the device has no memory for them.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        source: bvh.SourceArrays,
+        units: bvh.Numbers,
+        scene: FlatScene,
+        instance_rows: Buffer,
+        earlier: SceneTrees | None = None,
+    ) -> None:
+        self._device, self._scene = device, scene
+        self._groups: defaultdict[tuple[str, tuple[int, int]], list[_GroupTree]] = defaultdict(list)
+        masked = masked_primitives(scene)
+        rows = scene.instances.rows.copy()
+        self.opaque = self._built(source, units, None if masked is None else ~masked, rows, "ROOT", earlier)
+        self.masked: bvh.Bvh | None = None
+        if masked is not None:
+            self.masked = self._built(source, units, masked, rows, "MASKED_ROOT", earlier)
+        if scene.instances.count:
+            device.write(instance_rows, rows)
+
+    def _built(
+        self,
+        source: bvh.SourceArrays,
+        units: bvh.Numbers,
+        among: NDArray[np.bool_] | None,
+        rows: NDArray[np.float32],
+        column: str,
+        earlier: SceneTrees | None,
+    ) -> bvh.Bvh:
+        """Build the BVH over some primitives, and over the instances of groups that have any of them.
+
+        The BVHs of groups are appended to it; the column of the instances' rows refers to these.
+        """
+        device, instances, triangles = self._device, self._scene.instances, source.triangle_count
+        firsts = units & bvh.UNIT_NUMBER
+        chosen = np.broadcast_to(True if among is None else among, triangles + source.analytic_count)
+
+        def of(triangle: slice, analytic: slice) -> tuple[bvh.Numbers, bvh.Numbers]:
+            """The chosen units of a range of triangles, and the chosen ones of a range of spheres and disks."""
+            begin, end = np.searchsorted(firsts, [triangle.start, triangle.stop])
+            some = units[begin:end]
+            round_ones = np.arange(analytic.start, analytic.stop, dtype=np.uint32)
+            return some[chosen[firsts[begin:end]]], round_ones[chosen[triangles:][analytic]]
+
+        own = of(slice(0, instances.own_triangles), slice(0, instances.own_analytic))
+        over = [of(group.triangles, group.analytic(triangles)) for group in instances.groups]
+        filled = np.array([len(some) + len(others) > 0 for some, others in over], bool)
+        numbers = np.flatnonzero(filled[instances.group_of]) if instances.count else np.zeros(0, np.intp)
+        boxes = bvh.InstanceBoxes(numbers.astype(np.uint32), instances.boxes[numbers])
+        tree = bvh.build_over(device, source, *own, boxes)
+        if not len(numbers):
+            return tree
+        made, below = [tree], dict[int, tuple[bvh.Part, int, int]]()
+        try:
+            for group in np.flatnonzero(filled).tolist():
+                kept = earlier and earlier._kept(column, self._scene, instances.groups[group], *over[group])
+                if not kept:
+                    made.append(bvh.build_over(device, source, *over[group]))
+                    kept = bvh.Part.of(made[-1]), 0, 0
+                below[group] = kept
+            whole, parts = bvh.joined(device, [(bvh.Part.of(tree), 0, 0), *below.values()])
+            device.finish()
+        finally:
+            for each in made:
+                each.release(device)
+        of_group = np.zeros(len(over), np.uint32)
+        for group, part in zip(below, parts[1:], strict=True):
+            of_group[group] = part.firsts[0]
+            made_over = _GroupTree(part, instances.groups[group], *(each.copy() for each in over[group]))
+            self._groups[column, made_over.counts].append(made_over)
+        rows.view(np.uint32)[::2, layout.columns("INSTANCE")[column]] = of_group[instances.group_of]
+        return whole
+
+    def _kept(
+        self, column: str, scene: FlatScene, group: FlatGroup, units: bvh.Numbers, round_ones: bvh.Numbers
+    ) -> tuple[bvh.Part, int, int] | None:
+        """The BVH of a group that has the same primitives in another scene, and how much their numbers differ."""
+        for known in self._groups.get((column, (group.triangle_count, group.analytic_count)), ()):
+            triangles = group.first_triangle - known.group.first_triangle
+            analytic = group.first_analytic - known.group.first_analytic
+            first = analytic - (scene.triangle_count - self._scene.triangle_count)
+            over = _same(known.units, units, triangles) and _same(known.round_ones, round_ones, first)
+            if over and self._has(known.group, scene, group):
+                return known.part, triangles, analytic
+        return None
+
+    def _has(self, own: FlatGroup, scene: FlatScene, group: FlatGroup) -> bool:
+        """Whether a group here has the same primitives as one of another scene."""
+        here, there = self._scene.arrays, scene.arrays
+        old, new = here["triangles"][own.triangles], there["triangles"][group.triangles]
+        if len(old) != len(new):
+            return False
+        if len(old):
+            first, last, begin = int(old.min()), int(old.max()) + 1, int(new.min())
+            points = here["vertices"][first:last], there["vertices"][begin : begin + last - first]
+            if not (_same(old, new, begin - first) and _same_bytes(*points)):
+                return False
+        analytic = own.analytic(self._scene.triangle_count), group.analytic(scene.triangle_count)
+        return _same_bytes(here["analytic_shapes"][analytic[0]], there["analytic_shapes"][analytic[1]])
+
+    def shares_groups(self, scene: FlatScene) -> bool:
+        """Whether another scene has a group with the same primitives, and there is memory to keep the BVHs for it."""
+        if self._device.memory_limit is not None or self._device.info.memory_bytes < _SHARE * self.nbytes:
+            return False
+        return any(
+            known.counts == (group.triangle_count, group.analytic_count) and self._has(known.group, scene, group)
+            for group in scene.instances.groups
+            for some in self._groups.values()
+            for known in some
+        )
+
+    def forget_groups(self) -> None:
+        """Note that the BVHs have been changed, so that no other scene can go on with them."""
+        self._groups.clear()
+
+    @property
+    def each(self) -> tuple[bvh.Bvh, ...]:
+        """The BVH over opaque primitives, and the one over masked primitives if there is one."""
+        return (self.opaque,) if self.masked is None else (self.opaque, self.masked)
+
+    @property
+    def nbytes(self) -> int:
+        """Size of all BVHs, bytes."""
+        return sum(tree.nbytes for tree in self.each)
+
+    def release(self) -> None:
+        """Release the device memory."""
+        for tree in self.each:
+            tree.release(self._device)
+
+
+def _same(old: NDArray[np.uint32], new: NDArray[np.uint32], change: int) -> bool:
+    """Whether all numbers have changed by as much; flags are in the bits above."""
+    return old.shape == new.shape and bool(np.array_equal(old + np.uint32(change & 0xFFFFFFFF), new))
+
+
+def _same_bytes(old: NDArray[Any], new: NDArray[Any]) -> bool:
+    return np.ascontiguousarray(old).tobytes() == np.ascontiguousarray(new).tobytes()
+
+
+def masked_primitives(scene: FlatScene) -> NDArray[np.bool_] | None:
+    """Mask of the primitives that rays may pass through; None if there are none."""
+    if not scene.features.opacity:
+        return None
+    count = scene.triangle_count + scene.analytic_count
+    flags: NDArray[np.uint32] = scene.arrays["shapes"]["flags"][scene.arrays["primitive_shape"][:count]]
+    return np.asarray((flags & layout.SHAPE_MASKED) != 0)
