@@ -196,6 +196,8 @@ SHAPE_TERMINATOR_OFFSET: Final = 8
 """Flag of a shape with interpolated normals whose shadow terminator is moved."""
 SHAPE_HIDDEN: Final = 16
 """Flag of a shape that rays of the camera pass; it is among the masked ones."""
+SHAPE_HELD_OUT: Final = 32
+"""Flag of a shape where rays of the camera end, as if nothing were there; it is among the masked ones."""
 
 HOLE_GRID: Final = 32
 """Cells along each side of a masked triangle; a cell may be known to be entirely transparent or entirely opaque."""

@@ -125,6 +125,7 @@
 #define SHAPE_MASKED 4u
 #define SHAPE_TERMINATOR_OFFSET 8u
 #define SHAPE_HIDDEN 16u
+#define SHAPE_HELD_OUT 32u
 #define HOLE_GRID 32u
 #define TEXEL_FOUR 8u
 #define TEXEL_FLOAT 16u

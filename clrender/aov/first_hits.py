@@ -15,7 +15,7 @@ from clrender import layout
 from clrender.aov.cryptomatte import matte_names, name_id, ranked
 from clrender.aov.label_numbers import LabelNumbers, majority
 from clrender.aov.labels import Labelling
-from clrender.aov.names import FLOWS, LABELS, MATTES, OF_FILM, RANKS
+from clrender.aov.names import FLOWS, LABELS, MATTES, OF_FILM, OF_RENDERS, RANKS
 from clrender.aov.samples import PrimitiveSamples
 from clrender.device.scene_arrays import scene_array_names
 from clrender.device.team import DeviceTeam, most_slots
@@ -66,6 +66,8 @@ GUIDE_SAMPLES: Final = 16
 
 FIRST_HITS: Final = Pipeline("integrator/first_hit.cl", "integrator_first_hit", squares=False)
 """Pipeline of layers; its kernel's last arguments are the requested quantity and attributes of all primitives."""
+
+_HITS_APART: Final = replace(FIRST_HITS, apart=True)
 
 LAYER_KINDS: Final[Mapping[str, int]] = {
     "albedo": layout.FIRST_HIT_ALBEDO,
@@ -147,10 +149,10 @@ class _Passes:
         self.tile = tile_side(largest_tile(settings.max_memory, settings.tile), *settings.film_size)
 
     def run(self, what: str, samples: int, receiver: Receiver, rows: tuple[int, int] | None = None) -> None:
-        """Render one quantity of first hits, for the whole image, or for some rows of tiles sample by sample."""
+        """Render one quantity of first hits, for the whole image, or for some rows of tiles."""
         self.asked.kind = LAYER_KINDS[what]
         width, height = self.settings.film_size
-        plan = Plan(width, height, 0, samples, self.tile, rows is not None, rows, most_slots=self.most_slots)
+        plan = Plan(width, height, 0, samples, self.tile, rows=rows, most_slots=self.most_slots)
         tally = run(plan, self.team.candidates, receiver, None, self.should_stop, self.notify, apart_bytes=self.apart)
         tally.raise_failure()
         for line in failures_told(tally):
@@ -188,7 +190,8 @@ def first_hits(
     settings : RenderSettings
         Settings of the image: the layers have its size, seed and camera samples.
     names : iterable of str
-        From `clrender.aov.AOVS`; those of `clrender.aov.OF_FILM` are skipped, as they come from the image's film.
+        From `clrender.aov.AOVS`; those of `clrender.aov.names.OF_FILM` and `OF_RENDERS` come from elsewhere, and are
+        skipped.
     most_samples : int
         Largest number of samples of a pixel, which are the image's first ones.
     should_stop : callable, optional
@@ -229,7 +232,7 @@ def first_hits(
     SceneError
         A mesh file cannot be read.
     """
-    wanted = [name for name in dict.fromkeys(names) if name not in OF_FILM]
+    wanted = [name for name in dict.fromkeys(names) if name not in OF_FILM | OF_RENDERS]
     if not wanted:
         return {}
     asked = LayerKind()
@@ -257,9 +260,11 @@ def first_hits(
         if any(name in _NUMBERS for name in wanted):
             seen = _seen(*passes.mean("primitive", 1), flat)
             found |= {name: _numbers(name, seen, scene) for name in _NUMBERS if name in wanted}
-        counted = [name for name in wanted if name in MATTES or name in LABELS]
-        if counted:
-            found |= _counted(counted, passes, samples, scene, flat, {} if areas is None else areas)
+    if counted := [name for name in wanted if name in MATTES or name in LABELS]:
+        on_device = partial(LayerArguments, asked=asked)
+        with DeviceTeam(devices, partial(make, pipeline=_HITS_APART, on_device=on_device)) as team:
+            areas = {} if areas is None else areas
+            found |= _counted(counted, replace(passes, team=team), samples, scene, flat, areas)
     flows = [name for name in wanted if name in FLOWS]
     if flows:
         moving = partial(make, pipeline=FIRST_HITS, on_device=partial(LayerArguments, asked=asked))

@@ -18,7 +18,9 @@ __all__ = [
     "LABELS",
     "MATTES",
     "OF_FILM",
+    "OF_RENDERS",
     "RANKS",
+    "SHADOW_CATCHER",
     "channel_count",
     "check_aovs",
     "exact_channels",
@@ -53,6 +55,7 @@ AOVS: Final[Mapping[str, str]] = {
     "unconverged": "V",
     "crypto_object": "RGBA",
     "crypto_material": "RGBA",
+    "shadow_catcher": "RGB",
 }
 """Every layer, and the letters of its channels; for mattes, those of each of their layers."""
 
@@ -61,6 +64,10 @@ ERRORS: Final = frozenset(("stderr", "unconverged"))
 
 OF_FILM: Final = frozenset(("samples", *ERRORS))
 """The layers that come from the image's own film instead of first hits."""
+
+SHADOW_CATCHER: Final = "shadow_catcher"
+OF_RENDERS: Final = frozenset((SHADOW_CATCHER,))
+"""The layers that come from renders of other scenes."""
 
 FLOWS: Final = frozenset(("flow", "scene_flow"))
 """The layers of what moves from the time of the image to another."""

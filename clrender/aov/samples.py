@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 __all__ = ["PrimitiveSamples"]
 
 _NOTHING = 0
+_HALF: Final = 1 << 16
+_CHUNK: Final = 1 << 20
 
 
 class PrimitiveSamples:
@@ -47,18 +49,19 @@ class PrimitiveSamples:
     def __init__(self, width: int, height: int, rows: tuple[int, int], samples: int, tile: int) -> None:
         self._width, self._height, self._tile = width, height, tile
         self.top, self.bottom = rows[0] * tile, min(rows[1] * tile, height)
-        self.numbers = np.zeros((self.bottom - self.top, width, samples), np.uint32)
+        # A sample at a time is written, and a pixel at a time read
+        self._planes = np.zeros((samples, self.bottom - self.top, width), np.uint32)
+        self.numbers = np.moveaxis(self._planes, 0, 2)
         self.taken = np.zeros((self.bottom - self.top, width), np.uint32)
 
     def commit(self, unit: Unit, result: UnitSums) -> int:
-        """Add one sample of some tiles.
+        """Add samples of some tiles.
 
         Parameters
         ----------
         unit : Unit
-            A unit of one sample.
         result : UnitSums
-            Sums for `layout.FIRST_HIT_PRIMITIVE`: the primitive in two halves, which are exact in sums of one sample.
+            Samples of `layout.FIRST_HIT_PRIMITIVE`: the primitive in two halves, below 2^16 each.
 
         Returns
         -------
@@ -68,26 +71,27 @@ class PrimitiveSamples:
         Raises
         ------
         RenderError
-            The unit has more than one sample.
+            The unit has sums of samples.
         """
-        if unit.sample_count != 1:
-            raise RenderError(f"a unit of {unit.sample_count} samples came where single samples are told apart.")
-        # A half is an integer below 2^16 in quanta of 2^-64: the third of four words
-        halves = result.sums[:, :2, 2]
-        primitive = (halves[:, 0] | halves[:, 1] << np.uint32(16)) + np.uint32(1)
-        number = np.where(result.counts > 0, primitive, np.uint32(_NOTHING))
+        if result.samples is None:
+            raise RenderError("sums came where single samples are told apart.")
         done = np.repeat(result.done, BLOCK_SLOTS)
         area, across = self._tile * self._tile, -(-self._width // self._tile)
         order = tile_slots(self._tile).reshape(self._tile, self._tile)
+        planes = self._planes[unit.first_sample : unit.first_sample + unit.sample_count]
         for first in range(0, unit.slot_count, area):
             row, column = divmod((unit.first_slot + first) // area, across)
             top, left = row * self._tile, column * self._tile
             rows, columns = min(self._tile, self._height - top), min(self._tile, self._width - left)
             if rows > 0:
-                slots = first + order[:rows, :columns]
+                slots = order[:rows, :columns]
                 there = np.s_[top - self.top : top - self.top + rows, left : left + columns]
-                self.numbers[(*there, unit.first_sample)] = number[slots]
-                self.taken[there] += done[slots]
+                low, high = (result.samples[:, half, first : first + area][:, slots] for half in (0, 1))
+                hit = low < _HALF  # others met nothing, or are not there
+                words = [np.where(hit, half, 0.0).astype(np.uint32) for half in (low, high)]
+                primitive = words[0] | words[1] << np.uint32(16)
+                planes[(slice(None), *there)] = np.where(hit, primitive + np.uint32(1), np.uint32(_NOTHING))
+                self.taken[there] += done[first : first + area][slots]
         return int((unit.pixels(self._width, self._height) * result.done).sum())
 
     def told_apart(self, flat: FlatScene) -> npt.NDArray[np.uint32]:
@@ -125,9 +129,11 @@ class PrimitiveSamples:
         return self._mapped(numbers)
 
     def _mapped(self, numbers: Callable[[npt.NDArray[np.int64]], npt.NDArray[np.int64]]) -> npt.NDArray[np.uint32]:
-        """Numbers in place of primitives, (pixels, samples) uint32; row by row, to save memory."""
-        found = np.zeros_like(self.numbers)
-        for row, into in zip(self.numbers, found, strict=True):
-            hit = row > 0
-            into[hit] = numbers(row[hit].astype(np.int64) - 1)
+        """Numbers in place of primitives, (pixels, samples) uint32; some rows at a time, to save memory."""
+        found = np.zeros(self.numbers.shape, np.uint32)
+        step = max(1, _CHUNK // max(found[0].size, 1)) if len(found) else 1
+        for begin in range(0, len(found), step):
+            rows = self.numbers[begin : begin + step]
+            hit = rows > 0
+            found[begin : begin + step][hit] = numbers(rows[hit].astype(np.int64) - 1)
         return found.reshape(-1, found.shape[2])

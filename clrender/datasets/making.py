@@ -95,10 +95,7 @@ def make_dataset(
     wanted = range(plan.spec.images) if images is None else images
     if wanted and not (wanted[0] >= 0 and wanted[-1] < plan.spec.images):
         raise UsageError(f"images {wanted[0]} to {wanted[-1]}: there are the images 0 to {plan.spec.images - 1}")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"{folder}: cannot be made ({error.strerror}); name a folder that can") from None
+    _make_folder(folder)
     records, rendered = Records(plan, folder), 0
     records.refuse_others()
     progress = DatasetProgress(-1, 0, len(wanted), 0, 0.0)
@@ -173,7 +170,7 @@ def merge_datasets(plan: DatasetPlan, folder: str | Path, others: Iterable[str |
         A folder does not exist, or has images of another data set.
     """
     folder, begin = Path(folder), time.perf_counter()
-    folder.mkdir(parents=True, exist_ok=True)
+    _make_folder(folder)
     records, copied = Records(plan, folder), 0
     records.refuse_others()
     for other in map(Path, others):
@@ -202,6 +199,13 @@ def merge_datasets(plan: DatasetPlan, folder: str | Path, others: Iterable[str |
         _finish(plan, records)
     total = plan.spec.images
     return DatasetProgress(total - 1, total - missing, total, copied, time.perf_counter() - begin, missing)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"{folder}: cannot be made ({error.strerror}); name a folder that can") from None
 
 
 def _finish(plan: DatasetPlan, records: Records) -> None:

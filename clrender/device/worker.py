@@ -247,6 +247,8 @@ class DeviceWorker:
         RenderError
             When the driver fails.
         """
+        if self._pipeline.apart:
+            return self._apart(unit, on_slice, should_stop)
         traced, sums, counts = self._traced(unit, on_slice, should_stop)
         done, slots = traced.done, unit.slot_count
         read = self._read(sums, counts, slots)
@@ -300,7 +302,6 @@ class DeviceWorker:
         self, unit: Unit, on_slice: Callable[[int, int], None] | None, should_stop: Callable[[], bool] | None
     ) -> tuple[HeldUnit, Buffer, Buffer]:
         """Trace the samples of a unit; returns its result, and the buffers of its sums and counts."""
-        self._tracing.improve(self._rays)
         slots = unit.slot_count
         sums, counts = self._scratch.buffer("sums", 48 * slots), self._scratch.buffer("counts", 4 * slots)
         self._launch(self._common, "film_clear", slots, [sums, counts, np.uint32(slots)])
@@ -312,6 +313,38 @@ class DeviceWorker:
             self._launch(self._accumulate, "film_clear_splats", slots, [splats, np.uint32(slots)])
             self._preparation.begin_unit(unit, splats)
             self._splats = [splats]
+
+        def add(part: Unit, samples: Buffer) -> None:
+            self._accumulated(part, samples, part.first_slot - unit.first_slot, sums, counts)
+
+        return self._in_slices(unit, add, on_slice, should_stop), sums, counts
+
+    def _apart(
+        self, unit: Unit, on_slice: Callable[[int, int], None] | None, should_stop: Callable[[], bool] | None
+    ) -> UnitSums:
+        """Trace the samples of a unit, and read each of them."""
+        found = np.full((unit.sample_count, 3, unit.slot_count), np.nan, np.float32)
+
+        def read(part: Unit, samples: Buffer) -> None:
+            some = np.empty((part.sample_count, 3, part.slot_count), np.float32)
+            self.device.read(samples, some)
+            slot, sample = part.first_slot - unit.first_slot, part.first_sample - unit.first_sample
+            found[sample : sample + part.sample_count, :, slot : slot + part.slot_count] = some
+
+        traced = self._in_slices(unit, read, on_slice, should_stop)
+        none = np.zeros((0, 3, 4), np.uint32), np.zeros(0, np.uint32)
+        return UnitSums(*none, traced.done, traced.rays, traced.shadow_rays, traced.deepest, samples=found)
+
+    def _in_slices(
+        self,
+        unit: Unit,
+        take: Callable[[Unit, Buffer], None],
+        on_slice: Callable[[int, int], None] | None,
+        should_stop: Callable[[], bool] | None,
+    ) -> HeldUnit:
+        """Trace the samples of a unit; `take` is called with each slice and the buffer of its samples."""
+        self._tracing.improve(self._rays)
+        slots = unit.slot_count
         columns, rows = (
             int(self._settings[side][0] - self._settings[f"less_{side}"][0]) for side in ("width", "height")
         )
@@ -335,14 +368,14 @@ class DeviceWorker:
         for part in self._parts_of(unit):
             if should_stop is not None and should_stop():
                 break
-            flying.append(self._launched(part, part.first_slot - unit.first_slot, sums, counts))
+            flying.append(self._launched(part, take))
             while len(flying) > self._most_flying():
                 land()
         while flying:
             land()
         rays, shadow_rays, deepest = counted.tolist()
         self._rays += rays
-        return HeldUnit(done, rays, shadow_rays, deepest), sums, counts
+        return HeldUnit(done, rays, shadow_rays, deepest)
 
     def _parts_of(self, unit: Unit) -> Iterator[Unit]:
         """Divide a unit into slices, each sized by the device's speed as known when it is launched."""
@@ -367,8 +400,8 @@ class DeviceWorker:
         self.device.read(counts, result[1])
         return result
 
-    def _launched(self, part: Unit, start: int, sums: Buffer, counts: Buffer) -> _Slice:
-        """Enqueue the launches of a slice and the accumulation of its samples."""
+    def _launched(self, part: Unit, take: Callable[[Unit, Buffer], None]) -> _Slice:
+        """Enqueue the launches of a slice; then its samples are taken."""
         device = self.device
         more, rays = self._prepared(part.first_sample)
         begin = time.perf_counter()
@@ -384,6 +417,11 @@ class DeviceWorker:
             record_bytes = self._pipeline.record_bytes * part.slot_count * part.sample_count
             more.append(self._scratch.buffer("records", record_bytes))
         self._tracing.trace(self.scene_arguments, span, samples, stats, more)
+        take(part, samples)
+        return _Slice(part, self._begin_stats(stats, rows), rays, begin)
+
+    def _accumulated(self, part: Unit, samples: Buffer, start: int, sums: Buffer, counts: Buffer) -> None:
+        """Enqueue the accumulation of the samples of a slice, which begins at a slot of the unit."""
         head: list[Buffer | np.generic] = [
             self._settings_buffer,
             samples,
@@ -396,7 +434,6 @@ class DeviceWorker:
         else:
             tail = [np.uint32(part.first_sample), *tail, *self._replicates.buffers, *self._splats]
             self._launch(self._accumulate, "film_accumulate_replicates", part.slot_count, [*head, *tail])
-        return _Slice(part, self._begin_stats(stats, rows), rays, begin)
 
     def _begin_stats(self, stats: Buffer, items: int) -> Reading:
         """Enqueue the reading of a launch's statistics; many of them are first summed up."""

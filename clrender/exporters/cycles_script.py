@@ -122,9 +122,9 @@ def build(described: dict[str, Any], folder: Path) -> Any:
     meshes = {
         name: mesh_of(name, file, materials[material], folder) for name, (file, material) in described["meshes"].items()
     }
-    for name, mesh, matrix, visible in described["objects"]:
+    for name, mesh, matrix, seen in described["objects"]:
         made = place(scene, name, meshes[mesh], matrix)
-        made.visible_camera = visible
+        apply(made, seen)
         apply(made, {f"shadow_terminator_{kind}_offset": 0.0 for kind in ("normal", "geometry")})
     for each in described["lights"]:
         place(scene, each["name"], light_of(each), each["matrix"])

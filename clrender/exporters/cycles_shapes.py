@@ -63,7 +63,7 @@ class ShapeWriter:
         own = [(("shapes", i), each) for i, each in enumerate(scene.shapes) if not isinstance(each, Instance)]
         for piece in self._pieces(own + shapes_of_instances(scene, self._differs)):
             self._object(piece, np.eye(4))
-        groups: dict[str, list[tuple[str, str, bool]]] = {}
+        groups: dict[str, list[tuple[str, str, dict[str, bool]]]] = {}
         for index, instance in scene.instances():
             name = instance.group
             if name not in groups:
@@ -90,8 +90,8 @@ class ShapeWriter:
             self._mapped[group] = any(getattr(part, "normal_map", None) is not None for part in parts)
         return self._mapped[group]
 
-    def _pieces(self, shapes: list[tuple[At, AnyShape]]) -> list[tuple[str, str, bool]]:
-        """Of shapes a name for objects, the mesh, and whether the camera sees them."""
+    def _pieces(self, shapes: list[tuple[At, AnyShape]]) -> list[tuple[str, str, dict[str, bool]]]:
+        """Of shapes a name for objects, the mesh, and what the camera sees of them."""
         made = []
         pieces = pieces_of(self._target.scene, shapes, self._merge, self._apart)
         self._tell_of_insides(pieces)
@@ -100,7 +100,8 @@ class ShapeWriter:
             tell_of_meshes(self._target, at, shape)
             tell_of_round(self._target, at, shape)
             name = shape.name or shape.material or "shape"
-            made.append((name, self._mesh(name, piece, self._materials.of_shape(at, shape)), shape.visible_to_camera))
+            seen = {"visible_camera": shape.visible_to_camera, "is_shadow_catcher": shape.shadow_catcher}
+            made.append((name, self._mesh(name, piece, self._materials.of_shape(at, shape)), seen))
         return made
 
     def _tell_of_insides(self, pieces: list[Piece]) -> None:
@@ -142,9 +143,9 @@ class ShapeWriter:
             self.meshes[name] = [file, material]
         return self._names[digest, material]
 
-    def _object(self, piece: tuple[str, str, bool], matrix: NDArray[np.float64]) -> None:
-        wanted, mesh, visible = piece
-        self.objects.append([self._target.id("object", wanted), mesh, matrix.tolist(), visible])
+    def _object(self, piece: tuple[str, str, dict[str, bool]], matrix: NDArray[np.float64]) -> None:
+        wanted, mesh, seen = piece
+        self.objects.append([self._target.id("object", wanted), mesh, matrix.tolist(), seen])
 
 
 def _refracts(scene: Scene, piece: Piece) -> bool:

@@ -253,7 +253,10 @@ def material_parts(scene: Scene, name: str | None) -> list[Any]:
 
 def surface_key(shape: AnyShape) -> str:
     """What shapes of one surface share."""
-    return json.dumps(shape.model_dump(mode="json", include={"material", "emission", "name"}), sort_keys=True)
+    return json.dumps(
+        shape.model_dump(mode="json", include={"material", "emission", "name", "visible_to_camera", "shadow_catcher"}),
+        sort_keys=True,
+    )
 
 
 def write_plain_ply(file: IO[bytes], mesh: MeshData, uvs: NDArray[np.float32] | None) -> None:

@@ -123,4 +123,7 @@ def hides_lights(target: Target, can: bool) -> bool:
     for at, shines, visible in parts:
         if not visible and not (shines and hides):
             target.leave_out("that the camera does not see it", *at, "visible_to_camera")
+    for at, shape in scene.all_shapes():
+        if shape.shadow_catcher:
+            target.leave_out("that it catches shadows: the camera sees it", *at, "shadow_catcher")
     return hides

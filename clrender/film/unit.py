@@ -102,6 +102,9 @@ class UnitSums:
     squares : (slot_count, 3, 8) uint32 or None
         With replicates: sums of the squared sums of the replicates, 256 bits in quanta of 2**-128, least significant
         word first. `done` then counts whole replicates only.
+    samples : (sample_count, 3, slot_count) float32 or None
+        Of pipelines whose samples are kept `apart`: each of them, NaN where there is none. There are no sums and counts
+        then.
     """
 
     sums: npt.NDArray[np.uint32]
@@ -111,6 +114,7 @@ class UnitSums:
     shadow_rays: int
     deepest: int
     squares: npt.NDArray[np.uint32] | None = None
+    samples: npt.NDArray[np.float32] | None = None
 
     @classmethod
     def nothing(cls, unit: Unit) -> UnitSums:

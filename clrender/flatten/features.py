@@ -190,7 +190,7 @@ class Features:
             instances=instances.count > 0,
             opacity=opacity,
             holes=opacity and len(arrays["hole_rows"]) > 1,
-            hidden_shapes=bool((flags & layout.SHAPE_HIDDEN).any()),
+            hidden_shapes=bool((flags & (layout.SHAPE_HIDDEN | layout.SHAPE_HELD_OUT)).any()),
             hidden_environment=hidden_environment,
             textures=textured or opacity,
             tangents=bool(attributes[:, tangents].view(np.uint32).any()),

@@ -250,6 +250,7 @@ def flatten(
             digest.update(array.reshape(-1).view(np.uint8).data)
     around_lights = (scene.environment, scene.sky)
     hidden = any(light is not None and not light.visible_to_camera for light in around_lights)
+    hidden = hidden or scene.has_shadow_catchers
     if hidden:
         digest.update(b"hidden environment")
     plugins = used_plugins(scene)

@@ -156,6 +156,12 @@ def _refuse_hidden(scene: Scene, integrator: str) -> None:
             f"{scene.source}: {hidden[0]}.visible_to_camera is false, which the integrator {integrator} does not take; "
             "leave it out, or use --integrator path"
         )
+    caught = [place(at) for at, shape in scene.all_shapes() if shape.shadow_catcher]
+    if caught and not INTEGRATORS[integrator].opacity:
+        raise SceneError(
+            f"{scene.source}: {caught[0]}.shadow_catcher is true, which the integrator {integrator} does not take; "
+            "leave it out, or use --integrator path"
+        )
 
 
 def _refuse_media(scene: Scene, integrator: str) -> None:

@@ -110,6 +110,8 @@ def flat_surfaces(
     shapes["flags"][masked] |= np.uint32(layout.SHAPE_MASKED)
     hidden = [not shape.visible_to_camera for shape in scene.plain_shapes]
     shapes["flags"][hidden] |= np.uint32(layout.SHAPE_MASKED | layout.SHAPE_HIDDEN)
+    held_out = [shape.shadow_catcher for shape in scene.plain_shapes]
+    shapes["flags"][held_out] |= np.uint32(layout.SHAPE_MASKED | layout.SHAPE_HELD_OUT)
     v = t = 0
     for index, mesh in meshes.items():
         place, shape = f"{scene.source}: {place_in_file(scene.place_of(index))}", scene.plain_shapes[index]

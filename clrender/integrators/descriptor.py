@@ -45,6 +45,8 @@ class Pipeline:
         Whether paths from the lights add to pixels; they are then prepared for each unit (`SplattingPreparation`).
     staged : bool
         Whether the same samples can be traced in stages (kernels/staged/stage.h).
+    apart : bool
+        Whether samples are wanted one by one, and not their sums.
     """
 
     entry: str
@@ -56,6 +58,7 @@ class Pipeline:
     squares: bool = True
     splats: bool = False
     staged: bool = False
+    apart: bool = False
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from clrender.aov import ERRORS, FLOWS, Labelling, check_aovs
+from clrender.aov import ERRORS, FLOWS, SHADOW_CATCHER, Labelling, check_aovs
 from clrender.device.source import kernels_sha256
 from clrender.errors import UsageError
 from clrender.files.package_data import kernels_folder
@@ -129,6 +129,7 @@ class RenderJob:
         scene = scene.with_plugins(plugins)
         masks = tuple(each.strip() for each in amodal.split(",")) if isinstance(amodal, str) else tuple(amodal)
         aov = (*check_aovs(aov), "instance") if masks else aov
+        aov = _with_catchers(scene, check_aovs(aov))
         job = cls._checked(scene, settings_for(scene, size, settings), samples, aov, denoise, guiding_field)
         if masks:
             Labelling.of(scene).numbered(masks)
@@ -381,6 +382,15 @@ class RenderJob:
                 "of clrender"
             )
         return dataclasses.replace(job, light_groups=groups[0], lit_by=groups[1], amodal=amodal)
+
+
+def _with_catchers(scene: Scene, layers: tuple[str, ...]) -> tuple[str, ...]:
+    """The layers, with those that come together where there are shadow catchers."""
+    if SHADOW_CATCHER in layers and not scene.has_shadow_catchers:
+        raise UsageError(f"aov: the layer {SHADOW_CATCHER} needs a shape with shadow_catcher = true")
+    if not scene.has_shadow_catchers or {"alpha", SHADOW_CATCHER}.isdisjoint(layers):
+        return layers
+    return (*layers, "alpha", SHADOW_CATCHER)
 
 
 def _field(given: GuidingField | str | Path) -> GuidingField:

@@ -21,6 +21,7 @@ from clrender.aov import (
     GUIDES,
     LABELS,
     LAYER_SAMPLES,
+    SHADOW_CATCHER,
     Labelling,
     first_hits,
     hit_counts,
@@ -53,6 +54,7 @@ from clrender.rendering.light_groups import adding_up
 from clrender.rendering.memory import limited, needs, told
 from clrender.rendering.rendered_image import IncompleteRender, Progress, RenderedImage
 from clrender.rendering.residency import Residency
+from clrender.rendering.shadow_catchers import caught, whole_and_bare
 from clrender.rendering.statistics import error_stats, film_layers, job_stats, peak_rss, render_stats
 from clrender.rendering.team import Cluster, Team
 from clrender.scheduling.contributions import MOST_BYTES
@@ -171,6 +173,8 @@ class JobRender:
             image.light_groups = self._groups(flat, image)
         if self._job.amodal:
             image.amodal = self._amodal(image)
+        if SHADOW_CATCHER in self._job.aov:
+            self._catch_shadows(image)
         return image
 
     def _struct(self) -> npt.NDArray[np.void]:
@@ -213,6 +217,33 @@ class JobRender:
         image.stats["light_groups"] = list(parts)
         image.stats["light_groups_seconds"] = time.perf_counter() - begin
         return adding_up(image.linear, parts)
+
+    def _catch_shadows(self, image: RenderedImage) -> None:
+        """Add the layer of shadow catchers, and their shadows to alpha: the same samples, with and without objects."""
+        begin, alpha, parts = time.perf_counter(), image.alpha, []
+        common = dataclasses.replace(
+            self._job,
+            settings=dataclasses.replace(
+                self._settings, spp=self._job.first_sample + image.stats["sample_count"], error=None, time_limit=None
+            ),
+            sample_count=image.stats["sample_count"],
+            aov=("alpha",),
+            denoise=False,
+            guiding_field=None,
+            light_groups=False,
+            amodal=(),
+        )
+        for scene in whole_and_bare(self._job.scene) if not image.interrupted else ():
+            job = dataclasses.replace(common, scene=scene)
+            part = JobRender(self._residency, job, None, self._should_stop, cluster=self._cluster).image(False)
+            if not part.interrupted and part.alpha is not None:
+                parts.append((part.linear, part.alpha))
+        if len(parts) < 2 or alpha is None:
+            self._residency.tell("warning: there is no layer of shadow catchers, as the render was stopped early")
+            return
+        factor, whole = caught(image.linear, alpha, *parts)
+        image.aovs |= {SHADOW_CATCHER: factor, "alpha": whole[..., None]}
+        image.stats["shadow_catcher_seconds"] = time.perf_counter() - begin
 
     def _amodal(self, image: RenderedImage) -> dict[int, npt.NDArray[np.float32]]:
         """Masks of instances as if nothing stood before them: the same camera samples, in scenes of each one alone."""

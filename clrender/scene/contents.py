@@ -105,6 +105,11 @@ class SceneContents(Head):
                 yield ("groups", name, "shapes", index), shape
 
     @property
+    def has_shadow_catchers(self) -> bool:
+        """Whether any shape is a shadow catcher. Then the camera does not see the environment, either."""
+        return self.of_contents("shadow catchers", lambda: any(shape.shadow_catcher for _, shape in self.all_shapes()))
+
+    @property
     def plain_shapes(self) -> tuple[AnyShape, ...]:
         """Its shapes, of a scene whose instances `clrender.flatten.assembly` has resolved."""
         return self.shapes  # type: ignore[return-value]

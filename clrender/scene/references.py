@@ -50,6 +50,7 @@ def check_references(scene: SceneContents) -> None:
     _check_colors(scene)
     _check_terminators(scene)
     _check_hidden(scene)
+    _check_catchers(scene)
     environments = [i for i, light in enumerate(scene.lights) if isinstance(light, EnvironmentLight | SunSkyLight)]
     for i in environments[1:]:
         sentence = f"is a second environment beside lights[{environments[0]}]; a scene can have only one"
@@ -146,6 +147,19 @@ def _check_hidden(scene: SceneContents) -> None:
         if not shape.visible_to_camera and (shape.interior is not None or (material is not None and material.solid)):
             sentence = "cannot be false for what has an inside: rays of the camera would get there through no boundary"
             raise fault("reference", f"{sentence}; leave it out", *at, "visible_to_camera")
+
+
+def _check_catchers(scene: SceneContents) -> None:
+    """Check that the camera could see shadow catchers, and that they are seen by light of others alone."""
+    for at, shape in scene.all_shapes():
+        if not shape.shadow_catcher:
+            continue
+        material = None if shape.material is None else scene.materials[shape.material]
+        if not shape.visible_to_camera:
+            raise fault("reference", "is given for what the camera does not see; leave it out", *at, "shadow_catcher")
+        if shape.shines or (material is not None and _shines(material)):
+            sentence = "is given for what shines, and its own light is no shadow; leave it out, or the emission"
+            raise fault("reference", sentence, *at, "shadow_catcher")
 
 
 def _shines(material: Material) -> bool:

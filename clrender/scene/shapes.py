@@ -44,7 +44,7 @@ __all__ = [
 class Surface(Part):
     """What every shape has."""
 
-    late_keys: ClassVar[frozenset[str]] = frozenset({"visible_to_camera", "light_group", "motion"})
+    late_keys: ClassVar[frozenset[str]] = frozenset({"visible_to_camera", "shadow_catcher", "light_group", "motion"})
     needs_similarity: ClassVar[bool] = False
     material: Name | None = Field(None, description="name of the material; without one the shape is black")
     emission: ColorOrTexture | None = Field(
@@ -58,6 +58,10 @@ class Surface(Part):
     category: Name | None = Field(None, description="what it is, such as chair, for the layer of categories")
     light_group: LayerName | None = Field(None, description="group of its light, for layers of light groups")
     visible_to_camera: Flag = Field(True, description="false: rays of the camera pass it; all others meet it")
+    shadow_catcher: Flag = Field(
+        False,
+        description="true: for compositing; the camera sees no surface there, and alpha has the shadows on it",
+    )
     flip_normals: Flag = False
     transform: Transform = Transform()
     motion: Motion = Field((), description="keys of a motion, which acts after the transform; times ascend")

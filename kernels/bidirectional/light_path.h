@@ -149,7 +149,7 @@ static void light_path_keep(const LightPath* p, Hit hit, vmask where, __global f
 static uint light_path_splat(const Scene* scene, const LightPath* p, const LightArrival* a, const Splats* splats) {
     vmask seen = a->joins;
 #ifdef HIDDEN_SHAPES
-    seen = seen & !a->surface.hidden;
+    seen = seen & !(a->surface.hidden | a->surface.held_out);
 #endif
     if (!lane_any(seen)) return 0;
     vuint bits_u, bits_v;

@@ -25,6 +25,7 @@ typedef struct {
     vfloat opacity[PACKETS]; // and there
 #ifdef HIDDEN_SHAPES
     vmask hidden[PACKETS];   // the surface there is hidden from the camera
+    vmask held_out[PACKETS]; // and rays of the camera end there
 #endif
     vuint key[PACKETS];      // tells it from the ray's other hits: the primitive, and its side
 } Masked;
@@ -55,6 +56,7 @@ __attribute__((noinline)) static int masked_next(const Scene* scene, Masked* m) 
         m->opacity[k] = opacity_at(scene, &s, m->open[k]);
 #ifdef HIDDEN_SHAPES
         m->hidden[k] = s.hidden;
+        m->held_out[k] = s.held_out;
 #endif
         m->key[k] = hash_pair(hit.primitive, s.front ? splat_uint(1u) : splat_uint(0u));
         m->ray[k].after = hit.distance;
@@ -84,7 +86,7 @@ static void find_start_masked(Search* s, uint packet, const Ray* ray, Sampler sa
 }
 
 // A packet sets out to find what is nearest; every one of them has to before they finish. `depth`: of the vertices that the rays leave.
-// `camera`: rays that come from there and pass what is hidden from it.
+// `camera`: rays that come from there. They pass what is hidden from it, and meet nothing where something is held out; the distance of that is told.
 static void find_start(const Scene* scene, Search* s, uint packet, const Ray* ray, Sampler sampler, vuint depth, vmask camera, vmask active) {
     traverse_start(&scene->bvh, &s->opaque, packet, ray, active, 0);
     find_start_masked(s, packet, ray, sampler, depth, camera, ray->limit, active);
@@ -110,6 +112,8 @@ static void find_finish_masked(const Scene* scene, Search* s, Hit* hit) {
             vmask there = s->masked.open[k] & (unit_interval(bits) < s->masked.opacity[k]);
 #ifdef HIDDEN_SHAPES
             there = there & !(s->camera[k] & s->masked.hidden[k]);
+            const vmask ends = s->camera[k] & s->masked.held_out[k];
+            s->masked.hit[k].primitive = ends ? splat_uint(NONE) : s->masked.hit[k].primitive;
 #endif
             hit[k].distance = there ? s->masked.hit[k].distance : hit[k].distance;
             hit[k].primitive = there ? s->masked.hit[k].primitive : hit[k].primitive;

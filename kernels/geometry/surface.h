@@ -38,6 +38,7 @@ typedef struct {
 #endif
 #ifdef HIDDEN_SHAPES
     vmask hidden;        // rays of the camera pass it
+    vmask held_out;      // rays of the camera end there, as if nothing were there
 #endif
 #ifdef TERMINATOR_OFFSET
     vmask moves;         // its shadow terminator is to be moved: geometry/terminator.h
@@ -165,6 +166,7 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
     const vmask smooth = active & !round & ((kind_and_flags & (SHAPE_SMOOTH << ROW_FLAGS)) != 0u);
 #ifdef HIDDEN_SHAPES
     s.hidden = active & ((kind_and_flags & (SHAPE_HIDDEN << ROW_FLAGS)) != 0u);
+    s.held_out = active & ((kind_and_flags & (SHAPE_HELD_OUT << ROW_FLAGS)) != 0u);
 #endif
 #ifdef TERMINATOR_OFFSET
     s.moves = smooth & ((kind_and_flags & (SHAPE_TERMINATOR_OFFSET << ROW_FLAGS)) != 0u);

@@ -90,7 +90,10 @@ static void medium_travel(const Scene* scene, const Interior* in, const FreePath
         *throughput = arrives;
         return;
     }
-    const vmask scatters = may & (hit->primitive == NONE) & (free->length < FAR);
+    vmask scatters = may & (hit->primitive == NONE) & (free->length < FAR);
+#ifdef HIDDEN_SHAPES
+    scatters = scatters & (hit->distance >= free->length);      // not where it ended at what is held out
+#endif
     const vmask outside = may & !scatters & (hit->primitive == NONE);
     const vfloat distance = scatters ? free->length : hit->distance;
     const vec3 left = medium_attenuation(extinction, distance);

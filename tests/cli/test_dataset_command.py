@@ -60,6 +60,7 @@ BAD = {
         ("--merge", "leave --images and --part out"),
     ),
     "an output that is a file": ("dataset set.json -o scene.json", ("scene.json", "cannot be made")),
+    "a merge into a file": ("dataset set.json -o scene.json --merge .", ("scene.json", "cannot be made")),
     "a sample of an image": ("verify a.png --sample 3", ("--sample is for data sets", "--fraction")),
     "a folder that is none": ("verify .", ("has no manifest.json",)),
     "an environment of a data set": ("verify . --environment 1", ("--environment is not for data sets",)),

@@ -120,18 +120,17 @@ def test_samples_find_their_pixels() -> None:
     seen = PrimitiveSamples(10, 7, (0, 2), 2, 4)
     assert (seen.top, seen.bottom) == (0, 7)
     primitive = np.arange(6 * 16, dtype=np.uint32) * 70001  # beyond 2^16
-    for sample, done in ((0, 1), (1, 0)):
-        sums = np.zeros((96, 3, 4), np.uint32)
-        sums[:, 0, 2], sums[:, 1, 2] = primitive & 0xFFFF, primitive >> 16
-        counts = np.full(96, done, np.uint32)
-        counts[3] = 0
-        result = UnitSums(sums, counts, np.full(6, done, np.uint32), 0, 0, 0)
-        assert seen.commit(Unit(0, 96, sample, 1, 4), result) == 70 * done
+    none = np.zeros((0, 3, 4), np.uint32), np.zeros(0, np.uint32)
+    samples = np.full((2, 3, 96), np.nan, np.float32)
+    samples[0, :2] = primitive & 0xFFFF, primitive >> 16
+    samples[0, :, 3] = 1e30
+    result = UnitSums(*none, np.full(6, 1, np.uint32), 0, 0, 0, samples=samples)
+    assert seen.commit(Unit(0, 96, 0, 2, 4), result) == 70
     slot = tile_slots(4).reshape(4, 4)
     assert seen.numbers[5, 9, 0] == primitive[5 * 16 + slot[1, 1]] + 1
     assert seen.numbers[0, 3, 0] == 0 and not seen.numbers[..., 1].any() and (seen.taken == 1).all()
     with pytest.raises(RenderError, match="single samples"):
-        seen.commit(Unit(0, 96, 0, 2, 4), result)
+        seen.commit(Unit(0, 96, 0, 2, 4), UnitSums.nothing(Unit(0, 96, 0, 2, 4)))
 
 
 # --- names of shapes -------------------------------------------------------------------------------------------------

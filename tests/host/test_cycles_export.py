@@ -123,8 +123,10 @@ def test_backgrounds(tmp_path: Path, light: Any) -> None:
 def test_what_the_camera_does_not_see(tmp_path: Path) -> None:
     lights = [{"type": "environment", "radiance": [1.0, 1.0, 1.0], "visible_to_camera": False}]
     shapes = [{**QUAD, "material": "m", "visible_to_camera": False}, {**BALL, "material": "m"}]
+    shapes += [{**QUAD, "material": "m", "shadow_catcher": True}, {**QUAD, "material": "m"}]
     found, notes = exported(tmp_path, lights=lights, shapes=shapes)
-    assert not found["world_visible"] and [each[3] for each in found["objects"]] == [False, True]
+    said = [(each[3]["visible_camera"], each[3]["is_shadow_catcher"]) for each in found["objects"]]
+    assert not found["world_visible"] and sorted(said) == [(False, False), (True, False), (True, False), (True, True)]
     assert not any("camera does not see" in note for note in notes)
 
 

@@ -319,6 +319,7 @@ def test_maps(picture: Path) -> None:
         ("the balance of normal maps", {"materials": {"m": {**GREY, "normal_map": {"texture": "a.png"}}}}),
         ("the radius of the pixel filter", {"render": {"filter": "mitchell", "filter_radius": 1.0}}),
         ("the camera does not see it", {"shapes": [{**QUAD, "visible_to_camera": False}]}),
+        ("it catches shadows", {"shapes": [{**QUAD, "shadow_catcher": True}]}),
         (
             "the mirroring of textures",
             {"materials": {"m": {**GREY, "reflectance": {"texture": "a.png", "wrap": "mirror"}}}},

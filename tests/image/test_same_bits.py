@@ -33,7 +33,7 @@ from image_support import (
 )
 
 import clrender
-from clrender.aov import AOVS, FLOWS
+from clrender.aov import AOVS, FLOWS, OF_RENDERS
 from clrender.device import Device
 from clrender.device.launch import LaunchConfig
 from clrender.device.worker import DeviceWorker
@@ -323,7 +323,7 @@ def free_memory() -> int:
     "settings",
     [
         pytest.param(
-            {"aov": sorted(AOVS.keys() - FLOWS), "max_depth": 2, "replicate_spp": 1, "error": 0.5},
+            {"aov": sorted(AOVS.keys() - FLOWS - OF_RENDERS), "max_depth": 2, "replicate_spp": 1, "error": 0.5},
             marks=pytest.mark.slow,
         ),
         pytest.param({"integrator": "whitted"}, marks=pytest.mark.slow),

@@ -66,7 +66,9 @@ class Things:
         if not (solid or refracts):
             shape |= {"flip_normals": True} if draw.chance(0.2) else {}
         if not solid and draw.chance(0.1):
-            shape["visible_to_camera"] = False
+            # Without a draw, which would change all that follows
+            catches = not draw.white and "emission" not in made and len(self.shapes) % 5 < 2
+            shape |= {"shadow_catcher": True} if catches else {"visible_to_camera": False}
         shape |= {"name": name} if draw.chance(0.1) else {}
         self.shapes.append(self._placed(shape))
 
