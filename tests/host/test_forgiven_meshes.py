@@ -251,7 +251,7 @@ SQUASH = "ConcatTransform [0 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1]\n"
     ("more", "words"),
     [
         ("ActiveTransform All\n" + BALL, ""),
-        ("ActiveTransform StartTime\nActiveTransform All\n" + BALL, "without motion blur"),
+        ("ActiveTransform StartTime\nActiveTransform All\n" + BALL, ""),
         (f"AttributeBegin\n{SQUASH}AttributeEnd\n{BALL}", ""),
         (f"AttributeBegin\n{SQUASH}{BALL}AttributeEnd\n{BALL}", "line 7: the shape's transform cannot be inverted"),
         (FLAT + BALL, 'the mesh "mesh 1" has no triangle with an area'),

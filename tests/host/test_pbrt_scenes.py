@@ -23,6 +23,8 @@ from clrender.importers.shared.half_space import h_function, returned
 from clrender.importers.shared.spectra import TO_REC709
 from clrender.importers.shared.white_balance import daylight_xyz, white_balance
 from clrender.scene import Scene
+from clrender.scene.motion import Track
+from clrender.scene.transforms import affine
 
 BALL = 'Shape "sphere"\n'
 
@@ -385,3 +387,104 @@ def test_screen_windows_off_the_middle_shift_the_lens(tmp_path: Path, kind: str)
     for x, y, pixel in ((-0.5, 0.5, (0.0, 0.0)), (2.5, -1.5, (60.0, 40.0)), (0.0, 0.0, (10.0, 10.0))):
         place = position + 1.0 * forward + x * right + y * upward
         np.testing.assert_allclose(scene.camera.project(place, size=(60, 40)), pixel, atol=1e-9)
+
+
+# --- motion
+
+
+def placed_at(scene: Scene, index: int, time: float, point: tuple[float, float, float]) -> list[float]:
+    """Where a point of a shape is at a time."""
+    shape = scene.shapes[index]
+    track, first = Track(shape.motion), affine(shape.transform)
+    path = track.at(np.array([time]))
+    begun = np.array(first.linear) @ np.array(point) + np.array(first.offset)
+    return [float(x) for x in track.sign * path.linear[0] @ begun + path.offsets[0]]
+
+
+MOVING = "ActiveTransform EndTime\n{}\nActiveTransform All\n"
+
+
+def test_a_shape_moves_between_two_transforms(tmp_path: Path) -> None:
+    scene = pbrt(tmp_path, MOVING.format("Translate 1 2 3") + BALL + BALL)
+    first, second = scene.shapes
+    assert [key.time for key in first.motion] == [0.0, 1.0] and first.motion == second.motion
+    assert placed_at(scene, 0, 0.5, (0.0, 0.0, 0.0)) == pytest.approx([0.5, 1.0, 1.5], abs=1e-12)
+    assert scene.camera.shutter == (0.0, 1.0)
+    assert not any("moves like that" in note for note in scene.notes)
+
+
+def test_a_shape_that_turns_about_itself_stays_in_its_place(tmp_path: Path) -> None:
+    """Both transforms are interpolated as they are, and not one relative to the other."""
+    world = "Translate 5 0 0\n" + MOVING.format("Rotate 90 0 0 1") + BALL
+    scene = pbrt(tmp_path, world)
+    assert placed_at(scene, 0, 0.5, (0.0, 0.0, 0.0)) == pytest.approx([5.0, 0.0, 0.0], abs=1e-12)
+    x, y, z = placed_at(scene, 0, 0.0, (1.0, 0.0, 0.0))
+    half = 0.5**0.5
+    turned = [5.0 + half * (x - 5.0 - y), half * (x - 5.0 + y), z]
+    assert placed_at(scene, 0, 0.5, (1.0, 0.0, 0.0)) == pytest.approx(turned, abs=1e-12)
+
+
+def test_the_camera_moves(tmp_path: Path) -> None:
+    before = 'TransformTimes 2 4\nActiveTransform EndTime\nTranslate -1 0 0\nActiveTransform All\nCamera "perspective"'
+    scene = pbrt(tmp_path, BALL, before + ' "float shutteropen" 2 "float shutterclose" 3')
+    assert [key.time for key in scene.camera.motion] == [2.0, 4.0] and scene.camera.shutter == (2.0, 3.0)
+    assert [key.position for key in scene.camera.motion] == [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]
+    assert not scene.shapes[0].motion  # the world does not begin where the camera is
+
+
+def test_objects_move_as_a_whole(tmp_path: Path) -> None:
+    world = f'ObjectBegin "a"\nTranslate 1 0 0\n{BALL}ObjectEnd\nAttributeBegin\n{MOVING.format("Rotate 180 0 1 0")}'
+    scene = pbrt(tmp_path, world + 'ObjectInstance "a"\nAttributeEnd\nObjectInstance "a"\n')
+    assert placed_at(scene, 0, 0.5, (0.0, 0.0, 0.0)) == pytest.approx([0.0, 0.0, -1.0], abs=1e-12)
+    assert not scene.shapes[1].motion
+
+
+def test_blocks_and_named_systems_keep_both_transforms(tmp_path: Path) -> None:
+    world = f"""AttributeBegin
+ActiveTransform EndTime
+Translate 1 0 0
+CoordinateSystem "there"
+AttributeEnd
+Translate 0 1 0
+{BALL}CoordSysTransform "there"
+{BALL}Identity
+{BALL}"""
+    scene = pbrt(tmp_path, world)
+    assert [len(shape.motion) for shape in scene.shapes] == [0, 2, 0]
+    assert placed_at(scene, 1, 1.0, (0.0, 0.0, 0.0)) == pytest.approx([1.0, 0.0, 0.0], abs=1e-12)
+
+
+@for_each(
+    ("world", "words"),
+    [
+        (MOVING.format("Scale 1 1 2") + BALL, "stretches a sphere or disk: what moves like that stands"),
+        (MOVING.format("Scale -1 1 1") + BALL, "makes a shape flat on its way"),
+        (MOVING.format("Scale 0 1 1") + BALL, "makes a shape flat on its way"),
+        (MOVING.format("Translate 1 0 0") + 'LightSource "point"\n' + BALL, "lights that are no shapes do not move"),
+        (
+            f'ObjectBegin "a"\n{MOVING.format("Translate 1 0 0")}{BALL}ObjectEnd\nObjectInstance "a"\n',
+            "inside of objects do not move by themselves",
+        ),
+    ],
+)
+def test_what_does_not_move_is_named(tmp_path: Path, world: str, words: str) -> None:
+    scene = pbrt(tmp_path, world)
+    assert words in " ".join(scene.notes)
+    assert not any(shape.motion for shape in scene.shapes) or "lights" in words
+    assert scene.camera.shutter is None or "lights" in words
+
+
+def test_times_and_words_of_motion(tmp_path: Path) -> None:
+    backwards = pbrt(tmp_path, MOVING.format("Translate 1 0 0") + BALL, 'TransformTimes 1 1\nCamera "perspective"')
+    assert "TransformTimes do not ascend" in " ".join(backwards.notes) and not backwards.shapes[0].motion
+    closed = 'Camera "perspective" "float shutteropen" 0.5 "float shutterclose" 0.5'
+    still = pbrt(tmp_path, MOVING.format("Translate 1 0 0") + BALL, closed)
+    assert still.camera.shutter is None and still.camera.time == 0.5
+    with pytest.raises(SceneError, match='ActiveTransform is "Now", but must be one of All, EndTime, StartTime'):
+        pbrt(tmp_path, 'ActiveTransform "Now"\n' + BALL)
+
+
+def test_moving_lamps_shine(tmp_path: Path) -> None:
+    lamp = 'AreaLightSource "diffuse" "rgb L" [2 2 2]\n'
+    scene = pbrt(tmp_path, MOVING.format("Translate 1 0 0") + lamp + BALL)
+    assert scene.shapes[0].motion and scene.shapes[0].emission is not None

@@ -66,12 +66,13 @@ class Camera:
     Attributes
     ----------
     directive : Directive
-    matrix : (4, 4) float64
-        From camera space to world space.
+    matrix, late : (4, 4) float64
+        From camera space to world space, when the motion begins and ends.
     """
 
     directive: Directive
     matrix: Matrix
+    late: Matrix
 
 
 class Settings:
@@ -194,18 +195,26 @@ class Settings:
                 self._staging.note(f"the pixel filter {quoted(kind)} has a {key} of {wanted:g}: {ours:g} in its place")
         self._render |= self._staging.pixel_filter(name, radius)
 
-    def finish(self) -> None:
-        """Write everything to the draft."""
+    def finish(self, times: tuple[float, float], moves: bool) -> None:
+        """Write everything to the draft.
+
+        Parameters
+        ----------
+        times : (float, float)
+            When motions begin and end, seconds.
+        moves : bool
+            Whether a shape moves.
+        """
         description = self._staging.draft.description
         description["render"] = self._render
         description["image"] = {"width": self._size[0], "height": self._size[1]}
         if self.camera is not None:
-            self._write_camera(self.camera)
+            self._write_camera(self.camera, times, moves)
 
-    def _write_camera(self, camera: Camera) -> None:
+    def _write_camera(self, camera: Camera, times: tuple[float, float], moves: bool) -> None:
         parameters, (width, height) = camera.directive.parameters, self._size
         kind = camera.directive.text(0, "type")
-        parameters.ignore("shutteropen", "shutterclose")
+        shutter = parameters.number("shutteropen", 0.0), parameters.number("shutterclose", 1.0)
         if kind not in ("perspective", "orthographic"):
             self._staging.note(f"a camera of type {quoted(kind)} is not known: another one in its place")
             return
@@ -228,6 +237,15 @@ class Settings:
         lens = parameters.number("lensradius", 0.0)
         distance = parameters.number("focaldistance", 1e6)
         keys = camera_keys(camera.matrix, rightward=True)
+        if not np.array_equal(camera.matrix, camera.late) and times[0] < times[1]:
+            ends = [camera_keys(each, rightward=True) for each in (camera.matrix, camera.late)]
+            if [end.pop("mirrored", False) for end in ends].count(True) == 1:
+                self._staging.note("the camera's transform mirrors on its way: it stands still")
+            else:
+                moves = True
+                keys["motion"] = [{"time": time, **end} for time, end in zip(times, ends, strict=True)]
+        if moves:
+            keys |= {"shutter": list(shutter)} if shutter[0] < shutter[1] else {"time": shutter[0]}
         if lens > 0.0:
             keys |= {"aperture_radius": lens, "focus_distance": distance}
         if any(abs(each) > 1e-9 for each in shift):

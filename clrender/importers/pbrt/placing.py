@@ -14,7 +14,7 @@ from clrender.exact.matrices import determinant, length, lengths, product, times
 from clrender.importers.pbrt.film import Exposure
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
-from clrender.importers.shared.matrices import Matrix, handedness, is_affine, translation
+from clrender.importers.shared.matrices import Matrix, handedness, is_affine, is_similarity, translation
 from clrender.importers.shared.staging import Staging
 from clrender.wording import quoted
 
@@ -57,8 +57,12 @@ class Placer:
         self._staging, self._textures = staging, textures
         self.exposure = Exposure()
         """What the film makes of all light."""
+        self.times = 0.0, 1.0
+        """When motions begin and end, seconds."""
+        self.moves = False
+        """Whether anything moves that was placed."""
 
-    def put(self, part: Part, matrix: Matrix) -> None:
+    def put(self, part: Part, matrix: Matrix, way: tuple[Matrix, Matrix] | None = None) -> None:
         """Add a shape, with its emission.
 
         Parameters
@@ -66,12 +70,23 @@ class Placer:
         part : Part
         matrix : (4, 4) float64
             Its transform to world space; that of the part itself is ignored.
+        way : pair of (4, 4) float64, optional
+            What follows the transform when the motion begins and when it ends, if it moves.
         """
+        if way is not None and (cause := self._unmoved(part, way)):
+            self._staging.note(f"{cause}: what moves like that stands where it is at first")
+            matrix, way = product(way[0], matrix), None
         if not is_affine(matrix):
             fault = self._staging.fault(part.line, "the shape's transform cannot be inverted; give it another")
             self._staging.draft.leave_out(fault, self._staging.files.source, self._staging.files.strict)
             return
         described = dict(part.described)
+        if way is not None:
+            self.moves = True
+            described["motion"] = [
+                {"time": time, "matrix": [[float(x) for x in row] for row in each]}
+                for time, each in zip(self.times, way, strict=True)
+            ]
         if part.emission is None:
             _placed(self._staging, described, matrix, part.line)
             return
@@ -79,7 +94,7 @@ class Placer:
         two_sided, power = parameters.flag("twosided", False), parameters.number("power", -1.0)
         factor = parameters.number("scale", 1.0) * self.exposure.ratio
         if power > 0.0:
-            area = _area_of(self._staging, described, matrix)
+            area = _area_of(self._staging, described, matrix if way is None else product(way[0], matrix))
             factor *= power / max((2.0 if two_sided else 1.0) * area * np.pi, 1e-30)
         color = [max(float(x * factor), 0.0) for x in self.exposure.balanced(self._textures.light(parameters, "L"))]
         described["emission"] = self._shining(parameters, color)
@@ -92,6 +107,16 @@ class Placer:
                 self._staging.note("a light with two sides that is not flat shines from its front only")
             else:
                 _placed(self._staging, *back, part.line)
+
+    def _unmoved(self, part: Part, way: tuple[Matrix, Matrix]) -> str:
+        """Why a shape cannot go this way; empty if it can."""
+        if not self.times[0] < self.times[1]:
+            return "TransformTimes do not ascend"
+        if not (is_affine(way[0]) and is_affine(way[1])) or handedness(way[0]) != handedness(way[1]):
+            return "a motion makes a shape flat on its way"
+        if part.described["type"] in ("sphere", "disk") and not (is_similarity(way[0]) and is_similarity(way[1])):
+            return "a motion stretches a sphere or disk"
+        return ""
 
     def _shining(self, parameters: Parameters, color: list[float]) -> Any:
         file = parameters.text("filename")

@@ -74,7 +74,7 @@ class _World:
         self._settings = Settings(self.staging)
         self._state = Graphics()
         self._stack: list[Graphics] = []
-        self._systems: dict[str, Matrix] = {}
+        self._systems: dict[str, tuple[Matrix, Matrix]] = {}
         self._objects: dict[str, list[Part]] = {}
         self._object: list[Part] | None = None
         self._in_world = False
@@ -109,13 +109,13 @@ class _World:
             "ObjectEnd": self._object_end,
             "ObjectInstance": self._instance,
             "ActiveTransform": self._active,
-            "TransformTimes": self._active,
+            "TransformTimes": self._transform_times,
         }
         before = ""
         for directive in directives(data, source):
             name = directive.name
             if before == "ActiveTransform" and name in _TIMES:
-                self._tell_moving(name)
+                self._state = replace(self._state, active=name)
                 before = name
                 continue
             before = name
@@ -135,7 +135,7 @@ class _World:
         """Complete the scene after the last directive."""
         if self._stack:
             self.staging.note("blocks of attributes are left open at the end of the file")
-        self._settings.finish()
+        self._settings.finish(self._placer.times, self._placer.moves)
 
     # --- structure
 
@@ -143,8 +143,8 @@ class _World:
         if self._in_world:
             raise directive.fault("WorldBegin stands here a second time; remove it")
         self._in_world = True
-        self._state = replace(self._state, matrix=np.eye(4))
-        self._systems["world"] = np.eye(4)
+        self._state = replace(self._state.with_both(np.eye(4), np.eye(4)), active="All")
+        self._systems["world"] = np.eye(4), np.eye(4)
         self._placer.exposure = self._lights.exposure = self._settings.exposure()
 
     def _begin(self, directive: Directive) -> None:
@@ -185,12 +185,15 @@ class _World:
             self._state, self._stack = before
 
     def _active(self, directive: Directive) -> None:
-        if directive.name == "ActiveTransform" and directive.texts:
-            self._tell_moving(directive.texts[0])
+        if directive.texts:  # between quotes; else it is the next word
+            if directive.texts[0] not in _TIMES:
+                words = ", ".join(sorted(_TIMES))
+                raise directive.fault(f"ActiveTransform is {quoted(directive.texts[0])}, but must be one of {words}")
+            self._state = replace(self._state, active=directive.texts[0])
 
-    def _tell_moving(self, when: str) -> None:
-        if when != "All":
-            self.staging.note("moving transforms are read as one: without motion blur")
+    def _transform_times(self, directive: Directive) -> None:
+        begin, end = directive.floats(2)
+        self._placer.times = begin, end
 
     def _color_space(self, directive: Directive) -> None:
         if directive.text(0, "name") != "srgb":
@@ -199,9 +202,14 @@ class _World:
     # --- scene contents
 
     def _camera(self, directive: Directive) -> None:
-        into_world = inverse(self._matrix(directive))
-        self._systems["camera"] = into_world
-        self._settings.camera = Camera(directive, into_world)
+        into_world = late = inverse(self._matrix(directive))
+        if self._state.moves:
+            if is_affine(self._state.late):
+                late = inverse(self._state.late)
+            else:
+                self.staging.note("the camera's transform cannot be inverted at the end: it stands still")
+        self._systems["camera"] = into_world, late
+        self._settings.camera = Camera(directive, into_world, late)
         fog = self._media.named(self._state.outside)
         if fog is not None:
             self.staging.draft.description["fog"] = fog
@@ -232,6 +240,8 @@ class _World:
         self._state = replace(self._state, inside=inside, outside=outside)
 
     def _light(self, directive: Directive) -> None:
+        if self._state.moves:
+            self.staging.note("lights that are no shapes do not move, as in pbrt: they stand where they are at first")
         self._lights.read(directive.text(0, "type"), self._parameters(directive, "light"), self._matrix(directive))
 
     def _area_light(self, directive: Directive) -> None:
@@ -251,7 +261,11 @@ class _World:
             if self._object is not None:
                 if part.emission is not None:
                     self.staging.note("lights inside of objects do not shine, as in pbrt")
+                if state.moves:
+                    self.staging.note("shapes inside of objects do not move by themselves: they are as at first")
                 self._object.append(replace(part, emission=None))
+            elif state.moves:
+                self._placer.put(part, np.eye(4), (state.matrix, state.late))
             else:
                 self._placer.put(part, part.matrix)
 
@@ -281,5 +295,10 @@ class _World:
         if name not in self._objects or self._object is not None:
             known = suggestion(name, self._objects)
             raise directive.fault(f"the object {quoted(name)} is not defined before, or this is inside of one{known}")
+        state = self._state
         for part in self._objects[name]:
-            self._placer.put(replace(part, line=directive.line), product(self._state.matrix, part.matrix))
+            placed = replace(part, line=directive.line)
+            if state.moves:
+                self._placer.put(placed, part.matrix, (state.matrix, state.late))
+            else:
+                self._placer.put(placed, product(state.matrix, part.matrix))

@@ -30,7 +30,11 @@ class Graphics:
     Attributes
     ----------
     matrix : (4, 4) float64
-        From current object space to world space (to camera space before ``WorldBegin``).
+        From current object space to world space (to camera space before ``WorldBegin``), when the motion begins.
+    late : (4, 4) float64
+        The same, when it ends.
+    active : str
+        Which of both directives change: ``All``, ``StartTime`` or ``EndTime``.
     material : str or None
         Name of the current one; None for ``interface``.
     emission : Parameters or None
@@ -43,12 +47,23 @@ class Graphics:
     """
 
     matrix: Matrix = field(default_factory=identity)
+    late: Matrix = field(default_factory=identity)
+    active: str = "All"
     material: str | None = ""
     emission: Parameters | None = None
     inside: str = ""
     outside: str = ""
     reversed: bool = False
     defaults: Any = field(default_factory=dict)
+
+    @property
+    def moves(self) -> bool:
+        """Whether the transform changes with time."""
+        return not np.array_equal(self.matrix, self.late)
+
+    def with_both(self, matrix: Matrix, late: Matrix) -> Graphics:
+        """The state with other transforms."""
+        return replace(self, matrix=matrix, late=late)
 
 
 TRANSFORMS: Final = frozenset(
@@ -67,15 +82,15 @@ TRANSFORMS: Final = frozenset(
 """Directives that change the transform."""
 
 
-def moved(state: Graphics, directive: Directive, systems: dict[str, Matrix]) -> Graphics:
+def moved(state: Graphics, directive: Directive, systems: dict[str, tuple[Matrix, Matrix]]) -> Graphics:
     """The state after one of `TRANSFORMS`.
 
     Parameters
     ----------
     state : Graphics
     directive : Directive
-    systems : dict of str to (4, 4) float64
-        Named coordinate systems; one may be added.
+    systems : dict of str to pair of (4, 4) float64
+        Named coordinate systems at both times; one may be added.
 
     Raises
     ------
@@ -84,20 +99,30 @@ def moved(state: Graphics, directive: Directive, systems: dict[str, Matrix]) -> 
     """
     name = directive.name
     if name == "CoordinateSystem":
-        systems[directive.text(0, "name")] = state.matrix
+        systems[directive.text(0, "name")] = state.matrix, state.late
         return state
     if name == "CoordSysTransform":
         wanted = directive.text(0, "name")
         if wanted not in systems:
             raise directive.fault(f"the coordinate system {wanted[:60]!a} is not defined; define it before")
-        return replace(state, matrix=systems[wanted])
+        return state.with_both(*systems[wanted])
+    if state.active == "All" and not state.moves:
+        made = _made(state.matrix, directive)
+        return state.with_both(made, made)
+    matrix = state.matrix if state.active == "EndTime" else _made(state.matrix, directive)
+    return state.with_both(matrix, state.late if state.active == "StartTime" else _made(state.late, directive))
+
+
+def _made(matrix: Matrix, directive: Directive) -> Matrix:
+    """What a directive makes of a transform."""
+    name = directive.name
     if name == "Identity":
-        return replace(state, matrix=identity())
-    made = _by_columns(directive) if name == "Transform" else product(state.matrix, _step(directive))
+        return identity()
+    made = _by_columns(directive) if name == "Transform" else product(matrix, _step(directive))
     # One that cannot be inverted does no harm unless something is placed by it
     if not (np.isfinite(made).all() and np.allclose(made[3], [0.0, 0.0, 0.0, 1.0], rtol=0.0, atol=1e-6)):
         raise directive.fault(f"{name} makes a transform that is no affine one; give other numbers")
-    return replace(state, matrix=made)
+    return made
 
 
 def _by_columns(directive: Directive) -> Matrix:
