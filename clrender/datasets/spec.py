@@ -149,6 +149,7 @@ class LoadTable(Part):
 
     environment: FileName | Finite | None = None
     time_at: Finite | None = None
+    shutter: tuple[Finite, Finite] | None = None
     variant: str | None = None
     up: Literal["y", "z"] | None = None
     define: dict[str, str] | None = None

@@ -14,6 +14,7 @@ from clrender.scene.transforms import affine, combined
 if TYPE_CHECKING:
     import numpy.typing as npt
 
+    from clrender.scene.contents import SceneContents
     from clrender.scene.description import Scene
     from clrender.scene.shapes import AnyShape
     from clrender.scene.transforms import Affine
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["carried", "has_motion", "is_identity", "opened", "placements", "resting"]
 
 
-def has_motion(scene: Scene) -> bool:
+def has_motion(scene: SceneContents) -> bool:
     """Whether any shape or instance has keys of a motion, whenever they are."""
     return scene.of_contents("has motion", lambda: any(shape.motion for shape in scene.shapes))
 

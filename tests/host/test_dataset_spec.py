@@ -321,3 +321,10 @@ def test_files_that_are_none(tmp_path: Path) -> None:
     (tmp_path / "a.json").write_text("[1]")
     with pytest.raises(SceneError, match=r"a\.json: is a list of one, but must be a table"):
         load_spec(tmp_path / "a.json")
+
+
+def test_the_shutter_with_which_a_scene_is_read(tmp_path: Path) -> None:
+    """As that of `clrender.load`: motion of the scene's own shapes then blurs the images."""
+    plan = plan_of(tmp_path, load={"shutter": [0.0, 0.25]})
+    assert plan.base.camera.shutter == (0.0, 0.25) == plan.image(2).scene.camera.shutter
+    assert plan_of(tmp_path).base.camera.shutter is None

@@ -301,3 +301,15 @@ def test_a_thousand_instances_are_the_mean_of_their_moments(device: Device) -> N
     error = np.sqrt(2.0 * made.var(axis=0, ddof=1) / 16)
     assert (np.abs(made.mean(axis=0) - still.mean(axis=0)) < 5.0 * error).all()
     assert len(hashes) == 1
+
+
+def test_the_time_is_no_part_of_the_hash_of_what_rests() -> None:
+    """So a frame of a scene at rest is found whatever its number; and a shutter's seconds for exposure count as ever."""
+    still = clrender.load("room")
+    for more in ({"camera.time": 0.5}, {"camera.shutter": [0.0, 1.0]}, {"camera.rolling_shutter": 0.1}):
+        assert still.changed(more).sha256() == still.sha256()
+    keys = [{"time": 0.0}, {"time": 1.0, "translate": [0.1, 0.0, 0.0]}]
+    moving = still.changed({"shapes[10].motion": keys})
+    assert moving.changed({"camera.time": 0.5}).sha256() != moving.sha256()
+    led = still.changed({"camera.motion": [{"time": 0.0}, {"time": 1.0, "position": [0.0, 0.5, -3.0]}]})
+    assert led.changed({"camera.shutter": [0.0, 1.0]}).sha256() != led.sha256()
