@@ -120,13 +120,20 @@ class FilmClaim(Claim):
         return differs, pair
 
 
+def _of_data_set(path: Path) -> str:
+    """What to do with a file that is one of a data set's; empty if it is none."""
+    folder = next((each for each in list(path.absolute().parents)[:3] if (each / "manifest.json").is_file()), None)
+    return "" if folder is None else f"it belongs to a data set, which `clrender verify {folder}` checks"
+
+
 class ImageClaim(Claim):
     """Claim of an `.exr` or `.png` with its settings: pixels that have all samples of a render."""
 
     def __init__(self, path: Path, provenance: Mapping[str, Any]) -> None:
         missing = [key for key in ("settings", "first_sample", "sample_count", *_HASHES) if key not in provenance]
         if missing:
-            raise UsageError(f"{path}: does not contain its settings ({missing[0]} is missing); render it again")
+            cure = _of_data_set(path) or "render it again"
+            raise UsageError(f"{path}: does not contain its settings ({missing[0]} is missing); {cure}")
         self._image = read_image(path)
         height, width = self._image.shape[:2]
         settings = {name: value for name, value in provenance["settings"].items() if name != "spp"}
@@ -206,7 +213,8 @@ def claim_of(path: Path) -> Claim:
     provenance = None if ending in FILM_ENDINGS else read_provenance(path)
     if provenance is None and ending not in FILM_ENDINGS:
         raise UsageError(
-            f"{path}: does not contain its settings, so it cannot be verified; give a file written by clrender"
+            f"{path}: does not contain its settings, so it cannot be verified; "
+            f"{_of_data_set(path) or 'give a file written by clrender'}"
         )
     try:
         return FilmClaim(path) if provenance is None else ImageClaim(path, provenance)

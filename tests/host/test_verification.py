@@ -369,6 +369,11 @@ def test_files_that_say_nothing(folder: Path) -> None:
     for fraction in (0.0, 1.1, math.nan):
         with pytest.raises(UsageError, match="above 0 and at most 1"):
             verify(saved(), fraction)
+    Path("set/images").mkdir(parents=True)
+    Path("set/manifest.json").write_text("{}")
+    write_image("set/images/a.exr", np.zeros((4, 4, 3), np.float32))
+    with pytest.raises(UsageError, match=r"it belongs to a data set, which `clrender verify .*set` checks"):
+        verify("set/images/a.exr")
 
 
 JUNK: list[Any] = [None, 3, -1, 2**70, 0.5, "x", "\0", [], [1], {}, {"x": 1}, True, 1e300]
