@@ -253,6 +253,7 @@ def build_over(
     units: Numbers,
     round_ones: Numbers,
     instances: InstanceBoxes | None = None,
+    unit_boxes: npt.NDArray[np.float32] | None = None,
 ) -> Bvh:
     """Build a BVH over some of a scene's primitives, which keep their numbers, and over instances.
 
@@ -265,13 +266,15 @@ def build_over(
     round_ones : (R,) uint32
         Spheres and disks, numbered from 0.
     instances : InstanceBoxes, optional
+    unit_boxes : (U, 6) float32, optional
+        Lowest and highest coordinates of all units, if they are not those of the arrays; there is nothing else then.
 
     Raises
     ------
     RenderError
         When there are too many primitives, or the device has no memory for them.
     """
-    builder = _Builder(device, source, units, round_ones, instances)
+    builder = _Builder(device, source, units, round_ones, instances, unit_boxes)
     if builder.unit_count == 0:
         return builder.empty()
     order, boxes = builder.order()
@@ -461,8 +464,10 @@ class _Builder:
         units: Numbers,
         round_ones: Numbers,
         instances: InstanceBoxes | None,
+        unit_boxes: npt.NDArray[np.float32] | None,
     ) -> None:
         self.device = device
+        self._unit_boxes = unit_boxes
         self.source = source
         self._program = device.common_program()
         self._instance_count = 0 if instances is None else len(instances.numbers)
@@ -508,6 +513,8 @@ class _Builder:
                 boxes,
             ],
         )
+        if self._unit_boxes is not None:
+            self.device.write(boxes, np.ascontiguousarray(self._unit_boxes))
         bounds, length, centers = boxes, count, 1
         while length > 1 or centers:
             chunks = -(-length // CHUNK)

@@ -187,8 +187,9 @@ class SceneArrays:
         arrays = self._given(scene, [name for name in scene.arrays if name != "texels"])
         source = _source(arrays, scene)
         units = bvh.triangle_units(device, source)
-        if apart is not None and apart.any():
-            units = bvh.unpaired(units, apart[scene.arrays["primitive_shape"][units & bvh.UNIT_NUMBER]])
+        alone = scene.deforming_shapes if apart is None else scene.deforming_shapes | apart
+        if alone.any():
+            units = bvh.unpaired(units, alone[scene.arrays["primitive_shape"][units & bvh.UNIT_NUMBER]])
         self.apart = np.zeros(len(scene.arrays["shapes"]), bool) if apart is None else apart
         self._pairs = units[(units & bvh.UNIT_PAIR) != 0]
         self._built_cost: float | None = None
@@ -391,7 +392,11 @@ def _source(arrays: dict[str, Buffer], scene: FlatScene) -> bvh.SourceArrays:
 
 def _same_shapes(old: FlatScene, new: FlatScene) -> bool:
     """Whether two scenes have the same triangles between other vertices, and all else in arrays of the same sizes."""
-    if (old.triangle_count, old.analytic_count, old.features) != (new.triangle_count, new.analytic_count, new.features):
+    if new.features.deformation or (old.triangle_count, old.analytic_count, old.features) != (
+        new.triangle_count,
+        new.analytic_count,
+        new.features,
+    ):
         return False
     if any(new.arrays[name].shape != array.shape for name, array in old.arrays.items()):
         return False

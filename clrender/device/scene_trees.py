@@ -128,16 +128,20 @@ class SceneTrees:
         over = [of(group.triangles, group.analytic(triangles)) for group in instances.groups]
         filled = np.array([len(some) + len(others) > 0 for some, others in over], bool)
         numbers = np.flatnonzero(filled[instances.group_of]) if instances.count else np.zeros(0, np.intp)
-        boxes = bvh.InstanceBoxes(numbers.astype(np.uint32), instances.boxes[numbers])
-        tree = bvh.build_over(device, source, *own, boxes)
+        places = bvh.InstanceBoxes(numbers.astype(np.uint32), instances.boxes[numbers])
+        tree = bvh.build_over(device, source, *own, places)
         if not len(numbers):
             return tree
         made, below = [tree], dict[int, tuple[bvh.Part, int, int]]()
         try:
             for group in np.flatnonzero(filled).tolist():
-                kept = earlier and earlier._kept(column, self._scene, instances.groups[group], *over[group])
-                if not kept:
-                    made.append(bvh.build_over(device, source, *over[group]))
+                poses, kept = instances.poses.get(group), None
+                if earlier is not None and poses is None:
+                    kept = earlier._kept(column, self._scene, instances.groups[group], *over[group])
+                if kept is None:
+                    triangle = (over[group][0] & bvh.UNIT_NUMBER) - np.uint32(instances.groups[group].first_triangle)
+                    boxes = None if poses is None else poses.boxes[triangle]
+                    made.append(bvh.build_over(device, source, *over[group], unit_boxes=boxes))
                     kept = bvh.Part.of(made[-1]), 0, 0
                 below[group] = kept
             whole, parts = bvh.joined(device, [(bvh.Part.of(tree), 0, 0), *below.values()])
@@ -148,6 +152,8 @@ class SceneTrees:
         of_group = np.zeros(len(over), np.uint32)
         for group, part in zip(below, parts[1:], strict=True):
             of_group[group] = part.firsts[0]
+            if group in instances.poses:
+                continue
             made_over = _GroupTree(part, instances.groups[group], *(each.copy() for each in over[group]))
             self._groups[column, made_over.counts].append(made_over)
         rows.view(np.uint32)[::2, layout.columns("INSTANCE")[column]] = of_group[instances.group_of]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from clrender.errors import SceneError
 from clrender.exporters.files import NamedFiles
 from clrender.exporters.mesh_ply import write_ply
-from clrender.scene import Mesh, Scene
+from clrender.scene import Scene
 from clrender.scene.content_hash import put_at
 from clrender.scene.environment import ENDINGS
 from clrender.scene.ies import ies_text
@@ -64,11 +64,11 @@ def exported(scene: Scene, folder: str) -> Export:
         A file cannot be read.
     """
     export = Export(description=scene.model_dump(mode="json", exclude_none=True, exclude_unset=True))
-    for at, shape in scene.all_shapes():
-        if isinstance(shape, Mesh) and shape.file is not None:
-            mesh = scene.mesh_of(at, shape)
-            name = export.add(folder, Path(shape.file).stem, ".ply", mesh.sha256(), partial(write_ply, mesh=mesh))
-            put_at(export.description, (*at, "file"), name)
+    for at, shape in scene.mesh_files():
+        assert shape.file is not None
+        mesh = scene.mesh_of(at, shape)
+        name = export.add(folder, Path(shape.file).stem, ".ply", mesh.sha256(), partial(write_ply, mesh=mesh))
+        put_at(export.description, (*at, "file"), name)
     for index, instance in scene.instances():
         if instance.file is not None:
             array = scene.transforms(index)

@@ -13,7 +13,9 @@ from clrender.exporters.files import NamedFiles
 from clrender.files.access import atomic_write
 from clrender.scene import PluginMaterial, Scene
 from clrender.scene.motion import rests
+from clrender.scene.posed import deforms
 from clrender.scene.resting import has_motion, opened
+from clrender.scene.shapes import Mesh
 from clrender.scene.textures import PluginTexture, textures_of
 from clrender.wording import place
 
@@ -135,6 +137,8 @@ class Target:
         for index, shape in enumerate(moving.shapes if has_motion(moving) else ()):
             if shape.motion and rests(shape.motion, begin, end) is None:
                 self.leave_out(sentence, "shapes", index, "motion")
+            if isinstance(shape, Mesh) and deforms(shape, begin, end):
+                self.leave_out("a change of form: it is as the shutter finds it", "shapes", index, "poses")
         if moving.camera.rolling_shutter > 0.0:
             self.leave_out("a rolling shutter", "camera", "rolling_shutter")
         for name, material in self.scene.materials.items():

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 from clrender.flatten.emission import emits
-from clrender.flatten.motion import Knots, knots_of
+from clrender.flatten.motion import NO_MOTION, Knots, knots_of
 from clrender.scene.description import Scene
-from clrender.scene.groups import Instance
+from clrender.scene.groups import Instance, ShapeOrInstance
 from clrender.scene.motion import Track, rests
+from clrender.scene.posed import Deformation, deformation_of
 from clrender.scene.resting import carried, opened, placements, resting
 from clrender.scene.shapes import AnyShape, Disk, Mesh, Sphere
 from clrender.scene.transforms import Affine
@@ -64,6 +65,8 @@ class Assembly:
     motion_of : (N,) int64
         Of each instance: which of `motions` follows its map while the shutter is open; -1: it rests.
     motions : tuple of Knots
+    deformations : mapping of int to Deformation
+        Of groups that are one mesh that changes its form.
     """
 
     scene: Scene
@@ -78,6 +81,7 @@ class Assembly:
     placed: NDArray[np.int64]
     motion_of: NDArray[np.int64]
     motions: tuple[Knots, ...] = ()
+    deformations: Mapping[int, Deformation] = field(default_factory=dict)
 
     @property
     def at_rest(self) -> Assembly:
@@ -93,6 +97,7 @@ class Assembly:
             placed=self.placed[still],
             motion_of=self.motion_of[still],
             motions=(),
+            deformations={},
         )
 
 
@@ -105,7 +110,7 @@ def assemble(scene: Scene) -> Assembly:
         If an instance stretches a sphere or disk unevenly, a file of transforms cannot be read, or too many shapes that
         shine would have to be written out.
     """
-    scene = resting(scene)
+    given, scene = scene, resting(scene)
     own, own_places = _own(scene)
     none = np.zeros(0, np.int64)
     if len(own) == len(scene.shapes):
@@ -119,6 +124,7 @@ def assemble(scene: Scene) -> Assembly:
     maps: list[NDArray[np.float64]] = []
     turns = [np.zeros(len(own), np.int64)]
     motions: list[Knots] = []
+    deformations: dict[int, Deformation] = {}
     small = _small_groups(scene)
 
     def place_group(
@@ -133,10 +139,15 @@ def assemble(scene: Scene) -> Assembly:
 
     for index, instance in enumerate(scene.shapes):
         if not isinstance(instance, Instance):
-            if instance.motion:
-                motions.append(knots_of(Track(instance.motion), scene, index))
-                shapes = [(scene.place_of(index), instance.with_checked(motion=()))]
-                place_group(index, (index,), _written(shapes, motions[-1].before), _ONCE, len(motions) - 1)
+            if instance.motion or _is_posed(instance):
+                motions.append(knots_of(Track(instance.motion), scene, index) if instance.motion else NO_MOTION)
+                plain = instance.with_checked(motion=(), **({"poses": ()} if _is_posed(instance) else {}))
+                shapes = _written([(scene.place_of(index), plain)], motions[-1].before)
+                place_group(index, (index,), shapes, _ONCE, len(motions) - 1)
+            if isinstance(instance, Mesh) and instance.poses:
+                own_mesh = given.shapes[index]
+                assert isinstance(own_mesh, Mesh)
+                deformations[placed[-1][1]] = deformation_of(given, given.place_of(index), own_mesh)
             continue
         array = placements(scene, index)
         shapes = _shapes_of(scene, instance.group)
@@ -187,7 +198,13 @@ def assemble(scene: Scene) -> Assembly:
         ),
         np.repeat(np.array([motion for _, _, _, motion, _ in placed], np.int64), counts),
         tuple(motions),
+        deformations,
     )
+
+
+def _is_posed(shape: ShapeOrInstance) -> bool:
+    """Whether it is a mesh that changes its form."""
+    return isinstance(shape, Mesh) and bool(shape.poses)
 
 
 def _numbered(entry: int, count: int, turn: int) -> NDArray[np.int64]:
@@ -250,7 +267,11 @@ def written_out(scene: Scene) -> Scene:
 def _own(scene: Scene) -> tuple[list[_Placed], list[int]]:
     """Shapes of the scene that are not instances and do not move, and their indices in its list."""
     shapes = enumerate(scene.shapes)
-    own = [(index, shape) for index, shape in shapes if not (isinstance(shape, Instance) or shape.motion)]
+    own = [
+        (index, shape)
+        for index, shape in shapes
+        if not (isinstance(shape, Instance) or shape.motion or _is_posed(shape))
+    ]
     return [(scene.place_of(index), shape) for index, shape in own], [index for index, _ in own]
 
 

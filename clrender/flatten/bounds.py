@@ -9,6 +9,7 @@ from clrender.flatten.assembly import assemble
 from clrender.flatten.motion import swept_boxes
 from clrender.flatten.polyhedra import polyhedron
 from clrender.scene.description import Scene
+from clrender.scene.posed import Deformation
 from clrender.scene.shapes import AnyShape, Disk, Mesh, Sphere
 from clrender.scene.transforms import affine
 
@@ -43,6 +44,8 @@ def scene_bounds(scene: Scene, seen_only: bool = False) -> tuple[NDArray[np.floa
     lows, highs = [np.full((1, 3), np.inf)], [np.full((1, 3), -np.inf)]
     for group, shapes in enumerate(assembly.groups):
         low, high = _bounds(scene, shapes, seen_only)
+        if group in assembly.deformations and (low <= high).all():
+            low, high = _all_forms(scene, shapes.start, assembly.deformations[group])
         if (low <= high).all():
             of_group = assembly.group_of == group
             maps, motion_of = assembly.maps[of_group], assembly.motion_of[of_group]
@@ -59,6 +62,17 @@ def scene_bounds(scene: Scene, seen_only: bool = False) -> tuple[NDArray[np.floa
                 highs.append(swept[1])
     low, high = _bounds(scene, range(assembly.own_shapes), seen_only)
     return np.concatenate([*lows, low[None]]).min(axis=0), np.concatenate([*highs, high[None]]).max(axis=0)
+
+
+def _all_forms(scene: Scene, index: int, deformation: Deformation) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Bounding box of all that a mesh passes while it changes its form."""
+    lows, highs = [], []
+    for mesh in deformation.meshes:
+        points = np.empty((len(mesh.vertices), 3), np.float32)
+        affine(scene.plain_shapes[index].transform).points_into(mesh.vertices, points)
+        lows.append(points.min(axis=0).astype(np.float64))
+        highs.append(points.max(axis=0).astype(np.float64))
+    return np.min(lows, axis=0), np.max(highs, axis=0)
 
 
 def _bounds(scene: Scene, shapes: range, seen_only: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -24,6 +24,10 @@ __all__ = ["Features"]
 _CALIBRATED: Final = (layout.CAMERA_BROWN_CONRADY, layout.CAMERA_KANNALA_BRANDT)
 
 
+_OF_MOTION: Final = ("motion", "deformation")
+"""Features that no program for any scene has."""
+
+
 @dataclass(frozen=True)
 class Features:
     """Each is a macro of the kernels by the same name, in capitals: a scene pays for nothing that it does not have.
@@ -62,6 +66,8 @@ class Features:
         Some shape's shadow terminator is moved.
     motion : bool
         Something moves while the shutter is open, or rows of the image are exposed one after the other.
+    deformation : bool
+        Some meshes change their form while the shutter is open.
     plugins : tuple of (str, str)
         Names and texts of the kernel files that some materials' plugins make; see `clrender.plugins.kernel_files`.
     """
@@ -89,6 +95,7 @@ class Features:
     emission_textures: bool = False
     terminator_offset: bool = False
     motion: bool = False
+    deformation: bool = False
     plugins: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -98,14 +105,14 @@ class Features:
 
     @classmethod
     def all(cls, plugins: tuple[tuple[str, str], ...] = ()) -> Features:
-        """All but motion: a program for these renders any scene without, if it is told what it has (`stated`).
+        """All but those of motion: a program for these renders any scene at rest, if told what it has (`stated`).
 
         Parameters
         ----------
         plugins : tuple of (str, str)
             Those of the scene: no program has any plugin.
         """
-        flags: dict[str, Any] = {each.name: each.name != "motion" for each in fields(cls) if each.type == "bool"}
+        flags: dict[str, Any] = {each.name: each.name not in _OF_MOTION for each in fields(cls) if each.type == "bool"}
         return cls(**flags, plugins=plugins)
 
     def stated(self, masked: bool) -> int:
@@ -192,6 +199,7 @@ class Features:
             holes=opacity and len(arrays["hole_rows"]) > 1,
             hidden_shapes=bool((flags & (layout.SHAPE_HIDDEN | layout.SHAPE_HELD_OUT)).any()),
             hidden_environment=hidden_environment,
+            deformation=bool(instances.poses),
             textures=textured or opacity,
             tangents=bool(attributes[:, tangents].view(np.uint32).any()),
             emission_textures=emission_textures,

@@ -138,6 +138,15 @@ class FlatScene:
         return self.instances.own_triangles + self.instances.own_analytic + self.instances.primitive_count
 
     @property
+    def deforming_shapes(self) -> NDArray[np.bool_]:
+        """(S,) whether each shape changes its form."""
+        found = np.zeros(len(self.arrays["shapes"]), bool)
+        for group in self.instances.poses:
+            first = self.instances.groups[group].first_triangle
+            found[self.arrays["primitive_shape"][first]] = True
+        return found
+
+    @property
     def nbytes(self) -> int:
         """Bytes of all arrays together, without the BVH that is built on the device."""
         return sum(array.nbytes for array in self.arrays.values()) + self.camera.nbytes

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -13,6 +13,7 @@ from clrender import layout
 from clrender.errors import SceneError
 from clrender.flatten.assembly import Assembly
 from clrender.flatten.motion import Knots, knot_rows, swept_boxes
+from clrender.flatten.poses import FlatPoses, flat_poses
 from clrender.flatten.surface_arrays import FlatSurfaces
 from clrender.scene.values import Vector
 
@@ -82,12 +83,14 @@ class FlatInstances:
         See `clrender.flatten.assembly.Assembly`.
     motion_rows : (K, 16) float32
         Knots of what moves; one row of zeros if nothing does.
-    motion_places : (N, 2) uint32
-        Of each instance, its first knot, and the number of ways between its knots; 0: it rests. One row if there are
-        no instances.
+    motion_places : (N, 4) uint32
+        Of each instance, its first knot, and the number of ways between its knots; 0: it rests. Then, in the same rows,
+        the first of its poses, and the number of their times; 0: its form stays. One row if there are no instances.
     motion_of : (N,) int64
         See `clrender.flatten.assembly.Assembly`.
     motions : tuple of Knots
+    poses : mapping of int to FlatPoses
+        Of groups that are one mesh that changes its form.
     """
 
     rows: NDArray[np.float32]
@@ -106,6 +109,7 @@ class FlatInstances:
     motion_places: NDArray[np.uint32]
     motion_of: NDArray[np.int64]
     motions: tuple[Knots, ...] = ()
+    poses: Mapping[int, FlatPoses] = field(default_factory=dict)
 
     @classmethod
     def none(
@@ -121,7 +125,7 @@ class FlatInstances:
         own = own_triangles, own_analytic, own_vertices, own_places
         empty = np.zeros(0, np.int64)
         turns = np.zeros_like(own_places) if own_turns is None else own_turns
-        resting = np.zeros((1, 16), np.float32), np.zeros((1, 2), np.uint32), empty
+        resting = np.zeros((1, 16), np.float32), np.zeros((1, 4), np.uint32), empty
         nothing = np.zeros((2, 16), np.float32), nowhere, np.zeros((0, 6), np.float32), (), empty
         return cls(*nothing, *own, empty, turns, np.zeros((0, 2), np.int64), *resting)
 
@@ -261,19 +265,27 @@ def flat_instances(assembly: Assembly, surfaces: FlatSurfaces) -> FlatInstances:
     centers = surfaces.analytic_shapes["center_radius"][:own_analytic]
     own_box = box_of(surfaces.vertices[:own_vertices], centers)
     low, high = _bounds(surfaces, groups, group_of, to_world, np.flatnonzero(~moving))
+    poses = {
+        group: flat_poses(assembly.scene, surfaces, assembly.groups[group].start, deformation)
+        for group, deformation in assembly.deformations.items()
+        if groups[group].count
+    }
     parts: dict[int, NDArray[np.float64]] = {}
     conditions = np.zeros(len(maps))
     for instance in np.flatnonzero(moving).tolist():
         group, knots = int(group_of[instance]), assembly.motions[motion_of[instance]]
         if group not in parts:
-            parts[group] = _group_boxes(surfaces, groups[group], 1)
+            parts[group] = _pose_boxes(poses[group]) if group in poses else _group_boxes(surfaces, groups[group], 1)
         low[instance], high[instance] = _swept(parts[group], maps[instance], knots, surfaces.origin)
         conditions[instance] = knots.condition
     boxes = _enlarged(low, high, to_world, to_object, own_box, conditions)
     own = own_triangles, own_analytic, own_vertices, assembly.seen_place[: assembly.own_shapes]
     motion_rows, places = knot_rows(assembly.motions, surfaces.origin)
-    at = np.zeros((len(maps), 2), np.uint32)
-    at[moving] = places[motion_of[moving]]
+    at = np.zeros((len(maps), 4), np.uint32)
+    at[moving, :2] = places[motion_of[moving]]
+    for group, flat in poses.items():
+        at[group_of == group, 2:] = len(motion_rows), flat.knots
+        motion_rows = np.concatenate([motion_rows, flat.rows])
     return FlatInstances(
         rows.reshape(-1, 16),
         _guides(numbers),
@@ -288,6 +300,7 @@ def flat_instances(assembly: Assembly, surfaces: FlatSurfaces) -> FlatInstances:
         at,
         motion_of,
         assembly.motions,
+        poses,
     )
 
 
@@ -371,6 +384,12 @@ def _group_boxes(surfaces: FlatSurfaces, group: FlatGroup, instances: int) -> ND
     if len(corners):
         boxes.append(_cell_boxes(surfaces.vertices[used], _CELLS if instances <= _FEW else 1))
     return np.concatenate(boxes) + np.stack([-room, room])
+
+
+def _pose_boxes(poses: FlatPoses) -> NDArray[np.float64]:
+    """(1, 2, 3) the box of all that a mesh passes while it changes its form."""
+    boxes = poses.boxes.astype(np.float64)
+    return np.stack([boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)])[None]
 
 
 def _cell_boxes(points: NDArray[np.float32], cells: int) -> NDArray[np.float64]:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from clrender.scene.description import Scene
     from clrender.scene.motion import Track
 
-__all__ = ["Knots", "camera_knots", "knot_rows", "knots_of", "swept_boxes"]
+__all__ = ["NO_MOTION", "Knots", "camera_knots", "knot_rows", "knots_of", "swept_boxes"]
 
 _Floats = NDArray[np.float64]
 _TURN: Final = math.radians(5.0)
@@ -76,6 +76,16 @@ class Knots:
         volume = inner(a, cofactors[:, 0])
         norms = [np.sqrt((each * each).sum(axis=(1, 2))) for each in (self.stretches, cofactors)]
         return float((norms[0] * norms[1] / volume).max())
+
+
+NO_MOTION: Final = Knots(
+    np.array([0.0, 1.0]),
+    np.array([[0.0, 0.0, 0.0, 1.0]] * 2),
+    np.array([np.eye(3)] * 2),
+    np.zeros((2, 3)),
+    np.eye(4)[None, :3],
+)
+"""Of what stays in its place while its form changes."""
 
 
 class _Turning(Protocol):

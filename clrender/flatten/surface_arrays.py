@@ -31,6 +31,8 @@ class FlatSurfaces:
     attributes : (T + R, 16) float32
         Attributes of textured primitives, such as texture coordinates (`clrender.flatten.attributes`); no rows if there
         are none.
+    first_vertex : (S,) int64
+        First vertex of each shape that is made of triangles.
     """
 
     vertices: NDArray[np.float32]
@@ -44,4 +46,5 @@ class FlatSurfaces:
     warnings: tuple[str, ...]
     origin: Vector
     attributes: NDArray[np.float32]
+    first_vertex: NDArray[np.int64]
     camera_free: float = math.inf

@@ -37,7 +37,7 @@ from clrender.wording import place as place_in_file
 if TYPE_CHECKING:
     from clrender.flatten.assembly import Assembly
 
-__all__ = ["SMALLEST", "flat_surfaces", "triangle_areas"]
+__all__ = ["SMALLEST", "flat_surfaces", "placed_normals", "triangle_areas", "turned_away"]
 
 _Rows: TypeAlias = NDArray[np.void]
 _CHUNK: Final = 2**18
@@ -100,6 +100,7 @@ def flat_surfaces(
     shapes["material"] = [numbers[solid_of(shape)] for shape in scene.plain_shapes]
     first = np.zeros(len(shapes), dtype=np.int64)
     count = np.zeros(len(shapes), dtype=np.int64)
+    first_vertex = np.zeros(len(shapes), dtype=np.int64)
     warnings: list[str] = []
     textured = [all_attributes or is_textured(scene, index) for index in range(len(scene.plain_shapes))]
     attributes = np.zeros((triangle_total if any(textured) else 0, 16), np.float32)
@@ -137,8 +138,8 @@ def flat_surfaces(
             if moves_terminator:
                 shapes["flags"][index] |= np.uint32(layout.SHAPE_TERMINATOR_OFFSET)
             some = normals[v : v + len(here)]
-            _place_normals(mesh.normals, transform, here, there[:kept], some, flip=shape.flip_normals)
-            turned = _turned_away(here, there[:kept], some)
+            placed_normals(mesh.normals, transform, here, there[:kept], some, flip=shape.flip_normals)
+            turned = turned_away(here, there[:kept], some)
             if count_turned := int(np.count_nonzero(turned)):
                 text = f"{place}: the normals of {count_turned} of {kept} triangles point to their backs and were"
                 warnings.append(
@@ -147,7 +148,7 @@ def flat_surfaces(
         if mesh.tangents is not None and has_tangents(scene, index):
             tangents[t] = triangle_tangents(mesh.tangents, transform, sound, flipped, turned)
         there[:kept] += np.uint32(v)
-        first[index], count[index] = t, kept
+        first[index], count[index], first_vertex[index] = t, kept, v
         v, t = v + len(here), t + kept
     analytic_shapes, of_round = _analytic_rows(scene, origin, own, first, count, t, no_boundary, all_attributes)
     shapes["first_primitive"] = first
@@ -167,6 +168,7 @@ def flat_surfaces(
         warnings=tuple(warnings),
         origin=origin,
         attributes=attributes,
+        first_vertex=first_vertex,
     )
     return _apart(scene, flat, own, assembly)
 
@@ -275,7 +277,7 @@ def _sound(
     return sound
 
 
-def _place_normals(
+def placed_normals(
     source: NDArray[np.floating],
     transform: Affine,
     vertices: NDArray[np.float32],
@@ -304,7 +306,7 @@ def _place_normals(
     normals[blank] = (total / size[:, None])[blank]
 
 
-def _turned_away(
+def turned_away(
     vertices: NDArray[np.float32], triangles: NDArray[np.uint32], normals: NDArray[np.float32]
 ) -> NDArray[np.bool_]:
     """Which triangles have vertex normals that point to their back; kernels/geometry/rows.cl flips these."""

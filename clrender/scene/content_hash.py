@@ -11,7 +11,6 @@ from clrender.image.exposure import PHOTOGRAPHIC
 from clrender.scene.contents import HEAD, SceneContents
 from clrender.scene.former_keys import former_keys
 from clrender.scene.resting import has_motion
-from clrender.scene.shapes import Mesh
 from clrender.scene.values import Part
 
 __all__ = ["content_sha256", "put_at"]
@@ -69,9 +68,9 @@ def _contents(scene: SceneContents) -> dict[str, bytes]:
     for at, shape in scene.all_shapes():
         if at[0] == "groups":
             _without_names(content["groups"][at[1]]["shapes"][at[3]])
-        if isinstance(shape, Mesh) and shape.file is not None:
-            put_at(content, (*at, "file"), scene.mesh_of(at, shape).sha256())
         _as_in_films(shape, _table_at(content, at))
+    for at, mesh in scene.mesh_files():
+        put_at(content, (*at, "file"), scene.mesh_of(at, mesh).sha256())
     for name, material in scene.materials.items():
         _as_in_films(material, content["materials"][name])
     for index, instance in scene.instances():

@@ -104,6 +104,14 @@ class SceneContents(Head):
             for index, shape in enumerate(group.shapes):
                 yield ("groups", name, "shapes", index), shape
 
+    def mesh_files(self) -> Iterator[tuple[tuple[str | int, ...], Mesh]]:
+        """Its meshes from files, also those of poses, each with the location of its table in the description."""
+        for at, shape in self.all_shapes():
+            if isinstance(shape, Mesh) and shape.file is not None:
+                yield at, shape
+                for number in range(len(shape.poses)):
+                    yield (*at, "poses", number), shape.posed(number)
+
     @property
     def has_shadow_catchers(self) -> bool:
         """Whether any shape is a shadow catcher. Then the camera does not see the environment, either."""
@@ -326,9 +334,8 @@ class SceneContents(Head):
         SceneError
             If one cannot be read or is invalid.
         """
-        for at, shape in self.all_shapes():
-            if isinstance(shape, Mesh) and shape.file is not None:
-                self.mesh_of(at, shape)
+        for at, shape in self.mesh_files():
+            self.mesh_of(at, shape)
         for index, _ in self.instances():
             self.transforms(index)
         if self.texture_files():

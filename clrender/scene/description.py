@@ -250,7 +250,7 @@ class Scene(SceneContents):
         if meshes:
             former = {name: mesh for (name, _), mesh in self._files.meshes.items()}
             made = {name: mesh_of_arrays(name, given, former.get(name)) for name, given in meshes.items()}
-            assets = {shape.asset for _, shape in self.all_shapes() if isinstance(shape, Mesh) and shape.file in made}
+            assets = {shape.asset for _, shape in self.mesh_files() if shape.file in made}
             names = {file for file, _ in assets}
             contents["meshes"] = {asset: made[asset[0]] for asset in assets}
             contents["meshes"] |= {(name, None): mesh for name, mesh in made.items() if name not in names}

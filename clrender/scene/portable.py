@@ -21,7 +21,6 @@ from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.frozen import frozen
 from clrender.scene.groups import TransformArray
 from clrender.scene.ies import IesProfile
-from clrender.scene.shapes import Mesh
 from clrender.scene.validation_errors import scene_error
 from clrender.wording import place as place_in_file
 
@@ -48,12 +47,11 @@ def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
     """
     description = scene.model_dump(mode="json", exclude_none=True, exclude_unset=True)
     assets: dict[str, bytes] = {}
-    for at, shape in scene.all_shapes():
-        if isinstance(shape, Mesh) and shape.file is not None:
-            mesh = scene.mesh_of(at, shape)
-            put_at(description, (*at, "file"), _PREFIX + mesh.sha256())
-            if mesh.sha256() not in assets:
-                assets[mesh.sha256()] = _packed(mesh)
+    for at, shape in scene.mesh_files():
+        mesh = scene.mesh_of(at, shape)
+        put_at(description, (*at, "file"), _PREFIX + mesh.sha256())
+        if mesh.sha256() not in assets:
+            assets[mesh.sha256()] = _packed(mesh)
     for index, instance in scene.instances():
         if instance.file is not None:
             array = scene.transforms(index)
@@ -90,8 +88,9 @@ def scene_from_portable(description: Mapping[str, Any], assets: Mapping[str, byt
     except ValidationError as error:
         raise scene_error(error, Scene, source) from None
     meshes: dict[tuple[str, VertexColors | None], MeshData] = {}
-    for at, shape in scene.all_shapes():
-        if isinstance(shape, Mesh) and shape.file is not None and shape.asset not in meshes:
+    for at, shape in scene.mesh_files():
+        if shape.asset not in meshes:
+            assert shape.file is not None
             place = f"{source}: {place_in_file((*at, 'file'))}"
             meshes[shape.asset] = _unpacked(_hash_in(shape.file, place), assets, place)
     textures: dict[str, tuple[StoredPicture, NDArray[np.uint8]]] = {}

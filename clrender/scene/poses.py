@@ -9,7 +9,9 @@ from pydantic import AfterValidator, BeforeValidator, FailFast, Field, WithJsonS
 
 from clrender.meshes.data import COORDINATE_LIMIT
 from clrender.scene.values import (
+    INLINE_LIMIT,
     NUMBER_OR_TRIPLE,
+    FileName,
     Finite,
     Matrix,
     Part,
@@ -20,7 +22,17 @@ from clrender.scene.values import (
     number_as_triple,
 )
 
-__all__ = ["KEY_LIMIT", "TIME_LIMIT", "Motion", "MotionKey", "Seconds", "Transform", "ascending"]
+__all__ = [
+    "KEY_LIMIT",
+    "TIME_LIMIT",
+    "MeshPose",
+    "Motion",
+    "MotionKey",
+    "Poses",
+    "Seconds",
+    "Transform",
+    "ascending",
+]
 
 TIME_LIMIT: Final = 1e6
 """Largest time of a scene, seconds: all times are multiples of a tenth of a nanosecond there."""
@@ -129,3 +141,22 @@ def _unfolded(keys: tuple[MotionKey, ...]) -> tuple[MotionKey, ...]:
 Motion: TypeAlias = Annotated[
     tuple[MotionKey, ...], FailFast(), Field(max_length=KEY_LIMIT), AfterValidator(ascending), AfterValidator(_unfolded)
 ]
+
+
+class MeshPose(Part):
+    """The form of a mesh at a time; between two poses every vertex goes straight, before and after them it rests."""
+
+    time: Seconds = Field(description="seconds")
+    file: FileName | None = Field(None, description="a mesh with the same triangles")
+    vertices: Annotated[tuple[Vector, ...], FailFast(), Field(max_length=INLINE_LIMIT)] = Field(
+        (), description="of an inline mesh"
+    )
+
+    @model_validator(mode="after")
+    def _has_one_source(self) -> MeshPose:
+        if (self.file is None) == (not self.vertices):
+            raise fault("pose", "needs either `file` or `vertices`")
+        return self
+
+
+Poses: TypeAlias = Annotated[tuple[MeshPose, ...], FailFast(), Field(max_length=KEY_LIMIT), AfterValidator(ascending)]

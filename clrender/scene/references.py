@@ -51,6 +51,7 @@ def check_references(scene: SceneContents) -> None:
     _check_terminators(scene)
     _check_hidden(scene)
     _check_catchers(scene)
+    _check_poses(scene)
     environments = [i for i, light in enumerate(scene.lights) if isinstance(light, EnvironmentLight | SunSkyLight)]
     for i in environments[1:]:
         sentence = f"is a second environment beside lights[{environments[0]}]; a scene can have only one"
@@ -160,6 +161,20 @@ def _check_catchers(scene: SceneContents) -> None:
         if shape.shines or (material is not None and _shines(material)):
             sentence = "is given for what shines, and its own light is no shadow; leave it out, or the emission"
             raise fault("reference", sentence, *at, "shadow_catcher")
+
+
+def _check_poses(scene: SceneContents) -> None:
+    """Check that what changes its form is in no group, and does not shine: its light is sampled in one place."""
+    for at, shape in scene.all_shapes():
+        if not isinstance(shape, Mesh) or not shape.poses:
+            continue
+        material = None if shape.material is None else scene.materials[shape.material]
+        if at[0] == "groups":
+            raise fault("reference", "are for shapes of the scene itself; move the mesh out of its group", *at, "poses")
+        if shape.shines or (material is not None and _shines(material)):
+            raise fault(
+                "reference", "are given for what shines, which keeps its form; leave one of them out", *at, "poses"
+            )
 
 
 def _shines(material: Material) -> bool:

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clrender.scene.groups import Instance
+from clrender.scene.groups import Instance, ShapeOrInstance
 from clrender.scene.motion import rests
+from clrender.scene.posed import deforms, standing
 from clrender.scene.poses import Transform
+from clrender.scene.shapes import Mesh
 from clrender.scene.transforms import affine, combined
 
 if TYPE_CHECKING:
@@ -23,8 +25,10 @@ __all__ = ["carried", "has_motion", "is_identity", "opened", "placements", "rest
 
 
 def has_motion(scene: SceneContents) -> bool:
-    """Whether any shape or instance has keys of a motion, whenever they are."""
-    return scene.of_contents("has motion", lambda: any(shape.motion for shape in scene.shapes))
+    """Whether any shape or instance has keys of a motion, or poses, whenever they are."""
+    return scene.of_contents(
+        "has motion", lambda: any(shape.motion or (isinstance(shape, Mesh) and shape.poses) for shape in scene.shapes)
+    )
 
 
 def is_identity(map_: Affine) -> bool:
@@ -44,12 +48,25 @@ def carried(shape: AnyShape, outer: Affine) -> AnyShape:
 def resting(scene: Scene) -> Scene:
     """The scene with shapes that do not move while the shutter is open where they are then, without their motions.
 
-    Instances keep theirs; `placements` has where they are.
+    Instances keep theirs; `placements` has where they are. Meshes that change their form keep their poses, and have the
+    form in which the shutter finds them.
     """
     if not has_motion(scene):
         return scene
     begin, end = scene.camera.interval
-    shapes = []
+    posed = {
+        index: (scene.place_of(index), mesh)
+        for index, mesh in enumerate(scene.shapes)
+        if isinstance(mesh, Mesh) and mesh.poses
+    }
+    if posed:
+        stand, other = standing(scene, list(posed.values()))
+        forms = dict(zip(posed, stand, strict=True))
+        for index, (_, mesh) in posed.items():
+            if deforms(mesh, begin, end):
+                forms[index] = forms[index].with_checked(poses=mesh.poses)
+        scene = other.with_checked(shapes=tuple(forms.get(i, each) for i, each in enumerate(scene.shapes)))
+    shapes: list[ShapeOrInstance] = []
     for shape in scene.shapes:
         still = rests(shape.motion, begin, end) if shape.motion and not isinstance(shape, Instance) else None
         shapes.append(shape if still is None else carried(shape, still).with_checked(motion=()))  # type: ignore[arg-type]

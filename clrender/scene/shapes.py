@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal, TypeAlias
 from pydantic import FailFast, Field, Strict, model_validator
 
 from clrender.meshes.vertex_colors import VertexColors
-from clrender.scene.poses import Motion, Transform
+from clrender.scene.poses import MeshPose, Motion, Poses, Transform
 from clrender.scene.textures import ColorOrTexture
 from clrender.scene.values import (
     INLINE_LIMIT,
@@ -166,7 +166,7 @@ _Uv = tuple[Annotated[Finite, Field(ge=-1e6, le=1e6)], Annotated[Finite, Field(g
 class Mesh(Surface):
     """Triangle mesh from a file (.ply, .ply.gz, .obj, .stl), or inline as vertices and faces."""
 
-    late_keys: ClassVar[frozenset[str]] = Surface.late_keys | {"shadow_terminator_offset"}
+    late_keys: ClassVar[frozenset[str]] = Surface.late_keys | {"shadow_terminator_offset", "poses"}
 
     type: Literal["mesh"]
     file: FileName | None = None
@@ -190,6 +190,15 @@ class Mesh(Surface):
         description="light an opaque mesh with vertex normals as the curved surface that they stand for (Hanika 2021)",
     )
 
+    poses: Poses = Field((), description="where its vertices are at several times; times ascend")
+
+    def posed(self, number: int) -> Mesh:
+        """A mesh of the vertices of one of its poses."""
+        pose: MeshPose = self.poses[number]
+        if self.file is None:
+            return self.with_checked(vertices=pose.vertices, poses=())
+        return self.with_checked(file=pose.file, vertex_colors=None, poses=())
+
     @property
     def asset(self) -> tuple[str, VertexColors | None]:
         """File name, and encoding of the vertex colours that are read."""
@@ -200,6 +209,17 @@ class Mesh(Surface):
     def color_key(self) -> str | None:
         """The key that gives it vertex colours, if any."""
         return "vertex_colors" if self.vertex_colors else "colors" if self.colors else None
+
+    @model_validator(mode="after")
+    def _has_poses_of_its_kind(self) -> Mesh:
+        for number, pose in enumerate(self.poses):
+            if (pose.file is None) != (self.file is None):
+                key = "file" if self.file is not None else "vertices"
+                raise fault("mesh", f"needs `{key}`, as the mesh itself has", "poses", number)
+            if self.file is None and len(pose.vertices) != len(self.vertices):
+                text = f"has {len(pose.vertices)} entries, but the mesh has {len(self.vertices)} vertices"
+                raise fault("mesh", text, "poses", number, "vertices")
+        return self
 
     @model_validator(mode="after")
     def _has_one_source(self) -> Mesh:

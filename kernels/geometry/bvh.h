@@ -47,6 +47,8 @@
 
 // Words of an instance's two rows.
 #define INSTANCE_WORDS 32
+// And of its motion: its first knot, and how many more there are; of a mesh that changes its form the first row, and at how many times it has any.
+#define INSTANCE_MOTION_WORDS 4
 
 // Whether a ray that is aimed at a primitive passes it in any search, or only in one for any hit, which is all that shadow rays need where
 // surfaces have no holes.
@@ -66,7 +68,7 @@ typedef struct {
     uint instance_root;                      // column of an instance's row with the reference of its own tree
 #ifdef MOTION
     __global const float* motion_rows;       // geometry/motion.h
-    __global const uint* instance_motions;   // two words an instance: its first knot, and how many more there are
+    __global const uint* instance_motions;   // INSTANCE_MOTION_WORDS words an instance
 #endif
 #endif
 #ifdef HOLES

@@ -8,6 +8,7 @@
 #include "geometry/bvh.h"
 #include "geometry/holes.h"
 #include "geometry/motion.h"
+#include "geometry/pose.h"
 #include "geometry/wide.h"
 #include "types.h"
 
@@ -40,6 +41,9 @@ typedef struct {
 #endif
 #ifdef MOTION
     float time[SINGLE_RAYS];
+#endif
+#ifdef DEFORMATION
+    uint instance[SINGLE_RAYS];  // that it is in; NONE: none
 #endif
     ulong stack[SINGLE_RAYS][SINGLE_STACK];
 } SingleRays;
@@ -119,7 +123,60 @@ static int8 single_solid(const Bvh* bvh, SingleRays* rays, int ray, __global con
 #endif
 }
 
+#ifdef DEFORMATION
+// The triangles of a mesh that changes its form, at the ray's time.
+static void single_deforming(SingleRays* rays, int ray, const Bvh* bvh, Poses poses, uint reference, float entered, int any_hit) {
+    __global const float* ids = bvh_pack(bvh->triangle_packs, TRIANGLE_BLOCK_WORDS, reference) + TRIANGLE_ID;
+    const uint begin = as_uint(bvh->instance_rows[(size_t)rays->instance[ray] * INSTANCE_WORDS + 16 + PLACEMENT_ROW_FIRST]);
+    const uint members = bvh_members(reference);
+    const float time = rays->time[ray];
+    uint low = 0u, high = poses.knots > 1u ? poses.knots - 2u : 0u;
+    while (low < high) {
+        const uint middle = (low + high + 1u) >> 1;
+        if (bvh->motion_rows[((size_t)poses.first + (size_t)middle * poses.stride) * 16 + MOTION_ROW_TIME] <= time) low = middle;
+        else high = middle - 1u;
+    }
+    __global const float* knot = bvh->motion_rows + ((size_t)poses.first + (size_t)low * poses.stride) * 16;
+    const size_t step = poses.knots > 1u ? (size_t)poses.stride * 16 : 0;
+    float row[16], a[9][8], b[9][8];
+    for (int k = 0; k < 16; ++k) row[k] = knot[k];
+    const float8 share = (float8)(motion_share_one(row, time));
+    for (uint m = 0; m < 8u; ++m) {
+        const uint member = m < members ? m : 0u;        // others do not count
+        const uint number = (as_uint(ids[member]) & ~BVH_NUMBER) + rays->triangle_offset[ray] - begin;
+        __global const float* at = knot + (size_t)number * 16;
+        for (int k = 0; k < 9; ++k) a[k][m] = at[k], b[k][m] = at[k + step];
+    }
+    float8 corners[9], t[15], determinant, weight_b, weight_c;
+    for (int k = 0; k < 9; ++k) corners[k] = pose_between_pack(vload8(0, a[k]), vload8(0, b[k]), share);
+    pose_triangle_pack(corners, t);
+    const float8 from_x = rays->origin[0][ray] - t[0], from_y = rays->origin[1][ray] - t[1], from_z = rays->origin[2][ray] - t[2];
+    const int8 hit = triangle_hit_pack(from_x, from_y, from_z, t[3], t[4], t[5], t[6], t[7], t[8], t[9], t[10], t[11], t[12], t[13], t[14],
+                                       (float8)(rays->direction[0][ray]), (float8)(rays->direction[1][ray]), (float8)(rays->direction[2][ray]),
+                                       (float8)(rays->slack[ray]), &determinant, &weight_b, &weight_c);
+    const float8 distance = triangle_distance_pack(from_x, from_y, from_z, t[9], t[10], t[11], determinant);
+#ifdef HOLES
+    // Nothing is known of their holes
+    if (any_hit && bvh->hole_rows != 0) {
+        const int8 counts = (int8)(0, 1, 2, 3, 4, 5, 6, 7) < (int)members;
+        if (any_of_eight(hit & counts & (distance <= rays->nearest[ray]))) rays->primitive[ray] = 0u;
+        return;
+    }
+#endif
+    single_keep(rays, ray, hit, (int8)(0), distance, entered, ids, single_triangle_offset(rays, ray), members, any_hit);
+}
+#endif
+
 static void single_triangles(SingleRays* rays, int ray, const Bvh* bvh, uint reference, float entered, int any_hit) {
+#ifdef DEFORMATION
+    if (rays->instance[ray] != NONE) {
+        const Poses poses = poses_of(bvh, rays->instance[ray]);
+        if (poses.knots > 0u) {
+            single_deforming(rays, ray, bvh, poses, reference, entered, any_hit);
+            return;
+        }
+    }
+#endif
     __global const float* pack = bvh_pack(bvh->triangle_packs, TRIANGLE_BLOCK_WORDS, reference);
     const float8 from_x = rays->origin[0][ray] - vload8(0, pack), from_y = rays->origin[1][ray] - vload8(1, pack);
     const float8 from_z = rays->origin[2][ray] - vload8(2, pack);
@@ -234,7 +291,7 @@ static int single_enter(const Bvh* bvh, SingleRays* rays, int ray, int top, uint
     float o[3] = {rays->world[0][ray], rays->world[1][ray], rays->world[2][ray]};
     float d[3] = {rays->world[3][ray], rays->world[4][ray], rays->world[5][ray]};
 #ifdef MOTION
-    __global const uint* motion = bvh->instance_motions + 2 * (size_t)(reference & BVH_INDEX);
+    __global const uint* motion = bvh->instance_motions + INSTANCE_MOTION_WORDS * (size_t)(reference & BVH_INDEX);
     if (motion[1] > 0u) motion_back_one(bvh->motion_rows, motion[0], motion[1], rays->time[ray], o, d);
 #endif
     float origin[3], direction[3];
@@ -247,6 +304,9 @@ static int single_enter(const Bvh* bvh, SingleRays* rays, int ray, int top, uint
     rays->start[ray] = entered;
     rays->triangle_offset[ray] = as_uint(row[INSTANCE_ROW_TRIANGLE_OFFSET]);
     rays->analytic_offset[ray] = as_uint(row[INSTANCE_ROW_ANALYTIC_OFFSET]);
+#ifdef DEFORMATION
+    rays->instance[ray] = reference & BVH_INDEX;
+#endif
     if (!(reference & SINGLE_WITHIN)) rays->stack[ray][++top] = single_entry(as_uint(row[bvh->instance_root]), entered);
     rays->base[ray] = top;
     return top;
@@ -260,6 +320,9 @@ static void single_leave(SingleRays* rays, int ray) {
     rays->start[ray] = BOX_START;
     rays->base[ray] = 0;
     rays->triangle_offset[ray] = rays->analytic_offset[ray] = 0;
+#ifdef DEFORMATION
+    rays->instance[ray] = NONE;
+#endif
 }
 #endif
 

@@ -24,6 +24,7 @@ static Curvature curvature_at(const Scene* scene, const Surface* s, vmask where)
     c.sphere = where & round & (disk.x == 0.0f) & (disk.y == 0.0f) & (disk.z == 0.0f);
     c.smooth = where & !round & ((flags & SHAPE_SMOOTH) != 0u);
     lane_rows(scene->normal_rows, c.smooth ? c.placed.row : splat_uint(0u), c.normals);
+    placed_normals(scene, &c.placed, c.normals);
     return c;
 }
 

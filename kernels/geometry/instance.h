@@ -14,6 +14,7 @@
 #include "core/exact.h"
 #include "core/lane.h"
 #include "geometry/motion.h"
+#include "geometry/pose.h"
 #include "geometry/wide.h"
 #include "scene.h"
 
@@ -23,6 +24,12 @@ typedef struct {
     vmask present;           // it is one of an instance
 #ifdef MOTION
     vmask moves;             // which moves
+#endif
+#ifdef DEFORMATION
+    vmask deforms;           // its mesh changes its form
+    vuint pose, next_pose, pose_normals;     // rows of its corners before and after that time, and how far behind each is that of its normals
+    vfloat pose_share;
+    vfloat corners[9];       // at that time
 #endif
     vfloat instance[16];     // INSTANCE_ROW_*
     vfloat placement[16];    // PLACEMENT_ROW_*
@@ -60,7 +67,7 @@ static vuint instance_of(const Scene* scene, vuint primitive, vmask asked) {
 #ifdef MOTION
 // An instance's two maps at a time, in the place of those without its motion.
 static void placed_move(const Scene* scene, Placed* p, vuint instance, vfloat time) {
-    const vuint at = p->present ? instance * 2u : splat_uint(0u), after = at + 1u;
+    const vuint at = p->present ? instance * INSTANCE_MOTION_WORDS : splat_uint(0u), after = at + 1u;
     const vuint first = LANE_LOOK_UP(uint, scene->instance_motions, at), segments = LANE_LOOK_UP(uint, scene->instance_motions, after);
     p->moves = p->present & (segments > 0u);
     if (!lane_any(p->moves)) return;
@@ -91,6 +98,23 @@ static void placed_move(const Scene* scene, Placed* p, vuint instance, vfloat ti
 }
 #endif
 
+#ifdef DEFORMATION
+// The corners of a triangle at a time, of a mesh that changes its form.
+static void placed_pose(const Scene* scene, Placed* p, vuint primitive, vuint instance, vfloat time) {
+    const vuint at = (p->present ? instance * INSTANCE_MOTION_WORDS : splat_uint(0u)) + 2u, after = at + 1u;
+    const vuint first = LANE_LOOK_UP(uint, scene->instance_motions, at), knots = LANE_LOOK_UP(uint, scene->instance_motions, after);
+    p->deforms = p->present & (knots > 0u);
+    if (!lane_any(p->deforms)) return;
+    const vuint begin = vfloat_bits(p->placement[PLACEMENT_ROW_FIRST]);
+    const vuint stride = vfloat_bits(p->placement[PLACEMENT_ROW_FIRST_ANALYTIC]) - begin;
+    const vuint none = splat_uint(0u);
+    pose_rows(scene->motion_rows, p->deforms ? first + (primitive - begin) : none, p->deforms ? stride : none, p->deforms ? knots : none, time,
+              &p->pose, &p->next_pose, &p->pose_share);
+    p->pose_normals = stride * knots;
+    pose_numbers(scene->motion_rows, p->pose, p->next_pose, p->pose_share, p->corners);
+}
+#endif
+
 // Where the primitives with these numbers are at a time.
 static Placed placed_at(const Scene* scene, vuint primitive, vfloat time) {
     Placed p;
@@ -98,6 +122,9 @@ static Placed placed_at(const Scene* scene, vuint primitive, vfloat time) {
     p.present = instance_owns(scene, primitive);
 #ifdef MOTION
     p.moves = mask_none();
+#endif
+#ifdef DEFORMATION
+    p.deforms = mask_none();
 #endif
     if (!lane_any(p.present)) {
         for (int k = 0; k < 16; ++k) p.instance[k] = p.placement[k] = splat(0.0f);
@@ -111,6 +138,9 @@ static Placed placed_at(const Scene* scene, vuint primitive, vfloat time) {
     p.row = p.present ? primitive - offset : primitive;
 #ifdef MOTION
     placed_move(scene, &p, instance, time);
+#endif
+#ifdef DEFORMATION
+    placed_pose(scene, &p, primitive, instance, time);
 #endif
     return p;
 }
@@ -134,6 +164,10 @@ static vec3 placed_turned(const Placed* p, vec3 v) {
 // The geometry in a primitive's row, carried into the world; of a sphere or disk, which only similarities place, where `round` holds.
 static void placed_geometry(const Placed* p, vmask round, vfloat row[16]) {
     if (!lane_any(p->present)) return;
+#ifdef DEFORMATION
+    if (lane_any(p->deforms))
+        for (int k = 0; k < 9; ++k) row[k] = p->deforms ? p->corners[k] : row[k];
+#endif
     const vfloat* m = p->placement + PLACEMENT_ROW_TO_WORLD;
     const vmask flat = p->present & !round, curved = p->present & round;
     const vec3 normal = vec3_row(row, PRIMITIVE_ROW_NORMAL);
@@ -152,6 +186,18 @@ static void placed_geometry(const Placed* p, vmask round, vfloat row[16]) {
 static vec3 placed_front(const Placed* p, vec3 normal) {
     const vmask mirrored = p->present & (p->placement[PLACEMENT_ROW_FACING] < 0.0f);
     return choose(mirrored, negate(normal), normal);
+}
+
+// Normals at a triangle's corners, in the place of those of another time.
+static void placed_normals(const Scene* scene, const Placed* p, vfloat normals[16]) {
+#ifdef DEFORMATION
+    if (!lane_any(p->deforms)) return;
+    vfloat now[9];
+    const vuint none = splat_uint(0u);
+    pose_numbers(scene->motion_rows, p->deforms ? p->pose + p->pose_normals : none, p->deforms ? p->next_pose + p->pose_normals : none,
+                 p->pose_share, now);
+    for (int k = 0; k < 9; ++k) normals[k] = p->deforms ? now[k] : normals[k];
+#endif
 }
 
 // A normal of the group's, in the world, of any length: the transpose of the map into the group's space carries it.
@@ -224,6 +270,7 @@ static Placed placed_at(const Scene* scene, vuint primitive, vfloat time) {
 }
 static void placed_geometry(const Placed* p, vmask round, vfloat row[16]) {}
 static vec3 placed_front(const Placed* p, vec3 normal) { return normal; }
+static void placed_normals(const Scene* scene, const Placed* p, vfloat normals[16]) {}
 static vec3 placed_normal(const Placed* p, vec3 n) { return n; }
 static void placed_axes(const Placed* p, vmask round, vfloat row[16]) {}
 static vec3 placed_error(const Placed* p, vec3 point, vec3 error) { return error; }

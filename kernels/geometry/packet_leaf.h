@@ -4,6 +4,7 @@
 
 #include "geometry/holes.h"
 #include "geometry/packet_ray.h"
+#include "geometry/pose.h"
 
 // Keep the hit where it is nearer; of equally near ones the lowest number, so that the order of visits does not matter: a hit with
 // a lower number may be as far as the one that is kept, which is to be nearer than the next larger float. `entered` is where the
@@ -47,8 +48,46 @@ static vmask packet_solid(const Bvh* bvh, uint word, vmask hit, vmask near, vflo
 #endif
 }
 
+#ifdef DEFORMATION
+// The triangles of a mesh that changes its form, at each lane's time.
+static void packet_deforming(PacketRay* ray, const Bvh* bvh, Poses poses, uint reference, vfloat entered, int any_hit) {
+    __global const float* pack = bvh_pack(bvh->triangle_packs, TRIANGLE_BLOCK_WORDS, reference);
+    const uint begin = as_uint(bvh->instance_rows[(size_t)ray->instance * INSTANCE_WORDS + 16 + PLACEMENT_ROW_FIRST]);
+    for (uint left = bvh_members(reference); left > 0; --left, ++pack) {
+        const uint first = (as_uint(pack[TRIANGLE_ID]) & ~BVH_NUMBER) + packet_triangle_offset(ray);
+        vuint before, after;
+        vfloat share, corners[9], t[15], determinant, b, c;
+        pose_rows(bvh->motion_rows, splat_uint(poses.first + (first - begin)), splat_uint(poses.stride), splat_uint(poses.knots), ray->time,
+                  &before, &after, &share);
+        pose_numbers(bvh->motion_rows, before, after, share, corners);
+        pose_triangle_lanes(corners, t);
+        const vec3 from = sub(ray->origin, vec3_row(t, 0)), d = ray->direction;
+        const vmask hit = triangle_hit_lanes(from.x, from.y, from.z, t[3], t[4], t[5], t[6], t[7], t[8], t[9], t[10], t[11], t[12], t[13], t[14],
+                                             d.x, d.y, d.z, ray->slack, &determinant, &b, &c);
+        const vfloat distance = triangle_distance_lanes(from.x, from.y, from.z, t[9], t[10], t[11], determinant);
+#ifdef HOLES
+        // Nothing is known of their holes
+        if (any_hit && bvh->hole_rows != 0) {
+            ray->primitive = hit & (distance <= ray->nearest) ? splat_uint(0u) : ray->primitive;
+            continue;
+        }
+#endif
+        packet_keep(ray, hit, distance, entered, splat_uint(first), first, first, any_hit, &ray->nearest, &ray->primitive);
+    }
+}
+#endif
+
 // Written without branches: whether any of the rays hits a triangle is a coin toss that no processor predicts.
 static void packet_triangles(PacketRay* ray, const Bvh* bvh, uint reference, vfloat entered, int any_hit) {
+#ifdef DEFORMATION
+    if (ray->instance != NONE) {
+        const Poses poses = poses_of(bvh, ray->instance);
+        if (poses.knots > 0u) {
+            packet_deforming(ray, bvh, poses, reference, entered, any_hit);
+            return;
+        }
+    }
+#endif
     __global const float* pack = bvh_pack(bvh->triangle_packs, TRIANGLE_BLOCK_WORDS, reference);
     vfloat nearest = ray->nearest;
     vuint primitive = ray->primitive;

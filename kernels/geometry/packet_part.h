@@ -81,6 +81,9 @@ static void packet_part(const PacketRay* ray, SingleRays* rays, uint packet) {
 #endif
     lane_store(splat(BOX_START), rays->start + first);
     for (uint lane = first; lane < first + LANES; ++lane) rays->base[lane] = 0, rays->triangle_offset[lane] = rays->analytic_offset[lane] = 0;
+#ifdef DEFORMATION
+    for (uint lane = first; lane < first + LANES; ++lane) rays->instance[lane] = NONE;
+#endif
 #endif
 }
 

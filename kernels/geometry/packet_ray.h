@@ -107,10 +107,11 @@ static void packet_enter(const Bvh* bvh, PacketRay* ray, uint instance, vfloat e
     __global const float* row = bvh->instance_rows + (size_t)instance * INSTANCE_WORDS;
     vec3 o = ray->origin, d = ray->direction;
 #ifdef MOTION
-    const uint segments = bvh->instance_motions[2 * (size_t)instance + 1];
+    __global const uint* motion = bvh->instance_motions + INSTANCE_MOTION_WORDS * (size_t)instance;
+    const uint segments = motion[1];
     if (segments > 0u) {
         MotionMap map;
-        motion_at(bvh->motion_rows, splat_uint(bvh->instance_motions[2 * (size_t)instance]), splat_uint(segments), ray->time, &map);
+        motion_at(bvh->motion_rows, splat_uint(motion[0]), splat_uint(segments), ray->time, &map);
         o = motion_point_back(&map, o);
         d = motion_turned(map.inverse, d);
     }

@@ -86,6 +86,7 @@ static void surface_triangle(const Scene* scene, const Ray* ray, const Placed* p
     if (lane_any(smooth)) {
         vfloat n[16];
         lane_rows(scene->normal_rows, smooth ? placed->row : splat_uint(0u), n);
+        placed_normals(scene, placed, n);
         const vfloat weight_a = splat(1.0f) - weight_b - weight_c;
         const vec3 blend = placed_normal(placed, surface_blend(n, weight_a, weight_b, weight_c));
         // Where the blend turns away from the triangle all the same, the triangle's own normal stands in

@@ -33,6 +33,7 @@ static void terminator_offset(const Scene* scene, Surface* s, vmask active) {
     lane_rows(scene->primitive_rows, placed.row, row);
     placed_geometry(&placed, mask_none(), row);
     lane_rows(scene->normal_rows, s->moves ? placed.row : splat_uint(0u), n);
+    placed_normals(scene, &placed, n);
     vfloat b, c;
     surface_weights(s, row, &b, &c);
     const vec3 step_a = terminator_step(&placed, s, vec3_row(row, PRIMITIVE_ROW_A), vec3_row(n, 0), splat(1.0f) - b - c);

@@ -20,6 +20,9 @@
 #endif
 #include "geometry/box.inc"
 #include "geometry/triangle.inc"
+#ifdef DEFORMATION
+#include "geometry/pose.inc"
+#endif
 #include "geometry/sphere.inc"
 #include "geometry/rectangle.inc"
 #undef F
@@ -50,6 +53,9 @@
 #define WIDE(name) name##_pack
 #include "geometry/box.inc"
 #include "geometry/triangle.inc"
+#ifdef DEFORMATION
+#include "geometry/pose.inc"
+#endif
 #include "geometry/sphere.inc"
 #include "geometry/rectangle.inc"
 #undef F

@@ -71,6 +71,22 @@ static vec3 first_hit_later(const Scene* scene, const Surface* surface, vmask fo
 #if defined(MOTION) && defined(INSTANCES)
     const vuint primitive = found ? surface->primitive : splat_uint(0u);
     const Placed here = placed_at(scene, primitive, surface_time(surface)), there = placed_at(scene, primitive, splat(1.0f));
+#ifdef DEFORMATION
+    if (lane_any(here.deforms)) {
+        // The same point of the triangle
+        vfloat row[16], b, c;
+        for (int k = 0; k < 16; ++k) row[k] = splat(0.0f);
+        placed_geometry(&here, mask_none(), row);
+        surface_weights(surface, row, &b, &c);
+        for (int k = 0; k < 16; ++k) row[k] = splat(0.0f);
+        placed_geometry(&there, mask_none(), row);
+        const vec3 later = surface_blend(row, splat(1.0f) - b - c, b, c);
+        if (!lane_any(here.moves & !here.deforms)) return choose(here.deforms, later, surface->point);
+        const vec3 within = placed_point(here.instance + INSTANCE_ROW_TO_OBJECT, surface->point);
+        const vec3 carried = placed_point(there.placement + PLACEMENT_ROW_TO_WORLD, within);
+        return choose(here.deforms, later, choose(here.moves, carried, surface->point));
+    }
+#endif
     if (!lane_any(here.moves)) return surface->point;
     const vec3 inside = placed_point(here.instance + INSTANCE_ROW_TO_OBJECT, surface->point);
     return choose(here.moves, placed_point(there.placement + PLACEMENT_ROW_TO_WORLD, inside), surface->point);

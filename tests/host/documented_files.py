@@ -61,5 +61,6 @@ def make_files(folder: Path) -> None:
     shutil.copytree(_SCENES / "plugins", folder / "scenes" / "plugins")
     moon = (_SCENES / "plugins" / "minnaert.cl").read_text()
     (folder / "bright.cl").write_text(moon.replace("* limb);", "* limb * 2.5f);"))
-    shutil.copy(_SCENES / "bumpy.ply", folder / "bunny.ply")
+    for name in ("bunny", "bunny-leaping", "bunny-landed"):
+        shutil.copy(_SCENES / "bumpy.ply", folder / f"{name}.ply")
     np.save(folder / "warren.npy", np.eye(4)[None])

@@ -103,6 +103,8 @@ def _enlarge(part: Json, factor: float) -> None:
     for key in (*_POINTS, *_LENGTHS, "vertices"):
         if key in part:
             part[key] = _times(part[key], factor)
+    for pose in part.get("poses", []):
+        pose["vertices"] = _times(pose["vertices"], factor)
     if isinstance(part.get("transforms"), str):
         part["transforms"] = copy.deepcopy(PLACES)
     matrices = part.get("transforms", [])

@@ -110,12 +110,26 @@ def _moving(mixed: Mixed) -> None:
     for shape in content["shapes"]:
         if _may_move(mixed, shape) and draw.chance(0.6):
             shape["motion"] = _keys(draw, middle)
+    _deforming(mixed, middle)
     # Of a camera in a ball of its own the ball would stay behind
     if "position" in camera and "lens" not in content.get("materials", {}) and draw.chance(0.6):
         near = _plus(camera["position"], draw.point(0.1))
         keys = [{"position": camera["position"]}, {"position": near, "target": draw.point(0.3)}]
         keys[1] |= {"up": camera["up"]} if draw.chance(0.5) else {}
         camera["motion"] = [{"time": middle + at, **key} for at, key in zip((-0.3, 0.4), keys, strict=True)]
+
+
+def _deforming(mixed: Mixed, middle: float) -> None:
+    """Let meshes change their form; by random numbers of their own."""
+    draw = Draw(f"poses of {mixed.name}", white=False)
+    for shape in mixed.content["shapes"]:
+        shines = "emission" in shape or "emission" in mixed.content.get("materials", {}).get(shape.get("material"), {})
+        if shape["type"] != "mesh" or "vertices" not in shape or shines or not _may_move(mixed, shape):
+            continue
+        if draw.chance(0.6):
+            moments = (-0.3, 0.1, 0.5)[: draw.count(2, 3)]
+            forms = [[_plus(point, draw.point(0.1)) for point in shape["vertices"]] for _ in moments]
+            shape["poses"] = [{"time": middle + at, "vertices": form} for at, form in zip(moments, forms, strict=True)]
 
 
 def _may_move(mixed: Mixed, shape: Json) -> bool:
