@@ -77,7 +77,7 @@ def completed(draft: Draft, files: AssetFiles, up: str = "y", *, surrounded: boo
     except ValidationError as error:
         raise scene_error(error, Scene, files.source) from None
     scene = scene.placed(files.source, files.folder, files.allow_paths)
-    held = {shape.asset for _, shape in scene.all_shapes() if isinstance(shape, Mesh) and shape.file in draft.meshes}
+    held = {shape.asset for _, shape in scene.mesh_files() if shape.file in draft.meshes}
     meshes = {asset: frozen(draft.meshes[asset[0]]) for asset in held}
     places, pictures, profiles = (
         {name: frozen(content) for name, content in each.items()}

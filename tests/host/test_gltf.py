@@ -18,10 +18,14 @@ from gltf_files import QUAD, Model, picture_uri
 import clrender
 from clrender.errors import SceneError
 from clrender.flatten.bounds import scene_bounds
+from clrender.flatten.flat_scene import flatten
 from clrender.flatten.surfaces import flat_surfaces
 from clrender.image.files import write_image
 from clrender.scene import Camera, DirectionalLight, PointLight, Principled, Scene, SpotLight
+from clrender.scene.portable import scene_from_portable, scene_to_portable
+from clrender.scene.posed import pose_meshes
 from clrender.scene.resting import opened
+from clrender.scene.shapes import Mesh
 from clrender.scene.textures import ImageTexture, NormalMap
 
 
@@ -324,6 +328,48 @@ def test_a_skin_carries_vertices_by_its_joints_not_by_its_node(tmp_path: Path) -
     normals = scene.mesh(0).normals
     assert normals is not None
     np.testing.assert_allclose(normals, [(0, 0, 1)] * 2 + [(0, -1, 0)] * 2, atol=1e-6)
+
+
+def waving(tmp_path: Path, kind: str) -> Model:
+    """A quad that a joint bends, or a morph target lifts, in the first second."""
+    model = Model()
+    if kind == "skin":
+        mesh = model.quad(WEIGHTS_0=[(1, 0, 0, 0)] * 4, NORMAL=[(0, 0, 1)] * 4)
+        joints = np.zeros((4, 4))
+        joints[2:, 0] = 1
+        model.root["meshes"][mesh]["primitives"][0]["attributes"]["JOINTS_0"] = model.accessor(joints, "uint8")
+        skin = model.add("skins", {"joints": [1, 2]})
+        model.node(mesh=mesh, skin=skin)
+        model.node()
+        bone, half = model.node(), math.sqrt(0.5)
+        animated(model, bone, "rotation", [0.0, 1.0], [(0, 0, 0, 1), (half, 0, 0, half)])
+        return model
+    mesh = model.quad()
+    model.root["meshes"][mesh]["primitives"][0]["targets"] = [{"POSITION": model.accessor([(0, 0, 1), (0, 0, 0)] * 2)}]
+    moved = model.node(mesh=mesh, weights=[0.0])
+    animated(model, moved, "weights", [0.0, 1.0], [0, 2])
+    return model
+
+
+@for_each("kind", ["skin", "morph"])
+def test_meshes_change_their_form_while_the_shutter_is_open(tmp_path: Path, kind: str) -> None:
+    """At the times of poses they are those of that moment; what rests has none."""
+    model = waving(tmp_path, kind)
+    scene = loaded(tmp_path, model, time_at=0.25, shutter=(0.0, 0.5))
+    shape = scene.shapes[0]
+    assert isinstance(shape, Mesh) and not shape.motion and not any("changes its form" in note for note in scene.notes)
+    assert [pose.time for pose in shape.poses][:: len(shape.poses) - 1] == [0.25, 0.75] and len(shape.poses) == 9
+    for number in (0, 4, 8):
+        there = loaded(tmp_path, model, time_at=shape.poses[number].time).mesh(0)
+        mesh = pose_meshes(scene, ("shapes", 0), shape)[number]
+        np.testing.assert_allclose(mesh.vertices, there.vertices, atol=1e-6)
+        assert (mesh.normals is None) == (there.normals is None)
+    late = loaded(tmp_path, model, time_at=2.0, shutter=(0.0, 0.5)).shapes[0]
+    assert isinstance(late, Mesh) and not late.poses
+    again = scene_from_portable(*scene_to_portable(scene))
+    assert again.sha256() == scene.sha256()
+    flat = [flatten(each, 8, 8) for each in (scene, loaded(tmp_path, model))]
+    assert [each.features.deformation for each in flat] == [True, False]
 
 
 # --- materials -------------------------------------------------------------------------------------------------------

@@ -58,7 +58,9 @@ class Meshes:
         self._document, self._accessors, self._materials = document, accessors, materials
         self._made: dict[tuple[Any, ...], Part | None] = {}
 
-    def parts(self, index: int, weights: list[float], joints: list[Matrix] | None, node: int) -> list[Part]:
+    def parts(
+        self, index: int, weights: list[float], joints: list[Matrix] | None, node: int, when: str = ""
+    ) -> list[Part]:
         """The meshes of a mesh's primitives.
 
         Parameters
@@ -71,6 +73,8 @@ class Meshes:
             Joint transforms of the node's skin; the meshes are then in world space.
         node : int
             Index of the node that has the mesh.
+        when : str
+            Of a pose: its time, for names.
 
         Raises
         ------
@@ -79,12 +83,13 @@ class Meshes:
         """
         found: list[Part] = []
         for number, primitive in enumerate(self._document.items("meshes")[index]["primitives"]):
-            own = (node,) if joints else tuple(weights) if any(weights) else ()
+            own: tuple[Any, ...] = (node,) if joints else tuple(weights) if any(weights) else ()
+            own = (*own, node, when) if when else own
             key = (index, number, *own)
             if key not in self._made:
                 name = f"/meshes/{index}/primitives/{number}"
                 if own:
-                    name += f" of /nodes/{node}"
+                    name += f" of /nodes/{node}{when}"
                 self._made[key] = self._part(primitive, f"/meshes/{index}/primitives/{number}", name, weights, joints)
             part = self._made[key]
             if part is not None:

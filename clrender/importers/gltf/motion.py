@@ -64,6 +64,14 @@ class NodeMotion:
         """Weights of the morph targets of a node's mesh at `times`."""
         return [pose.weights(index, mesh) for pose in self._poses]
 
+    def forms(self) -> list[tuple[float, int]]:
+        """Times for poses of meshes, with their places in `times`: half as many, as vertices go straight between them."""
+        return [(time, number) for number, time in enumerate(self.times) if number % 2 == 0]
+
+    def worlds(self, number: int) -> list[Matrix]:
+        """World transforms of all nodes at one of `times`."""
+        return self._poses[number].world
+
     def keys(self, index: int) -> list[dict[str, Any]]:
         """Keys of a motion from the node's own space to world space; empty if it rests, or is flat at some time."""
         worlds = self.of(index)

@@ -92,16 +92,18 @@ def _add_shapes(
     keys = [] if joints else motion.keys(index)
     world = IDENTITY if joints or keys else nodes.world[index]
     moves = {"motion": keys} if keys else {}
-    if motion.times and _deforms(node, motion, joints, weights, document, index):
-        document.note(f"/nodes/{index}: its mesh changes its form, and is rendered as it is at the time of the image")
-    name = (node.get("name") or document.items("meshes")[node["mesh"]].get("name") or "")[:NAME_LIMIT]
     maps = instance_maps(document, accessors, index)
+    made = [_shape(part) for part in parts]
+    if motion.times and _deforms(node, motion, joints, weights, document, index):
+        if maps is not None or not _add_poses(document, accessors, motion, meshes, index, made):
+            text = "its mesh changes its form, and is rendered as it is at the time of the image"
+            document.note(f"/nodes/{index}: {text}")
+    name = (node.get("name") or document.items("meshes")[node["mesh"]].get("name") or "")[:NAME_LIMIT]
     places = np.array([world[:3]]) if maps is None else placed(world, maps)
     flat = flattening(places)
     if flat.any():
         document.note(f"/nodes/{index}: {_times(int(np.count_nonzero(flat)))} left out, which its transform flattens")
         places = places[~flat]
-    made = [_shape(part) for part in parts]
     if maps is not None and place_group(document.draft, made, places, name, moves):
         return
     if len(shapes) + len(places) * len(made) > SHAPE_LIMIT:
@@ -112,6 +114,34 @@ def _add_shapes(
             where: dict[str, Any] = {} if matrix == IDENTITY else {"transform": {"matrix": matrix}}
             where |= moves
             shapes.append({**shape, **({"name": name} if name else {}), **where})
+
+
+def _add_poses(
+    document: Document,
+    accessors: Accessors,
+    motion: NodeMotion,
+    meshes: Meshes,
+    index: int,
+    made: list[dict[str, Any]],
+) -> bool:
+    """Give a node's shapes their forms while the shutter is open; whether that can be done: they must not shine."""
+    node, materials = document.items("nodes")[index], document.draft.description["materials"]
+    if any("emission" in materials.get(shape["material"], {}) for shape in made):
+        return False
+    mesh, poses = node["mesh"], [list[dict[str, Any]]() for _ in made]
+    weights = motion.weights(index, document.items("meshes")[mesh])
+    for time, number in motion.forms():
+        joints = None
+        if "skin" in node:
+            joints = joint_transforms(document, accessors, node["skin"], motion.worlds(number))
+        parts = meshes.parts(mesh, weights[number], joints, index, f" at {time!r} s")
+        if [part.material.name for part in parts] != [shape["material"] for shape in made]:
+            return False  # one has no area at that time
+        for of_part, part in zip(poses, parts, strict=True):
+            of_part.append({"time": time, "file": part.mesh})
+    for shape, of_shape in zip(made, poses, strict=True):
+        shape["poses"] = of_shape
+    return True
 
 
 def _deforms(
