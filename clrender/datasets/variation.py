@@ -17,7 +17,7 @@ from clrender.importers.cameras.read import load_cameras, with_camera
 from clrender.importers.load import load
 from clrender.rendering.job import RenderJob
 from clrender.scene import Camera, Scene, builtin_names
-from clrender.scene.resting import has_motion, opened
+from clrender.scene.resting import opened
 from clrender.scene.transforms import Affine
 from clrender.wording import quoted, suggestion
 
@@ -205,7 +205,7 @@ class DatasetPlan:
                 scene = scene.changed({("shapes",): shapes})
             scene = scene.with_checked(camera=placed_camera(scene, spec.camera, spec.up, drawer))
             self._check_categories(scene)
-            if "camera.time" in spec.vary and not (has_motion(scene) or scene.camera.motion):
+            if "camera.time" in spec.vary and not (scene.has_motion or scene.camera.motion):
                 raise SceneError(
                     "vary.camera.time has no effect, since nothing in the scene has a motion; leave it out"
                 )

@@ -14,7 +14,7 @@ from clrender.files.access import atomic_write
 from clrender.scene import PluginMaterial, Scene
 from clrender.scene.motion import rests
 from clrender.scene.posed import deforms
-from clrender.scene.resting import has_motion, opened
+from clrender.scene.resting import opened
 from clrender.scene.shapes import Mesh
 from clrender.scene.textures import PluginTexture, textures_of
 from clrender.wording import place
@@ -134,7 +134,7 @@ class Target:
         sentence = "motion: it is where it is when the shutter opens"
         if moving.camera.track is not None:
             self.leave_out(sentence, "camera", "motion")
-        for index, shape in enumerate(moving.shapes if has_motion(moving) else ()):
+        for index, shape in enumerate(moving.shapes if moving.has_motion else ()):
             if shape.motion and rests(shape.motion, begin, end) is None:
                 self.leave_out(sentence, "shapes", index, "motion")
             if isinstance(shape, Mesh) and deforms(shape, begin, end):

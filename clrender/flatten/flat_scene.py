@@ -41,7 +41,6 @@ from clrender.scene.description import (
     SunSkyLight,
 )
 from clrender.scene.materials import Conductor, Dielectric, Material, Mirror, Subsurface
-from clrender.scene.resting import has_motion
 from clrender.scene.values import Vector, length
 
 __all__ = ["FlatScene", "flatten", "moving_from", "scene_origin", "seen_by"]
@@ -332,7 +331,7 @@ def moving_from(flat: FlatScene, scene: Scene, size: tuple[int, int]) -> FlatSce
         opening = {"time": camera.interval[0], "shutter": (0.0, step), "rolling_shutter": 0.0}
         camera = camera.with_checked(**opening)
         scene = scene.with_checked(camera=camera)
-        moves = has_motion(scene)
+        moves = scene.has_motion
         flat = flatten(scene, *size, "uniform", flat.origin) if moves else seen_by(flat, scene, *size)
     rows = flat.camera.copy()
     rows["open"] = rows["readout"] = 0.0

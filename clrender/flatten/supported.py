@@ -10,7 +10,6 @@ from clrender.integrators import INTEGRATORS
 from clrender.scene.description import Scene
 from clrender.scene.materials import Dielectric, Principled, Subsurface, material_textures
 from clrender.scene.motion import rests
-from clrender.scene.resting import has_motion
 from clrender.scene.shapes import Mesh
 from clrender.scene.textures import Checker, ImageTexture, PluginTexture, Ramp
 from clrender.wording import place
@@ -113,7 +112,7 @@ def check_motion(scene: Scene, integrator: str) -> None:
     if times == "pixel" or camera.interval[0] == camera.interval[1]:
         return
     moving = [] if camera.track is None else ["camera.motion"]
-    if has_motion(scene):
+    if scene.has_motion:
         begin, end = camera.interval
         keyed = ((index, shape.motion) for index, shape in enumerate(scene.shapes) if shape.motion)
         moving += [place(("shapes", index, "motion")) for index, keys in keyed if rests(keys, begin, end) is None]

@@ -27,7 +27,6 @@ from clrender.flatten.touching import camera_reach
 from clrender.integrators.descriptor import Pipeline
 from clrender.process.stages import Stages
 from clrender.rendering.job import RenderJob
-from clrender.scene.resting import has_motion
 
 if TYPE_CHECKING:
     from clrender.plugins import Plugin
@@ -268,7 +267,7 @@ class _Geometry:
     def of(cls, job: RenderJob) -> _Geometry:
         origin = scene_origin(job.scene.camera)
         reach = camera_reach(job.scene.camera.opened, origin)
-        interval = job.scene.camera.interval if has_motion(job.scene) else None
+        interval = job.scene.camera.interval if job.scene.has_motion else None
         sampling = _light_sampler(job), _compensated(job), job.settings.termination, job.lit_by
         return cls(job.scene, *sampling, used_plugins(job.scene), origin, reach, interval)
 

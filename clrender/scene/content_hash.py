@@ -10,7 +10,6 @@ from typing import Any
 from clrender.image.exposure import PHOTOGRAPHIC
 from clrender.scene.contents import HEAD, SceneContents
 from clrender.scene.former_keys import former_keys
-from clrender.scene.resting import has_motion
 from clrender.scene.values import Part
 
 __all__ = ["content_sha256", "put_at"]
@@ -51,7 +50,7 @@ def _head(scene: SceneContents) -> dict[str, bytes]:
         if not isinstance(getattr(scene.camera, key), tuple):  # of a shutter, when it opens and closes
             content["camera"].pop(key, None)
     content["camera"].pop("flow_step", None)  # of layers
-    if not (scene.camera.motion or has_motion(scene)):  # nothing depends on time then
+    if not (scene.camera.motion or scene.has_motion):  # nothing depends on time then
         for key in ("time", "rolling_shutter", *(["shutter"] if isinstance(scene.camera.shutter, tuple) else [])):
             content["camera"].pop(key, None)
     _as_in_films(scene.camera, content["camera"])

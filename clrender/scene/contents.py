@@ -113,6 +113,13 @@ class SceneContents(Head):
                     yield (*at, "poses", number), shape.posed(number)
 
     @property
+    def has_motion(self) -> bool:
+        """Whether any shape or instance has keys of a motion, or poses, whenever they are."""
+        return self.of_contents(
+            "has motion", lambda: any(each.motion or (isinstance(each, Mesh) and each.poses) for each in self.shapes)
+        )
+
+    @property
     def has_shadow_catchers(self) -> bool:
         """Whether any shape is a shadow catcher. Then the camera does not see the environment, either."""
         return self.of_contents("shadow catchers", lambda: any(shape.shadow_catcher for _, shape in self.all_shapes()))

@@ -16,19 +16,11 @@ from clrender.scene.transforms import affine, combined
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from clrender.scene.contents import SceneContents
     from clrender.scene.description import Scene
     from clrender.scene.shapes import AnyShape
     from clrender.scene.transforms import Affine
 
-__all__ = ["carried", "has_motion", "is_identity", "opened", "placements", "resting"]
-
-
-def has_motion(scene: SceneContents) -> bool:
-    """Whether any shape or instance has keys of a motion, or poses, whenever they are."""
-    return scene.of_contents(
-        "has motion", lambda: any(shape.motion or (isinstance(shape, Mesh) and shape.poses) for shape in scene.shapes)
-    )
+__all__ = ["carried", "is_identity", "opened", "placements", "resting"]
 
 
 def is_identity(map_: Affine) -> bool:
@@ -51,7 +43,7 @@ def resting(scene: Scene) -> Scene:
     Instances keep theirs; `placements` has where they are. Meshes that change their form keep their poses, and have the
     form in which the shutter finds them.
     """
-    if not has_motion(scene):
+    if not scene.has_motion:
         return scene
     begin, end = scene.camera.interval
     posed = {
@@ -113,6 +105,6 @@ def opened(scene: Scene) -> Scene:
     camera = scene.camera.opened
     if camera.interval[0] != camera.interval[1]:
         camera = camera.with_checked(time=camera.interval[0], shutter=None, rolling_shutter=0.0)
-    if camera is scene.camera and not has_motion(scene):
+    if camera is scene.camera and not scene.has_motion:
         return scene
     return resting(scene.with_checked(camera=camera))

@@ -159,6 +159,7 @@ def test_colours_of_objects_fall_onto_the_background(device: Device) -> None:
     assert below[..., 0].mean() > below[..., 2].mean() + 0.02, "red from the ball"
 
 
+@pytest.mark.long
 def test_instances_and_holes(device: Device) -> None:
     """In a group, and where half of it is not there."""
     group = {"ground": {"shapes": [catching(FLOOR)]}}
@@ -239,6 +240,7 @@ def test_hashes_of_scenes_without_are_what_they_were() -> None:
     assert ours != theirs
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("more", [{"lanes": 1}, {"lanes": 8, "tile": 16}, {"kernels": "staged"}], ids=str)
 def test_the_bits_do_not_depend_on_lanes_and_stages(device: Device, more: _Table) -> None:
     scene = scene_of(catching(FLOOR), BALL, MIRROR, catching({**BALL, "center": [-1.2, 0.5, 0.0], "material": "net"}))

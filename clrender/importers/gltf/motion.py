@@ -65,7 +65,7 @@ class NodeMotion:
         return [pose.weights(index, mesh) for pose in self._poses]
 
     def forms(self) -> list[tuple[float, int]]:
-        """Times for poses of meshes, with their places in `times`: half as many, as vertices go straight between them."""
+        """Times for poses of meshes, with their places in `times`: every second, as vertices go straight between."""
         return [(time, number) for number, time in enumerate(self.times) if number % 2 == 0]
 
     def worlds(self, number: int) -> list[Matrix]:

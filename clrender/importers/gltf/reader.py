@@ -94,10 +94,9 @@ def _add_shapes(
     moves = {"motion": keys} if keys else {}
     maps = instance_maps(document, accessors, index)
     made = [_shape(part) for part in parts]
-    if motion.times and _deforms(node, motion, joints, weights, document, index):
-        if maps is not None or not _add_poses(document, accessors, motion, meshes, index, made):
-            text = "its mesh changes its form, and is rendered as it is at the time of the image"
-            document.note(f"/nodes/{index}: {text}")
+    changes = bool(motion.times) and _deforms(node, motion, joints, weights, document, index)
+    if changes and (maps is not None or not _add_poses(document, accessors, motion, meshes, index, made)):
+        document.note(f"/nodes/{index}: its mesh changes its form, and is rendered as it is at the time of the image")
     name = (node.get("name") or document.items("meshes")[node["mesh"]].get("name") or "")[:NAME_LIMIT]
     places = np.array([world[:3]]) if maps is None else placed(world, maps)
     flat = flattening(places)
