@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import for_each
+from moved_points import placed_at
 from PIL import Image
 
 import clrender.importers.pbrt
@@ -23,8 +24,6 @@ from clrender.importers.shared.half_space import h_function, returned
 from clrender.importers.shared.spectra import TO_REC709
 from clrender.importers.shared.white_balance import daylight_xyz, white_balance
 from clrender.scene import Scene
-from clrender.scene.motion import Track
-from clrender.scene.transforms import affine
 
 BALL = 'Shape "sphere"\n'
 
@@ -390,15 +389,6 @@ def test_screen_windows_off_the_middle_shift_the_lens(tmp_path: Path, kind: str)
 
 
 # --- motion
-
-
-def placed_at(scene: Scene, index: int, time: float, point: tuple[float, float, float]) -> list[float]:
-    """Where a point of a shape is at a time."""
-    shape = scene.shapes[index]
-    track, first = Track(shape.motion), affine(shape.transform)
-    path = track.at(np.array([time]))
-    begun = np.array(first.linear) @ np.array(point) + np.array(first.offset)
-    return [float(x) for x in track.sign * path.linear[0] @ begun + path.offsets[0]]
 
 
 MOVING = "ActiveTransform EndTime\n{}\nActiveTransform All\n"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
@@ -13,7 +13,11 @@ from clrender.importers.shared.matrices import Matrix, identity
 from clrender.importers.shared.spectra import Color
 from clrender.wording import quoted
 
-__all__ = ["Plugin", "Spectrum", "Value"]
+__all__ = ["Keys", "Plugin", "Spectrum", "Value"]
+
+
+Keys: TypeAlias = tuple[tuple[float, Matrix], ...]
+"""Times, seconds, and transforms."""
 
 
 @dataclass(frozen=True)
@@ -42,12 +46,16 @@ class Value:
     kind : str
         ``float integer boolean string vector transform spectrum``.
     value : float, int, bool, str, (3,) float64, (4, 4) float64 or Spectrum
+        Of an animated transform its first moment.
     line : int
+    keys : tuple of (float, (4, 4) float64)
+        Times in seconds, ascending, and transforms of an animated transform; else none.
     """
 
     kind: str
     value: Any
     line: int
+    keys: Keys = ()
 
 
 _EMPTY: Final = ""
@@ -164,6 +172,10 @@ class Plugin:
         """A transform; the identity if there is none."""
         value = self._get(name, ("transform",), "a transform")
         return identity() if value is None else value
+
+    def keys(self, name: str = "to_world") -> Keys:
+        """Keys of an animated transform; none if it is at rest."""
+        return self.values[name].keys if name in self.values else ()
 
     def spectrum(self, name: str) -> Spectrum | None:
         """A colour; a number is grey."""

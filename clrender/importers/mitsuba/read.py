@@ -20,6 +20,7 @@ from clrender.importers.mitsuba.tree import scene_tree
 from clrender.importers.mitsuba.xml_elements import FILE_LIMIT
 from clrender.importers.shared.cameras import camera_keys
 from clrender.importers.shared.matrices import is_affine
+from clrender.importers.shared.motions import fault_of_motion
 from clrender.importers.shared.staging import Staging
 from clrender.settings import SPP_LIMIT
 from clrender.wording import quoted
@@ -62,15 +63,15 @@ def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft
             shapes.read(plugin)
         elif plugin.kind == "emitter":
             emitters.read(plugin)
-    _Settings(staging, media).read(scene)
+    _Settings(staging, media, shapes.moves).read(scene)
     return staging.draft
 
 
 class _Settings:
     """Camera, size of the image, and default render settings."""
 
-    def __init__(self, staging: Staging, media: MediumReader) -> None:
-        self._staging, self._media = staging, media
+    def __init__(self, staging: Staging, media: MediumReader, moves: bool) -> None:
+        self._staging, self._media, self._moves = staging, media, moves
 
     def read(self, scene: Plugin) -> None:
         sensors, integrators = scene.children_of("sensor"), scene.children_of("integrator")
@@ -117,6 +118,7 @@ class _Settings:
         if not is_affine(matrix):
             raise plugin.fault("the camera's to_world is no affine transform that can be inverted; give it another")
         plugin.ignore("near_clip", "far_clip", "srf", "shutter_open", "shutter_close")
+        motion = self._motion(plugin)
         distance = plugin.number("focus_distance", 1.0) if plugin.has("focus_distance") else None
         camera = camera_keys(matrix, rightward=False, distance=distance if plugin.type == "thinlens" else None)
         if plugin.type == "orthographic":
@@ -125,6 +127,10 @@ class _Settings:
             camera |= {"type": "orthographic", "height": size}
         else:
             camera["vertical_fov"] = vertical_field(plugin, width, height)
+        if motion:
+            camera["motion"] = motion
+        if motion or self._moves:
+            camera |= _shutter(plugin)
         shift = [plugin.number("principal_point_offset_x", 0.0), -plugin.number("principal_point_offset_y", 0.0)]
         if any(shift):
             camera["lens_shift"] = shift
@@ -137,6 +143,17 @@ class _Settings:
             self._staging.draft.description["fog"] = name
         self._staging.draft.description["camera"] = camera
         self._tell_unused(plugin)
+
+    def _motion(self, plugin: Plugin) -> list[dict[str, Any]]:
+        """The value of ``motion`` of the camera; empty if it rests."""
+        keys = plugin.keys()
+        if fault_of_motion("camera", [matrix for _, matrix in keys]):
+            self._staging.note("a motion makes the camera flat on its way: it stands where it is at first")
+            return []
+        ends = [{"time": time, **camera_keys(matrix, rightward=False)} for time, matrix in keys]
+        for end in ends:
+            end.pop("mirrored", None)  # equal for all, and a key of the camera
+        return ends
 
     def _film(self, sensor: Plugin) -> tuple[int, int]:
         films = sensor.children_of("film")
@@ -189,3 +206,12 @@ class _Settings:
             self._render()["max_depth"] = max(depth - 1, 0)
         if plugin.flag("hide_emitters", False):
             self._hide_lights()
+
+
+def _shutter(sensor: Plugin) -> dict[str, Any]:
+    """When the shutter of a camera that sees motions is open."""
+    opens = sensor.number("shutter_open", 0.0)
+    closes = sensor.number("shutter_close", opens)
+    if closes < opens:
+        raise sensor.fault(f"the shutter closes at {closes:g}, before it opens at {opens:g}; exchange the two")
+    return {"shutter": [opens, closes]} if opens < closes else {"time": opens}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,7 +13,7 @@ from clrender.errors import SceneError
 from clrender.exact.matrices import length, product
 from clrender.importers.mitsuba.materials import MaterialReader
 from clrender.importers.mitsuba.media import MediumReader
-from clrender.importers.mitsuba.plugins import Plugin
+from clrender.importers.mitsuba.plugins import Keys, Plugin
 from clrender.importers.mitsuba.textures import TextureReader
 from clrender.importers.shared.matrices import (
     Matrix,
@@ -31,6 +32,7 @@ from clrender.importers.shared.meshes import (
     with_uvs,
     without_normals,
 )
+from clrender.importers.shared.motions import fault_of_motion, motion_keys
 from clrender.importers.shared.staging import Staging
 from clrender.meshes.data import MeshData
 from clrender.meshes.read import read_mesh, read_serialized_mesh
@@ -44,6 +46,32 @@ _POLES: Final = np.array([[0.0, 0.0, -1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1
 _CORNERS: Final = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
 """Texture coordinates of triangles that have none."""
 _GROUP_DEPTH: Final = 4
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where a shape is, and how it moves.
+
+    Attributes
+    ----------
+    matrix : (4, 4) float64
+        What acts first.
+    keys : tuple of (float, (4, 4) float64)
+        What acts then, at times; none of what is at rest.
+    moves_inside : bool
+        Whether something moves within what moves, which is not followed.
+    """
+
+    matrix: Matrix = field(default_factory=identity)
+    keys: Keys = ()
+    moves_inside: bool = False
+
+    def of(self, plugin: Plugin) -> _Place:
+        """The place of an object whose parent is here."""
+        keys = plugin.keys()
+        if keys and not self.keys:
+            return _Place(keys=tuple((time, product(self.matrix, matrix)) for time, matrix in keys))
+        return _Place(product(self.matrix, plugin.matrix()), self.keys, self.moves_inside or bool(keys))
 
 
 class ShapeReader:
@@ -70,15 +98,17 @@ class ShapeReader:
         self._staging, self._textures, self._materials, self._media = staging, textures, materials, media
         self._old = old
         self._count = 0
+        self.moves = False
+        """Whether anything moves that was read."""
 
-    def read(self, plugin: Plugin, place: Matrix | None = None, depth: int = 0) -> None:
+    def read(self, plugin: Plugin, place: _Place | None = None, depth: int = 0) -> None:
         """Add a shape, or all shapes of a group.
 
         Parameters
         ----------
         plugin : Plugin
-        place : (4, 4) float64, optional
-            Transform of the instance that it is part of.
+        place : optional
+            That of the instance that it is part of.
         depth : int
             Nesting depth of instances around it.
 
@@ -92,7 +122,7 @@ class ShapeReader:
             raise plugin.fault(
                 f"more than {SHAPE_LIMIT} shapes are written out, which is the most; use fewer instances"
             )
-        place = identity() if place is None else place
+        place = _Place() if place is None else place
         if plugin.type == "instance":
             self._instance(plugin, place, depth)
         elif plugin.type == "merge":
@@ -105,17 +135,17 @@ class ShapeReader:
         else:
             self._one(plugin, place)
 
-    def _instance(self, plugin: Plugin, place: Matrix, depth: int) -> None:
+    def _instance(self, plugin: Plugin, place: _Place, depth: int) -> None:
         if depth >= _GROUP_DEPTH:
             raise plugin.fault(f"instances are nested more than {_GROUP_DEPTH} deep, or contain themselves")
         groups = plugin.children_of("shape")
-        matrix = product(place, plugin.matrix())
+        inside = place.of(plugin)
         for group in groups:
             for child in group.children_of("shape"):
-                self.read(child, matrix, depth + 1)
+                self.read(child, inside, depth + 1)
         self._tell_unused(plugin)
 
-    def _one(self, plugin: Plugin, place: Matrix) -> None:
+    def _one(self, plugin: Plugin, place: _Place) -> None:
         known: dict[str, Callable[[Plugin, dict[str, Any], Matrix, bool], None]] = {
             "sphere": self._sphere,
             "rectangle": self._rectangle,
@@ -129,7 +159,8 @@ class ShapeReader:
         if plugin.type not in known:
             self._staging.note(f"{plugin.label} is not known and left out")
             return
-        matrix = product(place, plugin.matrix())
+        placed = self._followed(plugin, place.of(plugin))
+        plugin.ignore("to_world")
         flip = plugin.flag("flip_normals", False)
         described = self._surface(plugin)
         if described is not None:
@@ -137,8 +168,21 @@ class ShapeReader:
                 self._staging.note(f"{plugin.label} has no colours of vertices: white in their place")
             if plugin.id:
                 described["name"] = plugin.id[:NAME_LIMIT]
-            known[plugin.type](plugin, described, matrix, flip)
+            if placed.keys:
+                described["motion"] = motion_keys(placed.keys)
+                self.moves = True
+            known[plugin.type](plugin, described, placed.matrix, flip)
         self._tell_unused(plugin)
+
+    def _followed(self, plugin: Plugin, place: _Place) -> _Place:
+        """The place, at rest if the shape cannot follow its motion."""
+        if place.moves_inside:
+            self._staging.note("what moves within an instance that moves is read as it is at its first moment")
+        cause = fault_of_motion(plugin.type, [matrix for _, matrix in place.keys])
+        if not cause:
+            return place
+        self._staging.note(f"{cause}: what moves like that stands where it is at first")
+        return _Place(product(place.keys[0][1], place.matrix))
 
     def _tell_unused(self, plugin: Plugin) -> None:
         for name in plugin.unused():

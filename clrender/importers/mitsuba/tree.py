@@ -34,6 +34,8 @@ _KINDS: Final = frozenset(
         "subsurface",
     ]
 )
+_MOVING: Final = frozenset(["shape", "sensor"])
+"""What follows animated transforms."""
 _OTHER_NAMES: Final = {"camera": "sensor", "luminaire": "emitter"}
 _LEFT_OUT: Final = frozenset(["mode", "hide"])
 """Elements of other programs, which Mitsuba 0.6 ignores in practice."""
@@ -98,6 +100,8 @@ class _Builder:
                 self._put_steps_in(child, values)
                 name = self._renamed(values.attribute(child, "name"))
                 plugin.values[name] = values.read(child)
+                if plugin.values[name].keys and plugin.kind not in _MOVING:
+                    self._note(f"the animated transform of {plugin.label} is read as it is at its first moment")
             elif tag not in _LEFT_OUT:
                 known = sorted((_KINDS | VALUE_TAGS) | {"default", "include", "alias", "ref"})
                 raise values.fault(child, f"<{quoted(tag)[1:-1]}> is not known{suggestion(tag, known)}")

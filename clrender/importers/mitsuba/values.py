@@ -75,10 +75,7 @@ class ValueReader:
         if tag == "transform":
             return Value("transform", self._transform(element), element.line)
         if tag == "animation":
-            self._note("an animated transform is read as it is at its first moment")
-            if not element.children:
-                raise self.fault(element, "the animation has no transform; give one")
-            return Value("transform", self._transform(element.children[0]), element.line)
+            return self._animation(element)
         if tag in ("rgb", "srgb", "color"):
             return Value("spectrum", self._rgb(element), element.line)
         if tag == "blackbody":
@@ -166,6 +163,22 @@ class ValueReader:
         if any(later <= earlier for earlier, later in itertools.pairwise(waves)):
             raise self.fault(element, "the wavelengths of the spectrum do not grow; sort them")
         return Spectrum(wavelengths=tuple(waves), values=tuple(values))
+
+    def _animation(self, element: Element) -> Value:
+        """Transforms at times, between which their parts are interpolated."""
+        keys: list[tuple[float, Matrix]] = []
+        for child in element.children:
+            if child.tag != "transform":
+                raise self.fault(child, f"<{child.tag}> is no part of an animation, which has <transform time=...>")
+            time = self._number(child, self.attribute(child, "time"))
+            if keys and not time > keys[-1][0]:
+                raise self.fault(child, f"the time {time:g} of the animation does not grow; sort its transforms")
+            keys.append((time, self._transform(child)))
+        if not keys:
+            raise self.fault(element, "the animation has no transform; give one")
+        first = keys[0][1]
+        rests = all(np.array_equal(first, matrix) for _, matrix in keys)
+        return Value("transform", first, element.line, () if rests else tuple(keys))
 
     def _transform(self, element: Element) -> Matrix:
         """Composition of its steps, in order."""

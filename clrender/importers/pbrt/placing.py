@@ -14,7 +14,8 @@ from clrender.exact.matrices import determinant, length, lengths, product, times
 from clrender.importers.pbrt.film import Exposure
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
-from clrender.importers.shared.matrices import Matrix, handedness, is_affine, is_similarity, translation
+from clrender.importers.shared.matrices import Matrix, handedness, is_affine, translation
+from clrender.importers.shared.motions import fault_of_motion, motion_keys
 from clrender.importers.shared.staging import Staging
 from clrender.wording import quoted
 
@@ -83,10 +84,7 @@ class Placer:
         described = dict(part.described)
         if way is not None:
             self.moves = True
-            described["motion"] = [
-                {"time": time, "matrix": [[float(x) for x in row] for row in each]}
-                for time, each in zip(self.times, way, strict=True)
-            ]
+            described["motion"] = motion_keys(list(zip(self.times, way, strict=True)))
         if part.emission is None:
             _placed(self._staging, described, matrix, part.line)
             return
@@ -112,11 +110,7 @@ class Placer:
         """Why a shape cannot go this way; empty if it can."""
         if not self.times[0] < self.times[1]:
             return "TransformTimes do not ascend"
-        if not (is_affine(way[0]) and is_affine(way[1])) or handedness(way[0]) != handedness(way[1]):
-            return "a motion makes a shape flat on its way"
-        if part.described["type"] in ("sphere", "disk") and not (is_similarity(way[0]) and is_similarity(way[1])):
-            return "a motion stretches a sphere or disk"
-        return ""
+        return fault_of_motion(part.described["type"], way)
 
     def _shining(self, parameters: Parameters, color: list[float]) -> Any:
         file = parameters.text("filename")
