@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from clrender.importers.load import SCENE_ENDINGS, load
+from clrender.importers.load import CHOICES, SCENE_ENDINGS, load
 
-__all__ = ["SCENE_ENDINGS", "load"]
+__all__ = ["CHOICES", "SCENE_ENDINGS", "load"]

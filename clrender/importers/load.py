@@ -21,7 +21,7 @@ from clrender.scene import Camera, Scene
 from clrender.scene.load import load as load_own
 from clrender.wording import quoted
 
-__all__ = ["SCENE_ENDINGS", "load"]
+__all__ = ["CHOICES", "SCENE_ENDINGS", "load"]
 
 _READERS: Final[Mapping[str, str]] = {
     ".gltf": "clrender.importers.gltf",
@@ -40,6 +40,13 @@ _CHOOSING: Final = (*_ANIMATED, ".xml")
 """Extensions whose ``read`` also takes `Choices`."""
 _MODELS: Final = (".obj", ".ply", ".stl")
 """Extensions of models whose upward axis is not known."""
+CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
+    "time_at": (*_ANIMATED, *_OWN, ".xml", ".pbrt"),
+    "variant": _ANIMATED,
+    "up": _MODELS,
+    "define": (".xml",),
+}
+"""Extensions of the scenes that have each of the choices of `load`."""
 SCENE_ENDINGS: Final = (".toml", ".json", *_READERS)
 """Extensions of the files that `load` reads."""
 
@@ -113,14 +120,9 @@ def load(
         raise UsageError(f"allow_paths is {shown(allow_paths)}, but must be a list of folders")
     folders = [checked_path(folder, "allow_paths") for folder in allow_paths]
     ending = path.suffix.lower()
-    for key, given, takes in (
-        ("time_at", time_at, (*_ANIMATED, *_OWN)),
-        ("variant", variant, _ANIMATED),
-        ("up", up, _MODELS),
-        ("define", define or None, (".xml",)),
-    ):
-        if given is not None and ending not in takes:
-            known = " and ".join(filter(None, takes))
+    for key, given in (("time_at", time_at), ("variant", variant), ("up", up), ("define", define or None)):
+        if given is not None and ending not in CHOICES[key]:
+            known = " and ".join(filter(None, CHOICES[key]))
             raise SceneError(f"{quoted(str(path))} takes no {key}, which is for {known}; leave it out")
     if up not in (None, "y", "z"):
         raise SceneError(f"up is {up!r}; it must be y or z")
@@ -161,7 +163,8 @@ def load(
     scene = completed(draft, files, upright, surrounded=environment is not None)
     changed = _changed(scene.with_origin(origin).with_plugins(allowed), environment, camera, hide_environment)
     # A pose at one moment is that, whatever the time; what moves from there on has the times of the animation
-    return _timed(changed, time_at if shutter is not None else None, shutter)
+    posed = ending in _ANIMATED and shutter is None
+    return _timed(changed, None if posed else time_at, shutter)
 
 
 def _timed(scene: Scene, time_at: float | None, shutter: tuple[float, float] | None) -> Scene:

@@ -17,7 +17,7 @@ from clrender.errors import UsageError
 from clrender.film.request import differences
 from clrender.film.unit import BLOCK, blocks_across
 from clrender.flatten.plugin_rows import plugin_hashes
-from clrender.importers import load
+from clrender.importers import CHOICES, load
 from clrender.limits import checked_path
 from clrender.plugins import Plugin, as_plugins
 from clrender.rendering.job import RenderJob
@@ -37,9 +37,6 @@ __all__ = ["Verification", "check_plugins", "verify"]
 TILE: Final = 16
 """Side of the sampled tiles, pixels: small, so that a fraction of them is informative about the rest."""
 
-_ANIMATED: Final = (".gltf", ".glb")
-_OWN: Final = (".toml", ".json", "")
-_UPRIGHT: Final = (".obj", ".ply", ".stl")
 
 
 @dataclass(frozen=True)
@@ -194,14 +191,8 @@ def _scene(
     if given is None and "name" not in origin:
         raise UsageError(f"{path}: does not name its scene; name it with --scene (scene=…)")
     source = given if given is not None else _found(path, origin["name"], "--scene")
-    if Path(source).suffix.lower() not in _ANIMATED:
-        origin = {**origin, "variant": None}
-    if Path(source).suffix.lower() not in (*_ANIMATED, *_OWN):
-        origin = {**origin, "time_at": None}
-    if Path(source).suffix.lower() not in _UPRIGHT:
-        origin = {**origin, "up": None}
-    if Path(source).suffix.lower() != ".xml":
-        origin = {**origin, "define": None}
+    ending = Path(source).suffix.lower()
+    origin |= {key: None for key, endings in CHOICES.items() if ending not in endings}
     around = environment if environment is not None else origin.get("environment")
     if environment is None and isinstance(around, str):
         around = _found(path, around, "--environment")

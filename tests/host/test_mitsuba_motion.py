@@ -136,3 +136,12 @@ def test_a_shutter_that_closes_before_it_opens(tmp_path: Path) -> None:
     sensor = '<float name="shutterOpen" value="1"/><float name="shutterClose" value="0.5"/>'
     with pytest.raises(SceneError, match=r"the shutter closes at 0\.5, before it opens at 1"):
         mitsuba(tmp_path, f'<shape type="sphere">{SLIDE}</shape>', sensor)
+
+
+def test_the_time_of_the_image_is_chosen(tmp_path: Path) -> None:
+    """The shutter of the file opens that much later; it may be replaced."""
+    mitsuba(tmp_path, f'<shape type="sphere">{SLIDE}</shape>')
+    later = load(tmp_path / "scene.xml", time_at=2.0).camera
+    assert later.time == 2.0 and later.shutter == (0.25, 0.75)
+    other = load(tmp_path / "scene.xml", time_at=2.0, shutter=(0.0, 0.5)).camera
+    assert other.time == 2.0 and other.shutter == (0.0, 0.5)
