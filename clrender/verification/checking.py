@@ -38,7 +38,6 @@ TILE: Final = 16
 """Side of the sampled tiles, pixels: small, so that a fraction of them is informative about the rest."""
 
 
-
 @dataclass(frozen=True)
 class Verification(SampledCheck):
     """Result of a verification.
