@@ -41,6 +41,7 @@ from clrender.scene.description import (
     SunSkyLight,
 )
 from clrender.scene.materials import Conductor, Dielectric, Material, Mirror, Subsurface
+from clrender.scene.time_reversal import reversed_about
 from clrender.scene.values import Vector, length
 
 __all__ = ["FlatScene", "flatten", "moving_from", "scene_origin", "seen_by"]
@@ -311,7 +312,7 @@ def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene
 
 
 def moving_from(flat: FlatScene, scene: Scene, size: tuple[int, int]) -> FlatScene:
-    """The scene for layers of what moves from the time of the image on: all rays have that time.
+    """The scene for layers of what moves from the time of the image on, or back: all rays have that time.
 
     Parameters
     ----------
@@ -328,6 +329,9 @@ def moving_from(flat: FlatScene, scene: Scene, size: tuple[int, int]) -> FlatSce
     """
     camera, step = scene.camera, scene.camera.flow_step
     if step is not None:
+        if step < 0.0:
+            scene, step = reversed_about(scene, camera.interval[0]), -step
+            camera = scene.camera
         opening = {"time": camera.interval[0], "shutter": (0.0, step), "rolling_shutter": 0.0}
         camera = camera.with_checked(**opening)
         scene = scene.with_checked(camera=camera)

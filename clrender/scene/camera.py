@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, Strict, model_validator
+from pydantic import AfterValidator, Field, Strict, model_validator
 
 from clrender.cameras.distortion import BrownConrady, KannalaBrandt, LensModel
 from clrender.cameras.poses import pose_of
@@ -54,6 +54,12 @@ _Pose = Annotated[tuple[Row, ...], Field(min_length=3, max_length=4)]
 _FStop = Annotated[Finite, Field(ge=PHOTOGRAPHIC["f_stop"].low, le=PHOTOGRAPHIC["f_stop"].high)]
 _Shutter = Annotated[Finite, Field(ge=PHOTOGRAPHIC["shutter"].low, le=PHOTOGRAPHIC["shutter"].high)]
 _Speed = Annotated[Finite, Field(ge=PHOTOGRAPHIC["iso"].low, le=PHOTOGRAPHIC["iso"].high)]
+
+
+def _not_zero(value: float) -> float:
+    if value == 0.0:
+        raise fault("flow_step", "is 0, but must be above or below 0")
+    return value
 
 
 class Distortion(Part):
@@ -174,10 +180,10 @@ class Camera(Part):
         description="seconds from the opening of the first row of the image to that of the one below the last: rows "
         "are exposed one after the other",
     )
-    flow_step: Annotated[Finite, Field(gt=0.0, le=TIME_LIMIT)] | None = Field(
+    flow_step: Annotated[Finite, Field(ge=-TIME_LIMIT, le=TIME_LIMIT), AfterValidator(_not_zero)] | None = Field(
         None,
-        description="seconds from the time of the image to the one to which the layers flow and scene_flow lead; "
-        "default: from the opening of the shutter to its closing",
+        description="seconds from the time of the image to the one to which the layers flow and scene_flow lead, which "
+        "is earlier if they are below 0; default: from the opening of the shutter to its closing",
     )
     motion: CameraMotion = Field((), description="keys of a motion of the camera; times ascend")
 

@@ -285,19 +285,23 @@ def test_it_may_move_as_a_whole_too(device: Device) -> None:
     assert np.median(np.abs(whole - same)) < 1e-5
 
 
-def test_flow_is_that_of_the_vertices(device: Device) -> None:
+@pytest.mark.parametrize("step", [1.0, -1.0])
+def test_flow_is_that_of_the_vertices(device: Device, step: float) -> None:
+    """Forward from the first form, and back from the last."""
     poses = [
         {"time": 0.0, "vertices": sheet(0.0)},
         {"time": 1.0, "vertices": [[1.2 * x, y, z + 0.1] for x, y, z in sheet(0.0)]},
     ]
-    scene = scene_of(waving(poses=poses), shutter=None).changed({"camera.flow_step": 1.0})
+    later = {"camera.time": 0.0 if step > 0.0 else 1.0, "camera.flow_step": step}
+    scene = scene_of(waving(poses=poses), shutter=None).changed(later)
     image = clrender.render(scene, device=device, size=SIZE, spp=4, aov=("scene_flow", "position"), filter="box")
     flow, place = image.aovs["scene_flow"], image.aovs["position"]
-    on = (np.abs(place[..., 2]) < 1e-4) & (np.abs(place[..., :2]) < 0.9).all(axis=2)
+    height, stretch = (0.0, 0.2) if step > 0.0 else (0.1, 0.2 / 1.2)
+    on = (np.abs(place[..., 2] - height) < 1e-4) & (np.abs(place[..., :2]) < 0.9).all(axis=2)
     assert on.sum() > 100
-    np.testing.assert_allclose(
-        flow[on], np.stack([0.2 * place[on][:, 0], 0.0 * place[on][:, 0], np.full(on.sum(), 0.1)], 1), atol=1e-5
-    )
+    across = place[on][:, 0]
+    expected = step * np.stack([stretch * across, 0.0 * across, np.full(on.sum(), 0.1)], 1)
+    np.testing.assert_allclose(flow[on], expected, atol=1e-5)
 
 
 @pytest.mark.parametrize(

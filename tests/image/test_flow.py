@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import clrender
-from clrender.errors import UsageError
+from clrender.errors import SceneError, UsageError
 from clrender.scene.resting import opened
 from clrender.scene.transforms import affine
 
@@ -54,7 +54,7 @@ def at(scene: Scene, time: float) -> Scene:
 def carried(scene: Scene, index: int, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Points of a shape at the time of the image, where they are after the step."""
     maps = []
-    for time in (scene.camera.time, scene.camera.time + STEP):
+    for time in (scene.camera.time, scene.camera.time + (scene.camera.flow_step or 0.0)):
         place = affine(at(scene, time).shapes[index].transform)
         maps.append(np.vstack([np.column_stack([place.linear, place.offset]), [0.0, 0.0, 0.0, 1.0]]))
     way = maps[1] @ np.linalg.inv(maps[0])
@@ -62,9 +62,9 @@ def carried(scene: Scene, index: int, points: npt.NDArray[np.float64]) -> npt.ND
     return there
 
 
-@pytest.mark.parametrize("lens", list(LENSES))
-def test_flow_is_where_points_are_projected(device: Device, lens: str) -> None:
-    scene = moving(lens)
+@pytest.mark.parametrize(("lens", "step"), [*((lens, STEP) for lens in LENSES), ("perspective", -STEP)])
+def test_flow_is_where_points_are_projected(device: Device, lens: str, step: float) -> None:
+    scene = moving(lens).changed({"camera.flow_step": step})
     with clrender.Session(device.info.index) as session:
         layers = session.render(scene, size=SIZE, spp=1, aov=("position", "object", "flow", "scene_flow")).aovs
     before = layers["position"].astype(np.float64)
@@ -74,7 +74,7 @@ def test_flow_is_where_points_are_projected(device: Device, lens: str) -> None:
     assert all((objects == index).sum() > (0 if lens == "panoramic" else 10) for index in (8, 10))
     np.testing.assert_allclose(layers["scene_flow"], after - before, atol=2e-6)
     assert not layers["scene_flow"][(objects != 8) & (objects != 10)].any()
-    first, last = (at(scene, time).camera for time in (0.25, 0.25 + STEP))
+    first, last = (at(scene, time).camera for time in (0.25, 0.25 + step))
     flow = last.project(after, SIZE) - first.project(before, SIZE)
     if lens == "panoramic":
         flow[..., 0] = (flow[..., 0] + SIZE[0] / 2) % SIZE[0] - SIZE[0] / 2
@@ -109,6 +109,8 @@ def test_flow_needs_two_times() -> None:
     with pytest.raises(UsageError, match="flow_step"):
         clrender.render(clrender.load("room"), size=(8, 8), spp=1, aov="flow")
     scene = clrender.load("room")
+    with pytest.raises(SceneError, match="flow_step is 0, but must be above or below 0"):
+        scene.changed({"camera.flow_step": 0.0})
     assert scene.changed({"camera.flow_step": 1.0}).sha256() == scene.sha256()
 
 

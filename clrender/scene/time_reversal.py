@@ -1,0 +1,38 @@
+"""Scenes whose time runs backward: for what leads from the time of an image to an earlier one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from clrender.scene.shapes import Mesh
+
+if TYPE_CHECKING:
+    from clrender.scene.description import Scene
+
+__all__ = ["reversed_about"]
+
+
+def reversed_about(scene: Scene, time: float) -> Scene:
+    """The scene that is at `time` + t as this one is at `time` - t.
+
+    Parameters
+    ----------
+    scene : Scene
+    time : float
+        Seconds.
+    """
+    shapes = []
+    for shape in scene.shapes:
+        changed: dict[str, Any] = {"motion": _reversed(shape.motion, time)} if shape.motion else {}
+        if isinstance(shape, Mesh) and shape.poses:
+            changed["poses"] = _reversed(shape.poses, time)
+        shapes.append(shape.with_checked(**changed) if changed else shape)
+    camera = scene.camera
+    if camera.motion:
+        camera = camera.with_checked(motion=_reversed(camera.motion, time))
+    return scene.with_checked(shapes=tuple(shapes), camera=camera)
+
+
+def _reversed(keys: Sequence[Any], time: float) -> tuple[Any, ...]:
+    return tuple(key.with_checked(time=2.0 * time - key.time) for key in reversed(keys))
