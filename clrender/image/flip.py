@@ -12,6 +12,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from clrender.exact.matrices import inverse, times
+
 __all__ = ["PIXELS_PER_DEGREE", "flip_map"]
 
 PIXELS_PER_DEGREE: Final = 0.7 * (3840 / 0.7) * math.pi / 180
@@ -82,19 +84,19 @@ def _flip(test: npt.NDArray[Any], reference: npt.NDArray[Any], ppd: float) -> _A
 
 def _opponent(linear: _Array) -> _Array:
     """YCxCz of linear Rec. 709: a linear opponent space."""
-    x, y, z = np.moveaxis(linear @ _XYZ.T / _WHITE, -1, 0)
+    x, y, z = np.moveaxis(times(_XYZ, linear) / _WHITE, -1, 0)
     return np.stack([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)], axis=-1)
 
 
 def _linear(opponent: _Array) -> _Array:
     y = (opponent[..., 0] + 16.0) / 116.0
     x, z = y + opponent[..., 1] / 500.0, y - opponent[..., 2] / 200.0
-    return np.asarray(np.stack([x, y, z], axis=-1) * _WHITE @ np.linalg.inv(_XYZ).T)
+    return times(inverse(_XYZ), np.stack([x, y, z], axis=-1) * _WHITE)
 
 
 def _hunt_lab(linear: _Array) -> _Array:
     """CIE L*a*b* with the chroma of dark colours lowered (Hunt effect), sec. 4.1.2."""
-    ratio = linear @ _XYZ.T / _WHITE
+    ratio = times(_XYZ, linear) / _WHITE
     delta = 6.0 / 29.0
     f = np.where(ratio > delta**3, np.cbrt(ratio), ratio / (3.0 * delta**2) + 4.0 / 29.0)
     lightness = 116.0 * f[..., 1] - 16.0

@@ -62,6 +62,21 @@ def test_an_instance_moves_as_a_whole(tmp_path: Path) -> None:
     assert placed_at(scene, 0, 0.5, (0.0, 0.0, 0.0)) == pytest.approx([1.0, 4.0, 0.0], abs=1e-12)
 
 
+def test_what_moves_is_where_its_instances_are(tmp_path: Path) -> None:
+    """A shape that moves in an instance at rest, and one at rest in an instance at rest in one that moves."""
+    far = '<transform name="toWorld"><translate z="7"/></transform>'
+    up = '<transform name="toWorld"><translate y="4"/></transform>'
+    world = (
+        f'<shape type="shapegroup" id="moving"><shape type="cube">{SLIDE}</shape></shape>'
+        f'<shape type="shapegroup" id="still"><shape type="cube">{up}</shape></shape>'
+        f'<shape type="shapegroup" id="outer"><shape type="instance"><ref id="still"/>{far}</shape></shape>'
+        f'<shape type="instance"><ref id="moving"/>{far}</shape><shape type="instance"><ref id="outer"/>{SLIDE}</shape>'
+    )
+    scene = mitsuba(tmp_path, world)
+    assert placed_at(scene, 0, 0.5, (0.0, 0.0, 0.0)) == pytest.approx([1.0, 0.0, 7.0], abs=1e-12)
+    assert placed_at(scene, 1, 0.5, (0.0, 0.0, 0.0)) == pytest.approx([1.0, 4.0, 7.0], abs=1e-12)
+
+
 def test_the_camera_moves(tmp_path: Path) -> None:
     ways = [(time, f'<lookat origin="{x}, 0, 5" target="{x}, 0, 0" up="0, 1, 0"/>') for time, x in ((0, -1), (1, 1))]
     camera = mitsuba(tmp_path, '<shape type="sphere"/>', OPEN + animated(*ways)).camera
