@@ -55,7 +55,9 @@ PLUGIN_NUMBERS: Final = 16
 MEDIUM_FLAG_SUBSURFACE: Final = 1
 MEDIUM_FLAG_DARK: Final = 2
 MEDIUM_FLAG_OPEN: Final = 4
-"""Flags of a medium's row: a subsurface material; no lights inside, so that light sampling is useless there."""
+MEDIUM_FLAG_GRID: Final = 8
+"""Flags of a medium's row: of a subsurface material; no lights inside, so that light sampling is useless there; its
+surface has a hole; a grid says its density."""
 
 LIGHT_VERTICES: Final = 8
 """Vertices of a light path that are kept, each as likely, to stand for all."""
@@ -525,7 +527,23 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("SCATTERING", 8, 3, "scattering coefficients"),
         ("G", 11, 1, "mean cosine of scattering: Henyey and Greenstein's parameter"),
         ("ALBEDO", 12, 3, "of subsurface materials: share of light that a flat, thick piece returns"),
+        ("GRID", 12, 1, "bits: of media with a grid, the row of grid_rows where its head begins"),
         ("FLAGS", 15, 1, "bits: MEDIUM_FLAG_*"),
+    ),
+    "GRID": (
+        (
+            "X",
+            0,
+            4,
+            "head of a grid, two rows: from the world to its coordinates, a row of the matrix each: medium/grid.h",
+        ),
+        ("Y", 4, 4, ""),
+        ("Z", 8, 4, ""),
+        ("HIGH", 12, 3, "where it ends; it begins at 0.5"),
+        ("SIDE", 15, 1, "steps between values along a brick"),
+        ("BRICKS", 16, 3, "how many there are along each axis"),
+        ("TABLE", 19, 1, "bits: word of the bricks' entries, each the word of its values, bits, and its majorant"),
+        ("VALUES", 20, 1, "bits: word from which those words count"),
     ),
     "NORMAL": (
         ("A", 0, 3, "unit normals at the vertices of a triangle of a smooth shape"),

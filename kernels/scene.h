@@ -15,6 +15,8 @@
     X(float, material_rows)  /* of materials that need more numbers than fit into a primitive's row: two each */               \
     X(float, albedo_tables)  /* how much light the lobes of rough materials reflect: material/albedo.h */                        \
     X(float, media_rows)     /* of dielectrics, where paths carry a list of them: material/interior.h */                            \
+    X(float, grid_rows)      /* of media whose density varies, two each: medium/grid.h */                                   \
+    X(float, grid_words)     /* and their densities, in bricks */                                                           \
     X(float, attribute_rows) /* of primitives with textures: texture coordinates, and which textures; else one row */          \
     X(float, texture_rows)   /* of each texture: which picture, and how it lies */                                             \
     X(float, texture_slots)  /* of each material: which textures stand for its parameters */                                   \

@@ -24,6 +24,7 @@
 #define MEDIUM_FLAG_SUBSURFACE 1u
 #define MEDIUM_FLAG_DARK 2u
 #define MEDIUM_FLAG_OPEN 4u
+#define MEDIUM_FLAG_GRID 8u
 #define LIGHT_VERTICES 8u
 #define FIELD_LEAF 2147483648u
 #define FIELD_LEVELS 16u
@@ -390,7 +391,17 @@ typedef struct {
 #define MEDIUM_ROW_SCATTERING 8         // scattering coefficients
 #define MEDIUM_ROW_G 11                 // mean cosine of scattering: Henyey and Greenstein's parameter
 #define MEDIUM_ROW_ALBEDO 12            // of subsurface materials: share of light that a flat, thick piece returns
+#define MEDIUM_ROW_GRID 12              // bits: of media with a grid, the row of grid_rows where its head begins
 #define MEDIUM_ROW_FLAGS 15             // bits: MEDIUM_FLAG_*
+
+#define GRID_ROW_X 0                    // head of a grid, two rows: from the world to its coordinates, a row of the matrix each: medium/grid.h
+#define GRID_ROW_Y 4
+#define GRID_ROW_Z 8
+#define GRID_ROW_HIGH 12                // where it ends; it begins at 0.5
+#define GRID_ROW_SIDE 15                // steps between values along a brick
+#define GRID_ROW_BRICKS 16              // how many there are along each axis
+#define GRID_ROW_TABLE 19               // bits: word of the bricks' entries, each the word of its values, bits, and its majorant
+#define GRID_ROW_VALUES 20              // bits: word from which those words count
 
 #define NORMAL_ROW_A 0                  // unit normals at the vertices of a triangle of a smooth shape
 #define NORMAL_ROW_B 3

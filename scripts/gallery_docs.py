@@ -18,6 +18,8 @@ _SCENES: Final = {
     "sky": 512,
     "lamps": 512,
     "haze": 1024,
+    "cloud": 256,
+    "smoke": 256,
     "candles": 256,
     "foliage": 256,
     "product": 1024,

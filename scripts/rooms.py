@@ -42,7 +42,7 @@ LAYERS: Final = (
     ("settings",),
     ("integrators",),
     ("sensor",),
-    ("meshes", "image", "cameras", "plugins"),
+    ("meshes", "image", "cameras", "plugins", "grids"),
     ("limits",),
     ("files",),
     ("process",),

@@ -65,6 +65,7 @@ def tables(schema: dict[str, Any]) -> str:
         ("Transforms", "transform = { … }", ["Transform"]),
         ("Motions", "[[shapes.motion]]", ["MotionKey"]),
         ("Media", "[media.NAME]", ["Medium"]),
+        ("Grids of densities", "[media.NAME.density]", ["Density"]),
         ("Lights", "[[lights]]", _kinds(schema["properties"]["lights"]["items"])),
     ):
         parts += [f"## {title}: `{key}`", ""]

@@ -33,11 +33,13 @@ LARGEST_PAGE = 1 << 34
 _PAGES = 4
 _AS_THEY_ARE = (
     *("material_rows", "media_rows", "albedo_tables", "light_nodes", "light_order", "environment_map"),
-    *("light_cones", "lamp_tables"),
+    *("light_cones", "lamp_tables", "grid_rows"),
     *("instance_rows", "instance_guides", "instance_motions", "motion_rows"),
     *("hole_rows", "attribute_rows", "texture_rows", "texture_slots", "texel_values"),
 )
 """Host arrays that the kernels read unchanged."""
+_SHARED = ("texels", "grid_words")
+"""Large ones among them, which a device that can access host memory need not copy."""
 _TREE = ("nodes", "triangle_packs", "analytic_packs")
 _MOST_COST = 1.5
 """How much more a refitted BVH may cost than one that was built: rays take about as much longer."""
@@ -184,7 +186,7 @@ class SceneArrays:
         self.rates: dict[tuple[str, bytes], float] = {}
         triangles, primitives = scene.triangle_count, scene.triangle_count + scene.analytic_count
         device.common_program(large=primitives > _MANY_PRIMITIVES)
-        arrays = self._given(scene, [name for name in scene.arrays if name != "texels"])
+        arrays = self._given(scene, [name for name in scene.arrays if name not in _SHARED])
         source = _source(arrays, scene)
         units = bvh.triangle_units(device, source)
         alone = scene.deforming_shapes if apart is None else scene.deforming_shapes | apart
@@ -209,6 +211,7 @@ class SceneArrays:
             "light_alias": device.empty(8 * len(scene.arrays["lights"])),
             **{name: arrays.pop(name) for name in _AS_THEY_ARE},
             **{f"texels_{number}": page for number, page in enumerate(pages)},
+            "grid_words": device.share(_with_first_rows(scene.arrays["grid_words"])),
             **dict(zip(_TREE, self.tree.buffers, strict=True)),
             **dict(zip((f"masked_{name}" for name in _TREE), (self.masked_tree or self.tree).buffers, strict=True)),
             "camera": device.upload(scene.camera),
@@ -264,7 +267,7 @@ class SceneArrays:
         if self._own_trees is None or not _same_shapes(self._scene, scene):
             return False
         device = self._device
-        arrays = self._given(scene, [name for name in scene.arrays if name not in ("texels", *_AS_THEY_ARE)])
+        arrays = self._given(scene, [name for name in scene.arrays if name not in (*_SHARED, *_AS_THEY_ARE)])
         try:
             source = _source(arrays, scene)
             broken = self._pairs[bvh.broken_pairs(device, source, self._pairs)]
@@ -402,7 +405,7 @@ def _same_shapes(old: FlatScene, new: FlatScene) -> bool:
         return False
     if old.instances.count != new.instances.count or not np.array_equal(old.instances.group_of, new.instances.group_of):
         return False
-    pairs = [(old.arrays[name], new.arrays[name]) for name in ("triangles", "primitive_shape", "texels")]
+    pairs = [(old.arrays[name], new.arrays[name]) for name in ("triangles", "primitive_shape", *_SHARED)]
     if not all(a is b or np.array_equal(a, b) for a, b in pairs):
         return False
     masked, now = masked_primitives(old), masked_primitives(new)

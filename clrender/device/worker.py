@@ -170,7 +170,7 @@ class DeviceWorker:
             # What an integrator prepares is compiled for the scene, and must agree with the rest
             staged = launch.staged and pipeline.staged
             stand_ins = launch.stand_ins and not staged
-            any_scene = (stand_ins or (launch.code == "any" and not prepare)) and not scene.features.motion
+            any_scene = (stand_ins or (launch.code == "any" and not prepare)) and not scene.features.rare
             universal = build(universal=True) if any_scene else None
             self._own = universal if universal and launch.code == "any" else build()
             self.lanes = self._own.lanes

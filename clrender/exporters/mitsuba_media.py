@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clrender.exact.matrices import inner, length
-from clrender.exporters.mitsuba_xml import Element, element, value
+from clrender.exporters.grid_vol import write_vol
+from clrender.exporters.mitsuba_xml import Element, element, transform, value
 from clrender.exporters.surfaces import inside_of
 from clrender.exporters.target import Target
 from clrender.flatten.interiors import winding_number
 from clrender.scene import Sphere
+from clrender.scene.density import density_placement
+from clrender.scene.medium import Density
 from clrender.scene.shapes import AnyShape
 
 __all__ = ["MediumWriter", "Volume"]
@@ -118,29 +122,47 @@ class MediumWriter:
     def _named(self, name: str) -> str:
         """The id of one of the scene's media."""
         medium = self._target.scene.media[name]
-        return self._id(f"media.{name}", name, medium.absorption, medium.scattering, medium.g)
+        return self._id(f"media.{name}", name, medium.absorption, medium.scattering, medium.g, None)
 
-    def _id(self, key: str, wanted: str, absorption: object, scattering: object, g: float) -> str:
-        """The id of a homogeneous medium of these coefficients, per metre."""
+    def _id(
+        self, key: str, wanted: str, absorption: object, scattering: object, g: float, density: Density | None
+    ) -> str:
+        """The id of a medium of these coefficients, per metre, times its density."""
         if key not in self._ids:
             lost, turned = np.array(absorption), np.array(scattering)
             extinction = lost + turned
             scale = max(float(extinction.max()), _TINY)
             albedo = np.divide(turned, extinction, out=np.zeros(3), where=extinction > 0.0)
             # Its extinction is a colour, which is at most 1
-            inside = [value("rgb", "albedo", albedo), value("rgb", "sigma_t", extinction / scale)]
+            share, kind = extinction / scale, "homogeneous" if density is None else "heterogeneous"
+            colour = value("rgb", "sigma_t", share) if density is None else self._grid(wanted, density, share)
+            inside = [value("rgb", "albedo", albedo), colour]
             phase = element("phase", value("float", "g", g), type="hg")
             inside += [value("float", "scale", scale), phase]
             self._ids[key] = self._target.id("medium", wanted)
-            self.written.append(element("medium", *inside, type="homogeneous", id=self._ids[key]))
+            self.written.append(element("medium", *inside, type=kind, id=self._ids[key]))
         return self._ids[key]
+
+    def _grid(self, name: str, density: Density, factors: NDArray[np.float64]) -> Element:
+        """A volume with the grid of a medium, times a factor for each channel."""
+        grid = self._target.scene.grid(name, density)
+        if density.edges == "fall":
+            self._target.leave_out("grids that fall to zero at their edges, which keep their numbers", "media", name)
+        channels = [1.0] if (factors == factors[0]).all() else factors.tolist()
+        digest = hashlib.sha256(f"{grid.sha256()} {channels}".encode()).hexdigest()
+        write = partial(write_vol, grid=grid, factors=channels)
+        file = self._target.files.add(self._target.folder, name, ".vol", digest, write)
+        placed = np.concatenate([density_placement(density, grid), [[0.0, 0.0, 0.0, 1.0]]])
+        raw = [value("boolean", "raw", True)] if len(channels) > 1 else []
+        inside = [value("string", "filename", file), transform(placed), *raw]
+        return element("volume", *inside, type="gridvolume", name="sigma_t")
 
     def inside(self, shape: AnyShape) -> str | None:
         """The id of the medium behind a shape's front, if any."""
         inside = inside_of(self._target.scene, shape)
         if inside is None:
             return None
-        return self._id(inside.key, inside.name, inside.absorption, inside.scattering, inside.g)
+        return self._id(inside.key, inside.name, inside.absorption, inside.scattering, inside.g, inside.density)
 
     def add(self, shape: AnyShape, vertices: NDArray[np.float64], triangles: NDArray[np.uint32]) -> None:
         """Add a closed shape that light passes into, in world space; for the arrays see `Volume`."""

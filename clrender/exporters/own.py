@@ -19,6 +19,7 @@ from clrender.exporters.files import NamedFiles
 from clrender.exporters.mesh_ply import write_ply
 from clrender.scene import Scene
 from clrender.scene.content_hash import put_at
+from clrender.scene.density import density_placement
 from clrender.scene.environment import ENDINGS
 from clrender.scene.ies import ies_text
 from clrender.scene.load import SCENE_FILE_LIMIT
@@ -75,6 +76,13 @@ def exported(scene: Scene, folder: str) -> Export:
             write = partial(_write_array, array=array.maps)
             name = export.add(folder, Path(instance.file).stem, ".npy", array.sha256(), write)
             export.description["shapes"][index]["transforms"] = name
+    for medium, density in scene.densities():
+        grid = scene.grid(medium, density)
+        write = partial(_write_array, array=grid.values)
+        name = export.add(folder, Path(density.file).stem, ".npy", grid.sha256(), write)
+        placed = [*density_placement(density, grid).tolist(), [0.0, 0.0, 0.0, 1.0]]
+        table = {"file": name, "transform": {"matrix": placed}, "edges": density.edges}
+        export.description["media"][medium]["density"] = table
     copied: dict[str, str] = {}
     named = [(at, texture.texture) for at, texture in scene.texture_files()]
     for index, pictured in scene.pictured_lights():
@@ -167,7 +175,7 @@ def _write_radiance(file: IO[bytes], pixels: NDArray[np.float32]) -> None:
     write_exr(file, pixels, {}, {})
 
 
-def _write_array(file: IO[bytes], array: NDArray[np.float64]) -> None:
+def _write_array(file: IO[bytes], array: NDArray[Any]) -> None:
     np.lib.format.write_array(file, array, allow_pickle=False)
 
 

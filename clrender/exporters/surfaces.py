@@ -13,6 +13,7 @@ from clrender.flatten.media import absorption_coefficients
 from clrender.flatten.subsurface import single_scattering
 from clrender.scene import Disk, Mesh, Scene, Sphere
 from clrender.scene.materials import SMOOTH_BELOW, Conductor, Dielectric, Material, Principled, Subsurface
+from clrender.scene.medium import Density
 from clrender.scene.shapes import AnyShape
 from clrender.scene.textures import Texture
 from clrender.scene.values import Vector
@@ -29,6 +30,7 @@ __all__ = [
     "is_rough",
     "passes",
     "radiance_of",
+    "tell_of_grid",
     "tell_of_meshes",
     "tell_of_round",
     "texture_set",
@@ -40,7 +42,7 @@ ONCE: Final = "multiple scattering between microfacets, so that rough surfaces a
 
 @dataclass(frozen=True)
 class Inside:
-    """A homogeneous medium behind a surface.
+    """A medium behind a surface.
 
     Attributes
     ----------
@@ -52,6 +54,8 @@ class Inside:
         Coefficients, per metre.
     g : float
         Mean cosine of scattering.
+    density : Density or None
+        The grid by which both are multiplied.
     """
 
     key: str
@@ -59,6 +63,7 @@ class Inside:
     absorption: Vector
     scattering: Vector
     g: float
+    density: Density | None = None
 
 
 def is_boundary(material: Material) -> bool:
@@ -83,7 +88,7 @@ def inside_of(scene: Scene, shape: AnyShape) -> Inside | None:
     if shape.interior is not None:
         medium = scene.media[shape.interior]
         key = f"media.{shape.interior}"
-        return Inside(key, shape.interior, medium.absorption, medium.scattering, medium.g)
+        return Inside(key, shape.interior, medium.absorption, medium.scattering, medium.g, medium.density)
     name = shape.material
     material = None if name is None else scene.materials[name]
     key, wanted = f"materials.{name}", f"inside of {name}"
@@ -92,6 +97,12 @@ def inside_of(scene: Scene, shape: AnyShape) -> Inside | None:
     if isinstance(material, Subsurface) and material.ior is not None:
         return inside_of_subsurface(key, wanted, material)
     return None
+
+
+def tell_of_grid(target: Target, inside: Inside | None) -> None:
+    """Note that a medium is written as if it were the same everywhere."""
+    if inside is not None and inside.density is not None:
+        target.leave_out("grids of densities, of which media have 1 everywhere", "media", inside.name, "density")
 
 
 def inside_of_subsurface(key: str, name: str, material: Subsurface) -> Inside:

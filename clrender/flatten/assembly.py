@@ -14,11 +14,13 @@ from clrender.flatten.emission import emits
 from clrender.flatten.motion import NO_MOTION, Knots, knots_of
 from clrender.scene.description import Scene
 from clrender.scene.groups import Instance, ShapeOrInstance
+from clrender.scene.medium import Medium
 from clrender.scene.motion import Track, rests
 from clrender.scene.posed import Deformation, deformation_of
+from clrender.scene.poses import Transform
 from clrender.scene.resting import carried, opened, placements, resting
 from clrender.scene.shapes import AnyShape, Disk, Mesh, Sphere
-from clrender.scene.transforms import Affine
+from clrender.scene.transforms import Affine, affine, combined
 from clrender.scene.values import SHAPE_LIMIT
 from clrender.wording import place, quoted
 
@@ -42,8 +44,8 @@ class Assembly:
     ----------
     scene : Scene
         Its shapes come in this order: the scene's own; the group shapes that emit light, duplicated per instance
-        because each is a light of its own, and those of small groups, if there are many groups; the other group
-        shapes, in group space.
+        because each is a light of its own, or has a medium with a grid of its own, and those of small groups, if there
+        are many groups; the other group shapes, in group space.
     own_shapes : int
         Number of shapes in world space, which come first.
     groups : tuple of range
@@ -118,6 +120,7 @@ def assemble(scene: Scene) -> Assembly:
         nowhere = np.zeros((0, 3, 4)), all_own, all_own, none, np.zeros_like(all_own), np.zeros((0, 2), np.int64)
         return Assembly(scene, len(own), (), none, *nowhere, none)
     written: list[_Placed] = []
+    media: dict[str, Medium] = {}
     kept: list[_Placed] = []
     groups: dict[Hashable, tuple[int, range]] = {}
     placed: list[tuple[int, int, int, int, int]] = []  # entry, group, how often, motion, first transform
@@ -152,8 +155,9 @@ def assemble(scene: Scene) -> Assembly:
         array = placements(scene, index)
         shapes = _shapes_of(scene, instance.group)
         _check_similar(scene, index, instance.group, shapes, array)
-        shining = [each for each in shapes if emits(scene, each[1])]
+        shining = [each for each in shapes if _is_apart(scene, each[1])]
         if instance.motion and rests(instance.motion, *scene.camera.interval) is None:
+            _check_no_grids(scene, index, instance.group, shapes)
             _check_keys_similar(scene, index, instance, shapes)
             motions.append(knots_of(Track(instance.motion), scene, index))
             array = motions[-1].before[0, 0, 0] * array
@@ -162,16 +166,16 @@ def assemble(scene: Scene) -> Assembly:
             for number, each in enumerate(array if shining else ()):
                 place_group(index, (index, number), _written(shining, each[None]), _ONCE, len(motions) - 1, number)
             if len(shining) < len(shapes):
-                dark = [each for each in shapes if not emits(scene, each[1])]
+                dark = [each for each in shapes if not _is_apart(scene, each[1])]
                 place_group(index, instance.group, dark, array, len(motions) - 1)
             continue
         alone = shapes if instance.group in small else shining
         _check_number(scene, index, len(own) + len(written) + len(alone) * len(array), len(array), len(alone))
-        written += _written(alone, array)
+        written += _written(alone, array, scene, index, media)
         own_places += [index] * (len(alone) * len(array))
         turns.append(np.repeat(np.arange(len(array)), len(alone)))
         if len(alone) < len(shapes):
-            place_group(index, instance.group, [each for each in shapes if not emits(scene, each[1])], array, -1)
+            place_group(index, instance.group, [each for each in shapes if not _is_apart(scene, each[1])], array, -1)
     in_world = [*own, *written]
     ranges = tuple(range(len(in_world) + each.start, len(in_world) + each.stop) for _, each in groups.values())
     seen_place, seen_shape, begins = [np.array(own_places, np.int64)], [np.arange(len(in_world))], [none]
@@ -183,7 +187,7 @@ def assemble(scene: Scene) -> Assembly:
         total += len(ranges[group])
     counts = np.array([count for _, _, count, _, _ in placed], np.int64)
     return Assembly(
-        scene.assembled([*in_world, *kept]),
+        scene.assembled([*in_world, *kept], media),
         len(in_world),
         ranges,
         np.repeat(np.array([group for _, group, _, _, _ in placed], np.int64), counts),
@@ -254,14 +258,15 @@ def written_out(scene: Scene) -> Scene:
     shapes, _ = _own(scene)
     if len(shapes) == len(scene.shapes):
         return scene
+    media: dict[str, Medium] = {}
     for index, instance in scene.instances():
         array, group = placements(scene, index), _shapes_of(scene, instance.group)
         _check_similar(scene, index, instance.group, group, array)
         if len(shapes) + len(group) * len(array) > SHAPE_LIMIT:
             text = f"places {len(array)} times a group of {len(group)} shapes, which have to be written out here"
             raise SceneError(f"{scene.source}: shapes[{index}] {text}; at most {SHAPE_LIMIT} can be")
-        shapes += _written(group, array)
-    return scene.assembled(shapes)
+        shapes += _written(group, array, scene, index, media)
+    return scene.assembled(shapes, media)
 
 
 def _own(scene: Scene) -> tuple[list[_Placed], list[int]]:
@@ -279,15 +284,60 @@ def _shapes_of(scene: Scene, group: str) -> list[_Placed]:
     return [(("groups", group, "shapes", index), shape) for index, shape in enumerate(scene.groups[group].shapes)]
 
 
-def _written(shapes: Sequence[_Placed], array: NDArray[np.float64]) -> list[_Placed]:
-    """The shapes, transformed by each of the maps."""
+def _is_apart(scene: Scene, shape: AnyShape) -> bool:
+    """Whether each place of a group needs a copy of its shape: a light of its own, or a grid that goes with it."""
+    return emits(scene, shape) or _has_grid(scene, shape)
+
+
+def _has_grid(scene: Scene, shape: AnyShape) -> bool:
+    return shape.interior is not None and scene.media[shape.interior].density is not None
+
+
+def _check_no_grids(scene: Scene, index: int, group: str, shapes: Sequence[_Placed]) -> None:
+    """Refuse grids in groups that move while the shutter is open."""
+    for _, shape in shapes:
+        if _has_grid(scene, shape):
+            text = f"moves the group {quoted(group)}, in which the medium {quoted(shape.interior or '')} has a grid"
+            raise SceneError(f"{scene.source}: shapes[{index}] {text}; grids rest: let it rest, or fill it evenly")
+
+
+def _written(
+    shapes: Sequence[_Placed],
+    array: NDArray[np.float64],
+    scene: Scene | None = None,
+    index: int = 0,
+    media: dict[str, Medium] | None = None,
+) -> list[_Placed]:
+    """The shapes, transformed by each of the maps.
+
+    With `media`, grids of media are transformed, too: those of `shapes[index]` are added there.
+    """
     if not shapes:
         return []
     outers = [
         Affine(((a, b, c), (e, f, g), (i, j, k)), (d, h, o))
         for (a, b, c, d), (e, f, g, h), (i, j, k, o) in array.tolist()
     ]
-    return [(at, carried(shape, outer)) for outer in outers for at, shape in shapes]
+    if scene is None or media is None or not any(_has_grid(scene, shape) for _, shape in shapes):
+        return [(at, carried(shape, outer)) for outer in outers for at, shape in shapes]
+    made: list[_Placed] = []
+    for number, outer in enumerate(outers):
+        for at, shape in shapes:
+            placed = carried(shape, outer)
+            if _has_grid(scene, shape) and shape.interior is not None:
+                name = f"{shape.interior[:100]} of shapes[{index}], {number}"
+                media[name] = _moved_grid(scene.media[shape.interior], outer)
+                placed = placed.with_checked(interior=name)
+            made.append((at, placed))
+    return made
+
+
+def _moved_grid(medium: Medium, outer: Affine) -> Medium:
+    density = medium.density
+    assert density is not None
+    (a, b, c), (x, y, z) = (whole := combined(outer, affine(density.transform))).linear, whole.offset
+    matrix = ((*a, x), (*b, y), (*c, z), (0.0, 0.0, 0.0, 1.0))
+    return medium.with_checked(density=density.with_checked(transform=Transform(matrix=matrix)))
 
 
 def _check_similar(scene: Scene, index: int, group: str, shapes: Sequence[_Placed], array: NDArray[np.float64]) -> None:

@@ -24,7 +24,7 @@ __all__ = ["Features"]
 _CALIBRATED: Final = (layout.CAMERA_BROWN_CONRADY, layout.CAMERA_KANNALA_BRANDT)
 
 
-_OF_MOTION: Final = ("motion", "deformation")
+_RARE: Final = ("motion", "deformation", "grids")
 """Features that no program for any scene has."""
 
 
@@ -68,6 +68,8 @@ class Features:
         Something moves while the shutter is open, or rows of the image are exposed one after the other.
     deformation : bool
         Some meshes change their form while the shutter is open.
+    grids : bool
+        The density of some medium is a grid.
     plugins : tuple of (str, str)
         Names and texts of the kernel files that some materials' plugins make; see `clrender.plugins.kernel_files`.
     """
@@ -96,6 +98,7 @@ class Features:
     terminator_offset: bool = False
     motion: bool = False
     deformation: bool = False
+    grids: bool = False
     plugins: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -103,16 +106,21 @@ class Features:
         """Macros of the features that are there."""
         return {each.name.upper(): 1 for each in fields(self) if getattr(self, each.name)} | dict(self.plugins)
 
+    @property
+    def rare(self) -> bool:
+        """Whether there is any that no program for any scene has."""
+        return any(getattr(self, name) for name in _RARE)
+
     @classmethod
     def all(cls, plugins: tuple[tuple[str, str], ...] = ()) -> Features:
-        """All but those of motion: a program for these renders any scene at rest, if told what it has (`stated`).
+        """All but the rare ones: a program for these renders any scene without those, if told what it has (`stated`).
 
         Parameters
         ----------
         plugins : tuple of (str, str)
             Those of the scene: no program has any plugin.
         """
-        flags: dict[str, Any] = {each.name: each.name not in _OF_MOTION for each in fields(cls) if each.type == "bool"}
+        flags: dict[str, Any] = {each.name: each.name not in _RARE for each in fields(cls) if each.type == "bool"}
         return cls(**flags, plugins=plugins)
 
     def stated(self, masked: bool) -> int:
@@ -200,6 +208,7 @@ class Features:
             hidden_shapes=bool((flags & (layout.SHAPE_HIDDEN | layout.SHAPE_HELD_OUT)).any()),
             hidden_environment=hidden_environment,
             deformation=bool(instances.poses),
+            grids=interiors and bool(media.densities),
             textures=textured or opacity,
             tangents=bool(attributes[:, tangents].view(np.uint32).any()),
             emission_textures=emission_textures,

@@ -17,6 +17,7 @@ from clrender.errors import UsageError
 from clrender.flatten.assembly import assemble
 from clrender.flatten.camera_row import camera_row, other_shape, surrounded
 from clrender.flatten.features import Features
+from clrender.flatten.grids import flat_grids
 from clrender.flatten.holes import hole_rows
 from clrender.flatten.instances import FlatInstances, flat_instances
 from clrender.flatten.interiors import media_with_lights, open_media
@@ -63,6 +64,7 @@ class FlatScene:
         ``primitive_shape`` (T + R,) uint32, triangles first; ``shapes`` (S,) `Shape`; ``materials`` (M,) `Material`;
         ``material_rows`` (2 M, 16) float32, and ``albedo_tables`` (N,) float32, one zero where no material has rows;
         ``media_rows`` (N, 16) float32, zero if paths need not track the media that they are inside;
+        ``grid_rows`` and ``grid_words``: see `clrender.flatten.grids.flat_grids`;
         ``attribute_rows`` (T + R, 16) float32, or one row where no shape is textured; ``texture_rows``,
         ``texture_slots``, ``texel_values`` and ``texels``: see `clrender.flatten.texture_rows.FlatTextures`;
         ``hole_rows`` (N, 64) uint32, see `clrender.flatten.holes`, one row if no opacity is textured; ``lights`` (L,)
@@ -217,6 +219,7 @@ def flatten(
     tree = lights.tree
     triangle_count, analytic_count = len(surfaces.triangles), len(surfaces.analytic_shapes)
     materials = flat_materials(scene, media.of_solid)
+    grid_rows, grid_words = flat_grids(scene, media.densities, origin)
     arrays = {
         "vertices": _padded(surfaces.vertices),
         "normals": _padded(surfaces.normals),
@@ -230,6 +233,8 @@ def flatten(
         if materials.by_row
         else np.zeros(1, np.float32),
         "media_rows": media.rows,
+        "grid_rows": grid_rows,
+        "grid_words": grid_words,
         "attribute_rows": _padded(surfaces.attributes),
         "texture_rows": textures.rows,
         "texture_slots": textures.slots,
@@ -252,6 +257,8 @@ def flatten(
     unbounded = _mark_open(arrays, triangle_count, media) if media.scatters else []
     digest = hashlib.sha256(f"{lights.environment} {triangle_count} {analytic_count} {lights.count}".encode())
     for name, array in arrays.items():
+        if name.startswith("grid_") and not media.densities:
+            continue  # hashes of scenes without grids are older than these
         digest.update(f"{name} {array.shape}".encode())
         if name == "texels":
             digest.update(textures.sha256.encode())  # they may be large, and are already hashed
@@ -376,7 +383,10 @@ def _endless(scene: Scene, arrays: Mapping[str, NDArray[Any]], media: Media, unb
     rows = arrays["media_rows"].astype(np.float64)
     extinction, scattering = rows[unbounded, 5:8], rows[unbounded, 8:11]
     white: NDArray[np.bool_] = np.any((scattering > 0.0) & (scattering >= _WHITE * extinction), axis=1)
-    endless = set(np.array(unbounded, np.int64)[white].tolist())
+    grid = (
+        arrays["media_rows"][unbounded, 15].view(np.uint32) & layout.MEDIUM_FLAG_GRID
+    ) != 0  # which end with their boxes
+    endless = set(np.array(unbounded, np.int64)[white & ~grid].tolist())
     names = sorted({solid[1] or solid[0] or "" for solid, number in media.of_solid.items() if number in endless})
     return [
         f"{scene.source}: {name}: light scatters in it without being absorbed, and its surface has a hole, so that the "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import Final, NamedTuple, TypeAlias
@@ -15,6 +15,7 @@ from clrender.errors import SceneError
 from clrender.flatten.subsurface import single_scattering
 from clrender.scene.description import Scene
 from clrender.scene.materials import Dielectric, Material, Principled, Subsurface
+from clrender.scene.medium import Density
 from clrender.scene.shapes import Shape
 from clrender.scene.values import Vector
 
@@ -42,6 +43,8 @@ class _Medium(NamedTuple):
     scattering: Vector = _BLACK
     g: float = 0.0
     albedo: Vector | None = None  # of a subsurface material
+    density: Density | None = None
+    name: str | None = None  # of the medium that has the density
 
     @property
     def is_vacuum(self) -> bool:
@@ -70,6 +73,8 @@ class Media:
         Whether there are subsurface materials.
     fog : bool
         Whether the medium outside of all shapes scatters.
+    densities : tuple of (str, Density)
+        Grids of media, each with the name of one that has it, in the order of the heads that rows name.
     """
 
     rows: NDArray[np.float32]
@@ -79,6 +84,7 @@ class Media:
     straight: bool
     subsurface: bool = False
     fog: bool = False
+    densities: tuple[tuple[str, Density], ...] = ()
 
 
 def solid_of(shape: Shape) -> Solid:
@@ -128,9 +134,11 @@ def scene_media(scene: Scene) -> Media:
     of_solid = {solid: numbers[medium] for solid, medium in kept.items()}
     subsurface = any(medium.albedo is not None for medium in numbers)
     scatters = subsurface or not outside.is_vacuum or any(max(medium.scattering) > 0.0 for medium in numbers)
-    rows = _rows(outside, numbers, len(unranked))
+    densities = {each.density: each.name for each in numbers if each.density is not None}
+    rows = _rows(outside, numbers, len(unranked), list(densities))
     fog = max(outside.scattering) > 0.0
-    return Media(rows, of_solid, frozenset(dark), scatters, straight, subsurface, fog)
+    named = tuple((name or "", density) for density, name in densities.items())
+    return Media(rows, of_solid, frozenset(dark), scatters, straight, subsurface, fog, named)
 
 
 def _solids(scene: Scene) -> dict[Solid, Dielectric | Principled | Subsurface]:
@@ -145,7 +153,9 @@ def _solids(scene: Scene) -> dict[Solid, Dielectric | Principled | Subsurface]:
     return solids
 
 
-def _rows(outside: _Medium, numbers: Mapping[_Medium, int], unranked: int) -> NDArray[np.float32]:
+def _rows(
+    outside: _Medium, numbers: Mapping[_Medium, int], unranked: int, densities: Sequence[Density]
+) -> NDArray[np.float32]:
     rows = np.zeros((len(numbers) + 1, 16), np.float32)
     for medium, number in ((outside, 0), *numbers.items()):
         extinction = [a + s for a, s in zip(medium.absorption, medium.scattering, strict=True)]
@@ -155,6 +165,9 @@ def _rows(outside: _Medium, numbers: Mapping[_Medium, int], unranked: int) -> ND
         if medium.albedo is not None:
             rows[number, _COLUMNS["ALBEDO"]] = medium.albedo
             rows[number, _COLUMNS["FLAGS"]] = np.uint32(layout.MEDIUM_FLAG_SUBSURFACE).view(np.float32)
+        if medium.density is not None:
+            rows[number, _COLUMNS["GRID"]] = np.uint32(2 * densities.index(medium.density)).view(np.float32)
+            rows[number, _COLUMNS["FLAGS"]] = np.uint32(layout.MEDIUM_FLAG_GRID).view(np.float32)
     rows[0, _COLUMNS["UNRANKED"]] = np.uint32(unranked).view(np.float32)
     return rows
 
@@ -177,7 +190,11 @@ def _medium(scene: Scene, solid: Solid, material: Dielectric | Principled | Subs
     priority = material.priority if isinstance(material, Dielectric) else None
     if solid[1] is None:
         return _Medium(priority, material.ior, absorption_coefficients(material))
-    return _Medium(priority, material.ior, *scene.media[solid[1]].numbers)
+    medium = scene.media[solid[1]]
+    found = _Medium(priority, material.ior, *medium.numbers)
+    if medium.density is None or found == _Medium(priority, material.ior):
+        return found
+    return found._replace(density=medium.density, name=solid[1])
 
 
 def _below(material: Subsurface) -> _Medium:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from clrender.errors import SceneError
+from clrender.grids import GridData
 from clrender.meshes.data import MeshData
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.groups import TransformArray
@@ -40,6 +41,8 @@ class Draft:
         By the file name of the IES light.
     places : dict of str to TransformArray
         Transforms of instances, by their file name.
+    grids : dict of str to GridData
+        By the file name of the density of a medium.
     notes : list of str
         What is not supported and what was done instead; a sentence each, without the file's name.
     wants_light : bool
@@ -58,6 +61,7 @@ class Draft:
     environments: dict[str, EnvironmentPicture] = field(default_factory=dict)
     profiles: dict[str, IesProfile] = field(default_factory=dict)
     places: dict[str, TransformArray] = field(default_factory=dict)
+    grids: dict[str, GridData] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     wants_light: bool = False
     wants_exposure: bool = False

@@ -79,12 +79,17 @@ def completed(draft: Draft, files: AssetFiles, up: str = "y", *, surrounded: boo
     scene = scene.placed(files.source, files.folder, files.allow_paths)
     held = {shape.asset for _, shape in scene.mesh_files() if shape.file in draft.meshes}
     meshes = {asset: frozen(draft.meshes[asset[0]]) for asset in held}
-    places, pictures, profiles = (
+    places, pictures, profiles, grids = (
         {name: frozen(content) for name, content in each.items()}
-        for each in (draft.places, draft.environments, draft.profiles)
+        for each in (draft.places, draft.environments, draft.profiles, draft.grids)
     )
     scene = scene.with_files(
-        meshes=meshes, transforms=places, encoded=draft.pictures, environments=pictures, profiles=profiles
+        meshes=meshes,
+        transforms=places,
+        encoded=draft.pictures,
+        environments=pictures,
+        profiles=profiles,
+        grids=grids,
     )
     if framed:
         keys, side = _around(scene, up)

@@ -10,13 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.errors import SceneError
+from clrender.grids import GridData
 from clrender.image.pictures import Picture
 from clrender.image.texel_tiles import TILE_BYTES, StoredPicture, fill_tiles, picture_sha256, tile_count
 from clrender.meshes.data import COORDINATE_LIMIT, CORNER_ARRAYS, TRIANGLE_LIMIT, MeshData
 from clrender.scene.environment import EnvironmentPicture
 from clrender.wording import quoted, shown, suggestion
 
-__all__ = ["environment_of_array", "mesh_of_arrays", "picture_of_array"]
+__all__ = ["environment_of_array", "grid_of_array", "mesh_of_arrays", "picture_of_array"]
 
 _Array = npt.NDArray[Any]
 
@@ -66,6 +67,25 @@ def environment_of_array(name: str, value: Any) -> EnvironmentPicture:
         text = f"has the shape {array.shape} of {array.dtype}, but must have (height, width, 3) of floats"
         raise SceneError(f"{where} {text}")
     return EnvironmentPicture.checked(array.astype(np.float32), where)
+
+
+def grid_of_array(name: str, value: Any) -> GridData:
+    """A grid of densities in the unit cube, unless the medium says another box.
+
+    Parameters
+    ----------
+    name : str
+        Its name in the scene.
+    value : (nz, ny, nx) array_like
+        Not below 0.
+
+    Raises
+    ------
+    SceneError
+        It is no such array.
+    """
+    where = f"grids: {quoted(name)}"
+    return GridData.checked(_numbers(value, where), where)
 
 
 def mesh_of_arrays(name: str, given: Mapping[str, Any], former: MeshData | None) -> MeshData:

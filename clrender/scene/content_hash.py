@@ -9,6 +9,7 @@ from typing import Any
 
 from clrender.image.exposure import PHOTOGRAPHIC
 from clrender.scene.contents import HEAD, SceneContents
+from clrender.scene.density import density_placement
 from clrender.scene.former_keys import former_keys
 from clrender.scene.values import Part
 
@@ -83,6 +84,12 @@ def _contents(scene: SceneContents) -> dict[str, bytes]:
         content["lights"][index]["file"] = scene.light_picture(index).sha256()
     for index, _ in scene.ies_lights():
         content["lights"][index]["file"] = scene.ies_profile(index).sha256()
+    for name, medium in scene.media.items():
+        _as_in_films(medium, content["media"][name])
+    for name, density in scene.densities():
+        grid = scene.grid(name, density)
+        placed = density_placement(density, grid).tolist()
+        content["media"][name]["density"] = {"grid": grid.sha256(), "placement": placed, "edges": density.edges}
     if named := scene.texture_files():
         store = scene.textures()
         for at, texture in named:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final, TypeVar
 
 from pydantic import AfterValidator, FailFast, Field, PrivateAttr
 
+from clrender.grids import GridData
 from clrender.meshes.data import MeshData, inline_mesh
 from clrender.plugins import Plugin
 from clrender.scene.camera import Camera
@@ -27,7 +28,7 @@ from clrender.scene.light_kinds import (
 from clrender.scene.materials import (
     Material,
 )
-from clrender.scene.medium import Medium
+from clrender.scene.medium import Density, Medium
 from clrender.scene.pictures import TexelStore
 from clrender.scene.scene_files import SceneFiles
 from clrender.scene.shapes import AnyShape, Mesh
@@ -333,6 +334,26 @@ class SceneContents(Head):
         assert isinstance(light, IesLight)
         return self._files.profile(light.file, f"lights[{index}].file")
 
+    def densities(self) -> list[tuple[str, Density]]:
+        """The grids of its media, each with the name of the medium."""
+        return [(name, each.density) for name, each in self.media.items() if each.density is not None]
+
+    def grid(self, medium: str, density: Density) -> GridData:
+        """The grid that a medium names; its file is read once and cached.
+
+        Parameters
+        ----------
+        medium : str
+            Name of the medium, for error messages.
+        density : Density
+
+        Raises
+        ------
+        SceneError
+            If the file cannot be read or is no usable grid.
+        """
+        return self._files.grid(density.file, place(("media", medium, "density", "file")))
+
     def read_named(self) -> None:
         """Read every file that the scene names, so that none is read later.
 
@@ -347,6 +368,8 @@ class SceneContents(Head):
             self.transforms(index)
         if self.texture_files():
             self.textures()
+        for name, density in self.densities():
+            self.grid(name, density)
         self.read_lights()
 
     def read_lights(self) -> None:

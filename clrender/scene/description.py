@@ -20,7 +20,7 @@ from clrender.errors import SceneError, UsageError
 from clrender.image.exposure import photographic_stops
 from clrender.meshes.data import MeshData
 from clrender.plugins import as_plugins, combined
-from clrender.scene.arrays import environment_of_array, mesh_of_arrays, picture_of_array
+from clrender.scene.arrays import environment_of_array, grid_of_array, mesh_of_arrays, picture_of_array
 from clrender.scene.camera import Camera
 from clrender.scene.changes import Changes, table_values, validated
 from clrender.scene.content_hash import content_sha256
@@ -46,6 +46,7 @@ from clrender.scene.materials import (
     Material,
     Mirror,
 )
+from clrender.scene.medium import Medium
 from clrender.scene.references import check_references
 from clrender.scene.shapes import AnyShape, Mesh
 from clrender.scene.values import (
@@ -125,19 +126,24 @@ class Scene(SceneContents):
             made = validated(type(self), values, (), self.source)
         return self.with_checked(**{name: getattr(made, str(name)) for name in map(str, changes)})
 
-    def assembled(self, shapes: Sequence[tuple[tuple[str | int, ...], AnyShape]]) -> Scene:
+    def assembled(
+        self, shapes: Sequence[tuple[tuple[str | int, ...], AnyShape]], media: Mapping[str, Medium] | None = None
+    ) -> Scene:
         """A copy of the scene with these shapes, each with its location in the description, and no groups.
 
         Parameters
         ----------
         shapes : sequence of (place, shape)
             As `all_shapes` yields them.
+        media : mapping of str to Medium, optional
+            Further media that they name.
 
         Returns
         -------
         Scene
         """
-        scene = self.with_checked(shapes=tuple(shape for _, shape in shapes), groups={})
+        more = {"media": {**self.media, **media}} if media else {}
+        scene = self.with_checked(shapes=tuple(shape for _, shape in shapes), groups={}, **more)
         scene._places = tuple(at for at, _ in shapes)
         return scene
 
@@ -188,7 +194,8 @@ class Scene(SceneContents):
         Parameters
         ----------
         **contents : mapping
-            By kind of file and name: `meshes`, `transforms`, `environments`, `profiles`, `textures` and `encoded`; see
+            By kind of file and name: `meshes`, `transforms`, `environments`, `profiles`, `grids`, `textures` and
+            `encoded`; see
             `clrender.scene.scene_files.SceneFiles`. A mesh may be named by its file alone. Arrays are copied unless
             they are read-only.
 
@@ -213,6 +220,7 @@ class Scene(SceneContents):
         meshes: Mapping[str, Mapping[str, Any]] | None = None,
         textures: Mapping[str, npt.ArrayLike] | None = None,
         environments: Mapping[str, npt.ArrayLike] | None = None,
+        grids: Mapping[str, npt.ArrayLike] | None = None,
     ) -> Scene:
         """A copy of the scene that uses arrays in the place of the files of these names.
 
@@ -231,6 +239,8 @@ class Scene(SceneContents):
             are encoded as `color_space` says, or floats.
         environments : mapping of str to array_like, optional
             By the `file` of the environment: (H, W, 3) floats, latitude-longitude, radiance.
+        grids : mapping of str to array_like, optional
+            By the `file` of the density of media: (nz, ny, nx), not below 0.
 
         Returns
         -------
@@ -258,6 +268,8 @@ class Scene(SceneContents):
             contents["textures"] = {name: picture_of_array(name, array) for name, array in textures.items()}
         if environments:
             contents["environments"] = {name: environment_of_array(name, each) for name, each in environments.items()}
+        if grids:
+            contents["grids"] = {name: grid_of_array(name, array) for name, array in grids.items()}
         return self.with_files(**contents)
 
     def with_plugins(self, plugins: Any) -> Self:

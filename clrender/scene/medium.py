@@ -2,21 +2,48 @@
 
 from __future__ import annotations
 
-from typing import Annotated, TypeAlias
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from clrender.scene.values import NUMBER_OR_TRIPLE, Finite, Part, Power, Vector, number_as_triple
+from clrender.scene.poses import Transform
+from clrender.scene.values import NUMBER_OR_TRIPLE, FileName, Finite, Part, Power, Vector, fault, number_as_triple
 
-__all__ = ["Medium"]
+__all__ = ["Density", "Medium"]
 
 _Coefficients: TypeAlias = Annotated[
     tuple[Power, Power, Power], BeforeValidator(number_as_triple), WithJsonSchema(NUMBER_OR_TRIPLE)
 ]
 
 
+class Density(Part):
+    """A grid of numbers by which a medium's absorption and scattering are multiplied; outside of its box they are 0."""
+
+    file: FileName = Field(description="the grid: `.npy` of the shape (nz, ny, nx), `.vol` or `.nvdb`")
+    box: tuple[Vector, Vector] | None = Field(
+        None,
+        description="lowest and highest corner of the grid's box, before the transform; default: where the file says, "
+        "and of `.npy` the unit cube",
+    )
+    transform: Transform = Field(
+        Transform(), description="of the box, in the space of the scene, or of the group whose shapes it fills"
+    )
+    edges: Literal["keep", "fall"] = Field(
+        "keep",
+        description="whether the density keeps the numbers of the outermost cells up to the edges, or falls to zeros",
+    )
+
+    @model_validator(mode="after")
+    def _has_a_volume(self) -> Density:
+        if self.box is not None and not all(a < b for a, b in zip(*self.box, strict=True)):
+            raise fault("medium", "has no volume; give the lowest corner first, and then the highest", "box")
+        return self
+
+
 class Medium(Part):
-    """Homogeneous participating medium, such as smoke, fog or milk."""
+    """Participating medium, such as smoke, fog or milk."""
+
+    late_keys: ClassVar[frozenset[str]] = frozenset({"density"})
 
     absorption: _Coefficients = Field((0.0, 0.0, 0.0), description="absorption coefficient, per metre")
     scattering: _Coefficients = Field((0.0, 0.0, 0.0), description="scattering coefficient, per metre")
@@ -24,6 +51,8 @@ class Medium(Part):
         0.0,
         description="anisotropy of the Henyey-Greenstein phase function: above 0 forward, below 0 backward scattering",
     )
+
+    density: Density | None = Field(None, description="where it is how dense; default: the same everywhere")
 
     @property
     def scatters(self) -> bool:

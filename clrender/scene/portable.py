@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from clrender.errors import SceneError
+from clrender.grids import GridData
 from clrender.image.texel_tiles import TILE_BYTES, StoredPicture, picture_sha256, tile_shape
 from clrender.meshes.data import CORNER_ARRAYS, MeshData
 from clrender.meshes.vertex_colors import VertexColors
@@ -27,7 +28,7 @@ from clrender.wording import place as place_in_file
 __all__ = ["scene_from_portable", "scene_to_portable"]
 
 _PREFIX: Final = "sha256:"
-_Asset = TypeVar("_Asset", MeshData, EnvironmentPicture, IesProfile, TransformArray, "_TexturePicture")
+_Asset = TypeVar("_Asset", GridData, MeshData, EnvironmentPicture, IesProfile, TransformArray, "_TexturePicture")
 
 
 def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
@@ -72,6 +73,11 @@ def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
         description["lights"][index]["file"] = _PREFIX + profile.sha256()
         names = ("vertical", "horizontal", "candela", "tilt")
         assets[profile.sha256()] = _zipped(**{name: getattr(profile, name) for name in names})
+    for name, density in scene.densities():
+        grid = scene.grid(name, density)
+        put_at(description, ("media", name, "density", "file"), _PREFIX + grid.sha256())
+        if grid.sha256() not in assets:
+            assets[grid.sha256()] = _zipped(values=grid.values, placement=grid.placement)
     return description, assets
 
 
@@ -113,8 +119,13 @@ def scene_from_portable(description: Mapping[str, Any], assets: Mapping[str, byt
         assert light.file is not None
         place = f"{source}: lights[{index}].file"
         pictures[light.file] = _unpacked_picture(_hash_in(light.file, place), assets, place)
+    grids: dict[str, GridData] = {}
+    for name, density in scene.densities():
+        if density.file not in grids:
+            place = f"{source}: {place_in_file(('media', name, 'density', 'file'))}"
+            grids[density.file] = _unpacked_grid(_hash_in(density.file, place), assets, place)
     return scene.with_files(
-        textures=textures, profiles=profiles, transforms=transforms, meshes=meshes, environments=pictures
+        grids=grids, textures=textures, profiles=profiles, transforms=transforms, meshes=meshes, environments=pictures
     )
 
 
@@ -194,6 +205,14 @@ def _unpacked_profile(sha256: str, assets: Mapping[str, bytes], place: str) -> I
         return IesProfile.checked(*(archive[name] for name in ("vertical", "horizontal", "candela", "tilt")))
 
     return _asset(sha256, assets, place, profile)
+
+
+def _unpacked_grid(sha256: str, assets: Mapping[str, bytes], place: str) -> GridData:
+    def grid(archive: Any) -> GridData:
+        placement = np.array(archive["placement"], np.float64).reshape(3, 4)
+        return GridData.checked(archive["values"], f"the asset {sha256}", placement)
+
+    return _asset(sha256, assets, place, grid)
 
 
 def _asset(sha256: str, assets: Mapping[str, bytes], place: str, made: Callable[[Any], _Asset]) -> _Asset:

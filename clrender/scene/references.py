@@ -66,6 +66,9 @@ def _check_media(scene: SceneContents) -> None:
         if name is not None and name not in scene.media:
             sentence = f"names a medium {quoted(name)} that does not exist"
             raise fault("reference", sentence + suggestion(name, scene.media), *at)
+    if scene.fog is not None and scene.media[scene.fog].density is not None:
+        sentence = f"names the medium {quoted(scene.fog)}, whose density is a grid and ends with its box"
+        raise fault("reference", f"{sentence}; give a box as large an `interior` instead", "fog")
     for at, shape in scene.all_shapes():
         if shape.interior is None or shape.material is None:
             continue

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 from clrender.files.named import open_named_file
+from clrender.grids import GridData, read_grid
 from clrender.image.texel_tiles import StoredPicture
 from clrender.meshes.data import MeshData
 from clrender.meshes.read import read_mesh
@@ -33,6 +34,7 @@ _KINDS: Final[Mapping[str, type]] = {
     "transforms": TransformArray,
     "environments": EnvironmentPicture,
     "profiles": IesProfile,
+    "grids": GridData,
     "textures": tuple,
     "encoded": tuple,
 }
@@ -63,6 +65,7 @@ class SceneFiles:
     transforms : dict of str to TransformArray
     environments : dict of str to EnvironmentPicture
     profiles : dict of str to IesProfile
+    grids : dict of str to GridData
     textures : dict of str to (StoredPicture, (tiles, 64) uint8)
     encoded : dict of str to (bytes, str)
         Encoded images: file content, and the format's extension such as ``.png``.
@@ -75,6 +78,7 @@ class SceneFiles:
     transforms: dict[str, TransformArray] = field(default_factory=FrozenDict)
     environments: dict[str, EnvironmentPicture] = field(default_factory=FrozenDict)
     profiles: dict[str, IesProfile] = field(default_factory=FrozenDict)
+    grids: dict[str, GridData] = field(default_factory=FrozenDict)
     textures: dict[str, tuple[StoredPicture, NDArray[uint8]]] = field(default_factory=FrozenDict)
     encoded: dict[str, tuple[bytes, str]] = field(default_factory=FrozenDict)
 
@@ -150,6 +154,13 @@ class SceneFiles:
             profile = read_ies(name, self.base_folder, self.allow_paths, f"{self.source}: {where}")
             self._read("profiles", name, profile)
         return self.profiles[name]
+
+    def grid(self, name: str, where: str) -> GridData:
+        """Content of a file of a grid; `where` is the location of the name, for messages. Raises like `mesh`."""
+        if name not in self.grids:
+            grid = read_grid(name, self.base_folder, self.allow_paths, f"{self.source}: {where}")
+            self._read("grids", name, grid)
+        return self.grids[name]
 
     @contextmanager
     def opened(self, name: str, where: str) -> Iterator[tuple[BinaryIO, str]]:

@@ -185,10 +185,10 @@ static void first_hit_trace(const Scene* scene, Pool* pool, PoolStats* stats, ui
         const Crossing crossing = interior_meet(scene, &path.interior, &surface, found);
         if (wanted == FIRST_HIT_ALPHA) {
             // What is scattered away, too, is not what lies behind
-            const vec3 passed = interior_transmittance(scene, &path.interior, hit.distance, !found);
+            const vec3 passed = interior_transmittance(scene, &path.interior, path.ray.origin, path.ray.direction, hit.distance, !found, path.alive);
             path.throughput = choose(path.alive, mul(path.throughput, passed), path.throughput);
         } else {
-            path.throughput = choose(found, interior_absorb(scene, &path.interior, hit, path.throughput), path.throughput);
+            path.throughput = choose(found, interior_absorb(scene, &path.interior, &path.ray, hit, found, path.throughput), path.throughput);
         }
         const vmask straight = interior_straight(&crossing);
         const vec3 through = path.throughput;

@@ -54,14 +54,16 @@ static vec3 shadow_transmittance(const Scene* scene, const ShadowRay* shadow, vm
         const Hit hit = traverse_nearest(&scene->bvh, &ray, asked);
         const vmask found = asked & (hit.primitive != NONE);
         const vfloat way = magnitude(ray.direction), distance = found ? hit.distance : shadow->infinite ? splat(FAR) : splat(1.0f);
-        const vec3 passes = interior_transmittance(scene, &in, distance * way, shadow->infinite & !found);
+        Surface surface = surface_at(scene, &ray, hit, found);
+        const Crossing crossing = interior_meet(scene, &in, &surface, found);
+        const vmask straight = interior_straight(&crossing), hidden = found & !straight;
+        const vec3 direction = scale(ray.direction, inverse_or_one(way));
+        const vec3 passes =
+            interior_transmittance(scene, &in, ray.origin, direction, distance * way, shadow->infinite & !found, asked & !hidden);
         left = choose(asked, scale(mul(left, passes), passage_masked(scene, &ray, hit.distance, asked)), left);
 
         // Behind a surface that is no boundary it goes on
-        Surface surface = surface_at(scene, &ray, hit, found);
-        const Crossing crossing = interior_meet(scene, &in, &surface, found);
-        const vmask straight = interior_straight(&crossing);
-        left = choose(found & !straight, vec3_all(0.0f), left);
+        left = choose(hidden, vec3_all(0.0f), left);
         asked = straight & (largest(left) > 0.0f);
         interior_replace(&in, crossing.beyond, asked);
         Ray behind = surface_leave(&surface, ray.direction);
@@ -98,7 +100,8 @@ static vmask shadow_passes(const Scene* scene, vmask straight) { return shadows_
 // What is left on the way, if that is free: all of it is in the medium that the ray begins in. Rays that pass surfaces tell themselves.
 static vec3 shadow_straight(const Scene* scene, const Interior* in, const LightSample* light, vec3 from) {
     if (shadows_pass(scene)) return vec3_all(1.0f);
-    return interior_transmittance(scene, in, magnitude(sub(light->target, from)), light->infinite);
+    const vfloat distance = magnitude(sub(light->target, from));
+    return interior_transmittance(scene, in, from, light->direction, distance, light->infinite, light->pdf > 0.0f);
 }
 
 // Rays that pass surfaces go their whole way. Returns whether they do.

@@ -27,7 +27,7 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
         terminator_offset(scene, &surface, found);
         const Crossing crossing = interior_meet(scene, &path.interior, &surface, found);
         const vmask straight = interior_straight(&crossing);
-        path.throughput = interior_absorb(scene, &path.interior, hit, path.throughput);
+        path.throughput = interior_absorb(scene, &path.interior, &path.ray, hit, path.alive, path.throughput);
         const vmask escapes = path.alive & !found & !environment_hidden(scene, path.depth);
         vec3 outside = vec3_all(0.0f);
         if (lane_any(escapes)) outside = choose(escapes, environment_emitted(scene, path.ray.direction, escapes), outside);
@@ -44,7 +44,9 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
             for (uint number = 0; number < settings->light_count; ++number) {
                 const LightSample light = light_from_center(scene, surface.point, surface.primitive, splat_uint(number), surface_time(&surface));
                 const vfloat distance = magnitude(sub(light.target, surface.point));
-                const vec3 arriving = mul(light.radiance, interior_transmittance(scene, &path.interior, distance, light.infinite));
+                const vec3 left_on_way =
+                    interior_transmittance(scene, &path.interior, surface.point, light.direction, distance, light.infinite, lit);
+                const vec3 arriving = mul(light.radiance, left_on_way);
                 const vec3 direct = mul(bsdf_eval(&bsdf, light.direction, &unused), arriving);
                 const vmask asked = lit & (light.pdf > 0.0f) & (largest(direct) > 0.0f);
                 const Ray shadow_ray = light_shadow_ray(&surface, &light);

@@ -17,6 +17,7 @@
 #include "core/roulette.h"
 #include "core/sampler.h"
 #include "geometry/surface.h"
+#include "medium/grid.h"
 #include "scene.h"
 
 #ifdef INTERIORS
@@ -172,15 +173,21 @@ static vec3 interior_from_outside(const Scene* scene, vuint medium) {
     vfloat row[16];
     lane_rows(scene->media_rows, medium, row);
     const vmask scatters = largest(vec3_row(row, MEDIUM_ROW_SCATTERING)) > 0.0f;
-    const vec3 here = choose(scatters, interior_endless(vec3_row(row, MEDIUM_ROW_EXTINCTION)), vec3_all(1.0f));
+    vmask ends = !scatters;
+#ifdef GRIDS
+    ends = ends | grid_fills(row);
+#endif
+    const vec3 here = choose(ends, vec3_all(1.0f), interior_endless(vec3_row(row, MEDIUM_ROW_EXTINCTION)));
     share = mul(mul(share, here), interior_through_fog(scene));
 #endif
     return share;
 }
 
 // What is left of radiance after a way through the medium that is there: e^(−σ d), Beer's law, with the coefficients from this column of
-// its row on.
-static vec3 interior_attenuation(const Scene* scene, const Interior* in, uint column, vfloat distance, vmask from_outside) {
+// its row on; of a grid, an estimate where it is `asked`. The way begins at `origin`, in a unit direction.
+static vec3 interior_attenuation(
+    const Scene* scene, const Interior* in, uint column, vec3 origin, vec3 direction, vfloat distance, vmask from_outside, vmask asked
+) {
     const vuint medium = interior_top(in);
 #ifndef MEDIA
     if (!lane_any(medium != 0u)) return vec3_all(1.0f);      // with media there may be fog
@@ -190,21 +197,34 @@ static vec3 interior_attenuation(const Scene* scene, const Interior* in, uint co
     share.x = exp_minus(lane_gather(scene->media_rows, row) * distance);
     share.y = exp_minus(lane_gather(scene->media_rows, row + 1u) * distance);
     share.z = exp_minus(lane_gather(scene->media_rows, row + 2u) * distance);
+#ifdef GRIDS
+    vfloat numbers[16];
+    lane_rows(scene->media_rows, medium, numbers);
+    const vmask grid = asked & grid_fills(numbers);
+    if (lane_any(grid)) {
+        const vec3 coefficients = vec3_row(numbers, (int)column);
+        const vec3 passes = grid_transmittance(scene, grid_head(numbers), coefficients, origin, direction, from_outside ? splat(FAR) : distance, grid);
+        share = choose(grid, choose(from_outside, mul(passes, interior_from_outside(scene, medium)), passes), share);
+        from_outside = from_outside & !grid;
+    }
+#endif
     if (lane_any(from_outside)) share = choose(from_outside, interior_from_outside(scene, medium), share);
     return share;
 }
 
 // Of light on its way to where it is asked for: what is scattered away does not arrive, either.
-static vec3 interior_transmittance(const Scene* scene, const Interior* in, vfloat distance, vmask from_outside) {
-    return interior_attenuation(scene, in, MEDIUM_ROW_EXTINCTION, distance, from_outside);
+static vec3 interior_transmittance(
+    const Scene* scene, const Interior* in, vec3 origin, vec3 direction, vfloat distance, vmask from_outside, vmask asked
+) {
+    return interior_attenuation(scene, in, MEDIUM_ROW_EXTINCTION, origin, direction, distance, from_outside, asked);
 }
 
 // What absorption leaves at the end of a ray that has come this far; and of radiance, or flux.
-static vec3 interior_absorption(const Scene* scene, const Interior* in, Hit hit) {
-    return interior_attenuation(scene, in, MEDIUM_ROW_SIGMA, hit.distance, hit.primitive == NONE);
+static vec3 interior_absorption(const Scene* scene, const Interior* in, const Ray* ray, Hit hit, vmask asked) {
+    return interior_attenuation(scene, in, MEDIUM_ROW_SIGMA, ray->origin, ray->direction, hit.distance, hit.primitive == NONE, asked);
 }
-static vec3 interior_absorb(const Scene* scene, const Interior* in, Hit hit, vec3 radiance) {
-    return mul(radiance, interior_absorption(scene, in, hit));
+static vec3 interior_absorb(const Scene* scene, const Interior* in, const Ray* ray, Hit hit, vmask asked, vec3 radiance) {
+    return mul(radiance, interior_absorption(scene, in, ray, hit, asked));
 }
 
 #else
@@ -234,8 +254,12 @@ static Interior interior_towards(const Interior* in, const Crossing* c, vec3 dir
 static void interior_cross(Interior* in, const Crossing* c, vec3 direction, vec3 side) {}
 static vmask interior_goes_on(const Interior* in, const Crossing* c, Sampler sampler, vec3* throughput) { return mask_all(); }
 static vec3 interior_through_fog(const Scene* scene) { return vec3_all(1.0f); }
-static vec3 interior_transmittance(const Scene* scene, const Interior* in, vfloat distance, vmask from_outside) { return vec3_all(1.0f); }
-static vec3 interior_absorb(const Scene* scene, const Interior* in, Hit hit, vec3 radiance) { return radiance; }
+static vec3 interior_transmittance(
+    const Scene* scene, const Interior* in, vec3 origin, vec3 direction, vfloat distance, vmask from_outside, vmask asked
+) {
+    return vec3_all(1.0f);
+}
+static vec3 interior_absorb(const Scene* scene, const Interior* in, const Ray* ray, Hit hit, vmask asked, vec3 radiance) { return radiance; }
 
 #endif
 

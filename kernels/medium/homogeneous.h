@@ -1,4 +1,4 @@
-// Homogeneous media that absorb and scatter: how far light gets in them (PBR 4ed, 11.2 and 14.1).
+// Media that absorb and scatter: how far light gets in them (PBR 4ed, 11.2 and 14.1). Those of a grid go their own way (medium/grid.h).
 //
 // A free path's length is sampled for one of the three channels, each chosen as often as it carries of the throughput, and weighed with the
 // density of all three: the balance heuristic, so that no channel weighs more than the inverse of its share. A path that scatters before
@@ -33,12 +33,34 @@ typedef struct {
 #endif
 } FreePath;
 
+// Whether the medium of a row is the same everywhere.
+static vmask medium_is_even(const vfloat* row) {
+#ifdef GRIDS
+    return !grid_fills(row);
+#else
+    return mask_all();
+#endif
+}
+
+// By what the coefficients of the medium of a row are multiplied at a point in it.
+static vfloat medium_density(const Scene* scene, const vfloat* row, vec3 point, vmask where) {
+#ifdef GRIDS
+    const vmask grid = where & grid_fills(row);
+    return lane_any(grid) ? (grid ? grid_density_at(scene, grid_head(row), point, grid) : splat(1.0f)) : splat(1.0f);
+#else
+    return splat(1.0f);
+#endif
+}
+
+// How often paths go by the coefficients of each channel: as it carries of the throughput.
+static vec3 medium_share(vec3 throughput) { return scale(throughput, inverse_or_one(throughput.x + throughput.y + throughput.z)); }
+
 static FreePath medium_free_path(const Scene* scene, const Interior* in, const Ray* ray, Sampler sampler, vuint depth, vec3 throughput) {
     FreePath free;
     vfloat row[16];
     lane_rows(scene->media_rows, interior_top(in), row);
     const vec3 extinction = vec3_row(row, MEDIUM_ROW_EXTINCTION), scattering = vec3_row(row, MEDIUM_ROW_SCATTERING);
-    const vmask may = largest(scattering) > 0.0f;
+    const vmask may = medium_is_even(row) & (largest(scattering) > 0.0f);
     free.length = splat(FAR);
     free.share = vec3_all(0.0f);
 #ifdef EQUIANGULAR
@@ -51,7 +73,7 @@ static FreePath medium_free_path(const Scene* scene, const Interior* in, const R
     Sampler own = sampler;
     own.seed ^= in->straight * 0x9e3779b9u;
     sampler_bits(own, sampler_set(depth, SET_MEDIUM), &bits_length, &bits_channel);
-    free.share = scale(throughput, inverse_or_one(throughput.x + throughput.y + throughput.z));
+    free.share = medium_share(throughput);
     const vfloat u = unit_interval(bits_channel);
     const vfloat chosen = u < free.share.x ? extinction.x : u < free.share.x + free.share.y ? extinction.y : extinction.z;
 
@@ -80,12 +102,14 @@ static vfloat medium_pdf(const FreePath* free, vec3 extinction, vec3 left, vfloa
 }
 
 // Go through that medium, until the hit or, where there is none so near, to where light scatters; the throughput carries what is left.
-static void medium_travel(const Scene* scene, const Interior* in, const FreePath* free, vmask alive, vec3* throughput, Hit* hit) {
+static void medium_travel(
+    const Scene* scene, const Interior* in, const Ray* ray, const FreePath* free, vmask alive, vec3* throughput, Hit* hit
+) {
     vfloat row[16];
     lane_rows(scene->media_rows, interior_top(in), row);
     const vec3 extinction = vec3_row(row, MEDIUM_ROW_EXTINCTION), scattering = vec3_row(row, MEDIUM_ROW_SCATTERING);
     const vmask may = alive & (largest(scattering) > 0.0f);
-    const vec3 arrives = mul(*throughput, interior_absorption(scene, in, *hit));
+    const vec3 arrives = mul(*throughput, interior_absorption(scene, in, ray, *hit, alive & !may));
     if (!lane_any(may)) {
         *throughput = arrives;
         return;
@@ -100,7 +124,23 @@ static void medium_travel(const Scene* scene, const Interior* in, const FreePath
     const vfloat pdf = medium_pdf(free, extinction, left, distance, scatters);
     const vec3 arrived = lane_any(outside) ? choose(outside, interior_from_outside(scene, interior_top(in)), left) : left;
     const vec3 weight = scale(choose(scatters, mul(scattering, left), arrived), inverse_or_one(pdf));
-    *throughput = choose(may, mul(*throughput, weight), arrives);
+#ifdef GRIDS
+    const vmask grid = may & grid_fills(row);
+    if (lane_any(grid)) {
+        const GridEvent event =
+            grid_travel(scene, grid_head(row), extinction, medium_share(*throughput), ray->origin, ray->direction, hit->distance, grid);
+        const vec3 albedo = vec3_of(scattering.x * inverse_or_one(extinction.x), scattering.y * inverse_or_one(extinction.y),
+                                    scattering.z * inverse_or_one(extinction.z));
+        const vec3 beyond = choose(outside, interior_from_outside(scene, interior_top(in)), vec3_all(1.0f));
+        *throughput = choose(grid, mul(mul(*throughput, event.weight), choose(event.scatters, albedo, beyond)), *throughput);
+        hit->distance = grid ? event.distance : hit->distance;
+        hit->primitive = event.scatters ? splat_uint(HIT_MEDIUM) : hit->primitive;
+    }
+    const vmask even = may & !grid;
+#else
+    const vmask even = may;
+#endif
+    *throughput = choose(even, mul(*throughput, weight), choose(may, *throughput, arrives));
     hit->distance = scatters ? free->length : hit->distance;
     hit->primitive = scatters ? splat_uint(HIT_MEDIUM) : hit->primitive;
 }
@@ -146,8 +186,10 @@ typedef struct {
     uint nothing;
 } FreePath;
 
-static void medium_travel(const Scene* scene, const Interior* in, const FreePath* free, vmask alive, vec3* throughput, Hit* hit) {
-    *throughput = interior_absorb(scene, in, *hit, *throughput);
+static void medium_travel(
+    const Scene* scene, const Interior* in, const Ray* ray, const FreePath* free, vmask alive, vec3* throughput, Hit* hit
+) {
+    *throughput = interior_absorb(scene, in, ray, *hit, alive, *throughput);
 }
 static void medium_surface(const Scene* scene, const Ray* ray, const Interior* in, Hit hit, Surface* s) {}
 

@@ -48,8 +48,20 @@ static vfloat ball_tries(const Scene* scene, vec3 center, vfloat time, Sampler s
     return tries;
 }
 
+// The flux that a deposit has for gathering: in a grid over the density there, so that what is gathered is the light and not how dense it is.
+static vec3 ball_flux(const Scene* scene, const Interior* in, vec3 point, vec3 flux, vmask where) {
+#ifdef GRIDS
+    vfloat row[16];
+    lane_rows(scene->media_rows, where ? interior_top(in) : splat_uint(0u), row);
+    return scale(flux, inverse_or_one(medium_density(scene, row, point, where)));
+#else
+    return flux;
+#endif
+}
+
 #else
 
+static vec3 ball_flux(const Scene* scene, const Interior* in, vec3 point, vec3 flux, vmask where) { return flux; }
 static vmask ball_receives(const Scene* scene, const Interior* in, const Bsdf* b, vmask dark) { return mask_none(); }
 static vuint ball_medium(const Interior* in) { return splat_uint(0u); }
 

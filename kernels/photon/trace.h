@@ -136,7 +136,7 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
 #endif
         Hit hit = find_nearest(scene, &photon.ray, photon.sampler, photon.depth, mask_none(), photon.alive);
         const vec3 sent = photon.flux;
-        medium_travel(scene, &photon.interior, &free, photon.alive, &photon.flux, &hit);
+        medium_travel(scene, &photon.interior, &photon.ray, &free, photon.alive, &photon.flux, &hit);
         const vmask found = photon.alive & (hit.primitive != NONE), on_surface = found & !medium_scatters(hit);
         Surface surface = surface_at(scene, &photon.ray, hit, on_surface);
         medium_surface(scene, &photon.ray, &photon.interior, hit, &surface);
@@ -148,7 +148,8 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
         const vmask arrives = ((on_surface & disk_receives(&surface)) | in_medium) & (photon.depth > 0u);
         rays += lane_count(photon.alive);
         if (lane_any(arrives)) {
-            const vec3 flux = choose(in_medium, photon.flux, scale(photon.flux, bsdf_shaded(&bsdf, photon.ray.direction)));
+            const vec3 scattered = ball_flux(scene, &photon.interior, surface.point, photon.flux, in_medium);
+            const vec3 flux = choose(in_medium, scattered, scale(photon.flux, bsdf_shaded(&bsdf, photon.ray.direction)));
             photon_deposit(&photon, &surface, flux, in_medium ? ball_medium(&photon.interior) : splat_uint(0u), arrives, deposits);
             photon.deposits = arrives ? photon.deposits + 1u : photon.deposits;
         }

@@ -39,7 +39,7 @@ static void chain_follow(const Scene* scene, const Path* path, const Vertex* v, 
         const vmask found = open & (hit.primitive != NONE);
         Surface s = surface_at(scene, &ray, hit, found);
         surface_random(&s, path->sample.sampler, depth);
-        const vec3 left = interior_transmittance(scene, &c->in, hit.distance, mask_none());
+        const vec3 left = interior_transmittance(scene, &c->in, ray.origin, ray.direction, hit.distance, mask_none(), found);
         const Crossing crossing = interior_meet(scene, &c->in, &s, found);
         Bsdf bsdf;
         bsdf_at(scene, &s, ray.direction, &bsdf);

@@ -25,6 +25,7 @@ import numpy as np
 import OpenEXR
 import peer_scenes
 from gltf_files import Model, meshopt_compressed
+from grid_files import nanovdb_bytes, vol_bytes
 from ktx2_files import ETC1S, ktx2, plain, uastc, zstd
 from PIL import Image
 from serialized_files import serialized
@@ -148,6 +149,11 @@ def originals(folder: Path, ending: str) -> list[bytes]:
     if ending == ".ies":
         one = IES[: IES.index(b"100 80.")].replace(b"5 3 1 2", b"5 1 1 2").replace(b"0 45 90\r\n", b"0\r\n")
         return [IES, one[one.index(b"TILT") :]]
+    if ending in (".vol", ".nvdb"):
+        numbers = image[:7, :6, :].clip(0.0)
+        if ending == ".vol":
+            return [vol_bytes(numbers), vol_bytes(numbers.astype(np.uint8), (-1, -1, -1, 1, 1, 1))]
+        return [nanovdb_bytes(numbers, codec=1, tiles=True), nanovdb_bytes(numbers, (-9, 4090, 3), codec=0)]
     if ending in (".gltf", ".glb", MESHOPT):
         model = meshopt_compressed(glTF()) if ending == MESHOPT else glTF()
         return [model.gltf() if ending == ".gltf" else model.glb()]
@@ -406,6 +412,17 @@ def _placements(path: Path) -> Any:
     return flatten(Scene.model_validate(described).placed("here", path.parent), 8, 8)
 
 
+def _grid(path: Path) -> Any:
+    """As the density of a medium."""
+    medium = {"scattering": 1.0, "density": {"file": path.name}}
+    described = {
+        "camera": {"position": [0, 0, 5], "target": [0, 0, 0]},
+        "shapes": [{"type": "box", "size": [0.1, 0.1, 0.1], "interior": "m"}],
+        "media": {"m": medium},
+    }
+    return flatten(Scene.model_validate(described).placed("here", path.parent), 8, 8)
+
+
 READERS: dict[str, Callable[[Path], Any]] = {
     ".ply": _mesh,
     ".obj": _mesh,
@@ -413,6 +430,8 @@ READERS: dict[str, Callable[[Path], Any]] = {
     ".serialized": _serialized,
     ".mtl": _library,
     ".ies": _lamp,
+    ".vol": _grid,
+    ".nvdb": _grid,
     ".ktx2": _texture,
     ".film": Film.load,
     ".gltf": _scene,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-FILES = [".npy", ".exr", ".png", ".hdr", ".ies", ".film"]
+FILES = [".npy", ".exr", ".png", ".hdr", ".ies", ".film", ".vol", ".nvdb"]
 SCENES = [".ply", ".obj", ".mtl", ".stl", ".serialized", ".gltf", ".glb", ".xml", ".pbrt", "-places.npy"]
 COMPRESSED = ["-meshopt.glb", ".ktx2"]
 """Each of these takes a process."""

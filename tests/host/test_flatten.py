@@ -60,6 +60,8 @@ def test_arrays_are_what_the_kernels_expect() -> None:
     assert set(scene.arrays) == {
         *kinds,
         "vertices",
+        "grid_rows",
+        "grid_words",
         "normals",
         "triangles",
         "primitive_shape",

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from grid_files import nanovdb_bytes, vol_bytes
 from PIL import Image
 
 from clrender.image.exr_write import write_exr
@@ -65,7 +66,17 @@ def files() -> dict[str, bytes]:
         "smooth.ply": _ply(7, 5),
         "block.stl": _stl(),
         "places.npy": _npy(),
+        **_clouds(),
     }
+
+
+def _clouds() -> dict[str, bytes]:
+    """The same densities in each format of grids; some of them are 0."""
+    values = np.random.RandomState(40).uniform(-0.5, 2.0, (5, 6, 7)).clip(0.0).astype(np.float32)
+    file = io.BytesIO()
+    np.save(file, values)
+    sparse = nanovdb_bytes(values.transpose(2, 1, 0), (-3, -3, -2), 0.3)
+    return {"cloud.npy": file.getvalue(), "cloud.vol": vol_bytes(values, (-1, -1, -1, 1, 1, 1)), "cloud.nvdb": sparse}
 
 
 def _picture(pixels: Bytes, name: str = "PNG", **options: object) -> bytes:

@@ -31,7 +31,7 @@ _LENGTHS: Final = (
 )
 FAR_LAMP: Final = [1e-4, 1e-4, 1e-4]
 """Intensity of the lamp that is added for its features only, in a closed black box."""
-VOLUMES: Final = ("interiors", "media", "equiangular", "subsurface", "straight_shadows")
+VOLUMES: Final = ("interiors", "media", "equiangular", "subsurface", "straight_shadows", "grids")
 """Features of kernels that change no bit where a scene has no such thing."""
 _FAR: Final = 40.0
 """Distance of what is added for its features only; lens and view do not reach it."""
@@ -90,7 +90,20 @@ def moved(content: Json, factor: float, by: list[float]) -> Json:
         for key in ("absorption", "scattering"):
             if key in medium:
                 medium[key] = _times(medium[key], 1.0 / factor)
+    of_groups = {shape.get("interior") for group in scene.get("groups", {}).values() for shape in group["shapes"]}
+    for name, medium in scene.get("media", {}).items():
+        if "density" in medium:
+            _enlarge_grid(medium["density"], factor, [0.0, 0.0, 0.0] if name in of_groups else by)
     return scene
+
+
+def _enlarge_grid(density: Json, factor: float, by: list[float]) -> None:
+    transform = density.setdefault("transform", {})
+    if "box" in density:
+        density["box"] = _times(density["box"], factor)
+    else:
+        transform["scale"] = _times(transform.get("scale", 1.0), factor)
+    transform["translate"] = _plus(_times(transform.get("translate", [0.0] * 3), factor), by)
 
 
 def _all_shapes(scene: Json) -> Iterator[Json]:

@@ -89,6 +89,7 @@ def mixed_scene(kind: str, number: int) -> Mixed:
     _grouped(mixed.name, mixed.content)
     _categorized(mixed.name, mixed.content)
     _moving(mixed)
+    _uneven(mixed)
     plugged(mixed.name, mixed.content)
     return mixed
 
@@ -130,6 +131,25 @@ def _deforming(mixed: Mixed, middle: float) -> None:
             moments = (-0.3, 0.1, 0.5)[: draw.count(2, 3)]
             forms = [[_plus(point, draw.point(0.1)) for point in shape["vertices"]] for _ in moments]
             shape["poses"] = [{"time": middle + at, "vertices": form} for at, form in zip(moments, forms, strict=True)]
+
+
+def _uneven(mixed: Mixed) -> None:
+    """Give media a grid of densities, but the fog, and those of groups that move; by random numbers of their own."""
+    draw, content = Draw(f"grids of {mixed.name}", white=False), mixed.content
+    moving = {each["group"] for each in content["shapes"] if each["type"] == "instance" and "motion" in each}
+    apart = {shape.get("interior") for name in moving for shape in content["groups"][name]["shapes"]}
+    for name, made in content.get("media", {}).items():
+        if name == content.get("fog") or name in apart or not draw.chance(0.35):
+            continue
+        density: Json = {"file": draw.one(("cloud.npy", "cloud.vol", "cloud.nvdb"))}
+        if draw.chance(0.6):
+            low, size = draw.point(1.0), draw.between(0.6, 3.0)
+            density["box"] = [[x - size for x in low], [x + size for x in low]]
+        elif draw.chance(0.7):
+            density["transform"] = {"scale": draw.between(0.5, 2.0), "translate": draw.point(0.5)}
+        if draw.chance(0.4):
+            density["edges"] = draw.one(("keep", "fall"))
+        made["density"] = density
 
 
 def _may_move(mixed: Mixed, shape: Json) -> bool:

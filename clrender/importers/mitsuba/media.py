@@ -6,6 +6,7 @@ from typing import Any
 
 from clrender.importers.mitsuba.plugins import Plugin
 from clrender.importers.mitsuba.textures import TextureReader
+from clrender.importers.shared.matrices import transform_key
 from clrender.importers.shared.spectra import Color
 from clrender.importers.shared.staging import Staging
 from clrender.wording import quoted
@@ -37,12 +38,15 @@ class MediumReader:
 
     def name(self, plugin: Plugin) -> str | None:
         """The name of a medium; None for an unsupported one."""
-        if plugin.type != "homogeneous":
+        if plugin.type not in ("homogeneous", "heterogeneous"):
             self._staging.note(f"{plugin.label} is not known and left out")
             return None
         if id(plugin) not in self._made:
+            described = self._described(plugin)
+            if described is None:
+                return None
             media = self._staging.draft.description.setdefault("media", {})
-            name, described = (plugin.id or f"medium {len(media) + 1}")[:160], self._described(plugin)
+            name = (plugin.id or f"medium {len(media) + 1}")[:160]
             while media.get(name, described) != described:
                 name += "'"
             self._made[id(plugin)] = name
@@ -50,18 +54,28 @@ class MediumReader:
             media[name] = described
         return self._made[id(plugin)]
 
-    def _described(self, plugin: Plugin) -> dict[str, Any]:
+    def _described(self, plugin: Plugin) -> dict[str, Any] | None:
+        """A medium of ours; None if its grid is left out."""
         scale = plugin.number("scale", 1.0)
+        density = None
+        nested = plugin.child("sigma_t") or plugin.child("density")
+        if nested is not None and nested.type == "gridvolume":
+            density = self._density(nested)
+            if density is None:
+                return None
         if plugin.has("sigma_a", "sigma_s"):  # 0.6
             absorption, scattering = (self._color(plugin, name, 0.0) for name in ("sigma_a", "sigma_s"))
         else:
-            extinction, albedo = self._color(plugin, "sigma_t", 1.0), self._color(plugin, "albedo", 0.75)
+            extinction = (1.0, 1.0, 1.0) if density is not None else self._color(plugin, "sigma_t", 1.0)
+            albedo = self._color(plugin, "albedo", 0.75)
             scattering = tuple(t * a for t, a in zip(extinction, albedo, strict=True))  # type: ignore[assignment]
             absorption = tuple(t * (1.0 - a) for t, a in zip(extinction, albedo, strict=True))  # type: ignore[assignment]
         made: dict[str, Any] = {
             "absorption": [max(scale * x, 0.0) for x in absorption],
             "scattering": [max(scale * x, 0.0) for x in scattering],
         }
+        if density is not None:
+            made["density"] = density
         for phase in plugin.children_of("phase"):
             if phase.type == "hg":
                 g = phase.number("g", 0.8)
@@ -71,6 +85,24 @@ class MediumReader:
         plugin.ignore("has_spectral_extinction", "sample_emitters")
         for name in plugin.unused():
             self._staging.note(f"{quoted(name)} of {plugin.label} is not understood and does nothing")
+        return made
+
+    def _density(self, volume: Plugin) -> dict[str, Any] | None:
+        """The grid of a volume; None if its file is left out."""
+        file = volume.text("filename")
+        if not file:
+            raise volume.fault('the volume has no "filename"; give it')
+        grid = self._staging.grid_of_file(file, volume.line)
+        if grid is None:
+            return None
+        made: dict[str, Any] = {"file": grid, **transform_key(volume.matrix())}
+        if not volume.flag("use_grid_bbox", False) and volume.type == "gridvolume":
+            made["box"] = [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]
+        if volume.text("filter_type", "trilinear") != "trilinear":
+            self._staging.note(f"{volume.label} is read with linear interpolation")
+        volume.ignore("raw", "accel", "wrap_mode")
+        for name in volume.unused():
+            self._staging.note(f"{quoted(name)} of {volume.label} is not understood and does nothing")
         return made
 
     def _color(self, plugin: Plugin, name: str, default: float) -> Color:

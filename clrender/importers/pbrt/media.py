@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+import numpy as np
+
+from clrender.errors import SceneError
+from clrender.grids import GridData
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
+from clrender.importers.shared.matrices import Matrix, is_affine, transform_key
 from clrender.importers.shared.measured_media import MEASURED_MEDIA
 from clrender.importers.shared.spectra import Color
 from clrender.importers.shared.staging import Staging
@@ -15,6 +20,8 @@ __all__ = ["MediumReader"]
 
 _MOST_G: Final = 0.99
 _NAME_LIMIT: Final = 160
+_GRIDS: Final = ("uniformgrid", "heterogeneous", "nanovdb")
+_EMISSION: Final = ("Le", "Lescale", "temperature", "temperaturescale", "temperaturecutoff", "temperatureoffset")
 
 
 class MediumReader:
@@ -34,10 +41,10 @@ class MediumReader:
         """Our name of a medium; None if there is none of that name, or one that is not supported."""
         return self._named.get(name)
 
-    def define(self, name: str, parameters: Parameters) -> None:
-        """Define a named medium."""
+    def define(self, name: str, parameters: Parameters, matrix: Matrix) -> None:
+        """Define a named medium; `matrix` places its grid, if it has one."""
         kind = parameters.text("type", "homogeneous")
-        if kind != "homogeneous":
+        if kind != "homogeneous" and kind not in _GRIDS:
             self._staging.note(f"a medium of type {quoted(kind)} is not known and left out")
             return
         measured = self.measured(parameters, "preset")
@@ -46,9 +53,47 @@ class MediumReader:
                 self._textures.coefficients(parameters, "sigma_s", (1.0, 1.0, 1.0)),
                 self._textures.coefficients(parameters, "sigma_a", (1.0, 1.0, 1.0)),
             )
-        self._named[name] = self.added(name, *measured, parameters)
+        density = None
+        if kind in _GRIDS:
+            density = self._density(name, kind, parameters, matrix)
+            if density is None:
+                return
+        self._named[name] = self.added(name, *measured, parameters, density)
         for unknown in parameters.unused():
             self._staging.note(f"{quoted(unknown)} of a medium is not understood and does nothing")
+
+    def _density(self, name: str, kind: str, parameters: Parameters, matrix: Matrix) -> dict[str, Any] | None:
+        """The grid of a medium; None if it is left out."""
+        if not is_affine(matrix):
+            raise parameters.fault("the medium's transform is no affine one that can be inverted; give it another")
+        for key in _EMISSION:
+            if key in parameters.values:
+                parameters.get(key)
+                self._staging.note(f"the medium {quoted(name)} does not shine: {quoted(key)} is not known")
+        if kind == "nanovdb":
+            file = parameters.text("filename")
+            if not file:
+                raise parameters.fault('the medium has no "filename"; give it')
+            line = parameters.values["filename"].line
+            grid = self._staging.grid_of_file(file, line)
+            return None if grid is None else {"file": grid, **transform_key(matrix)}
+        sides = [int(parameters.number(key, 1.0)) for key in ("nz", "ny", "nx")]
+        values = parameters.numbers("density")
+        if values is None:
+            raise parameters.fault('the medium has no "density"; give it')
+        if min(sides) < 1 or len(values) != sides[0] * sides[1] * sides[2]:
+            nz, ny, nx = sides
+            raise parameters.fault(f"the medium has {len(values)} densities for {nx} x {ny} x {nz}", "density")
+        low, high = (parameters.numbers(key, 3) for key in ("p0", "p1"))
+        corners = [[float(x) for x in (each[0] if each is not None else [default] * 3)]
+                   for each, default in ((low, 0.0), (high, 1.0))]  # fmt: skip
+        key = f"densities of {name}"
+        try:
+            grid_data = GridData.checked(values.astype(np.float32).reshape(sides), "the medium")
+        except SceneError as error:
+            raise parameters.fault(str(error), "density") from None
+        self._staging.draft.grids[key] = grid_data
+        return {"file": key, "box": corners, "edges": "fall", **transform_key(matrix)}
 
     def measured(self, parameters: Parameters, key: str) -> tuple[Color, Color] | None:
         """Scattering and absorption of a measured medium; None if none is named."""
@@ -60,7 +105,14 @@ class MediumReader:
             raise parameters.fault(text, key)
         return MEASURED_MEDIA[name]
 
-    def added(self, wanted: str, scattering: Color, absorption: Color, parameters: Parameters) -> str:
+    def added(
+        self,
+        wanted: str,
+        scattering: Color,
+        absorption: Color,
+        parameters: Parameters,
+        density: dict[str, Any] | None = None,
+    ) -> str:
         """Add a medium with the scale and the mean cosine of a directive; returns its name.
 
         Parameters
@@ -70,6 +122,8 @@ class MediumReader:
         scattering, absorption : three floats
             Per unit of length, times the scale.
         parameters : Parameters
+        density : dict, optional
+            Its grid.
         """
         scale = parameters.number("scale", 1.0)
         made: dict[str, Any] = {
@@ -77,6 +131,8 @@ class MediumReader:
             "scattering": [max(x * scale, 0.0) for x in scattering],
             "g": min(max(parameters.number("g", 0.0), -_MOST_G), _MOST_G),
         }
+        if density is not None:
+            made["density"] = density
         media = self._staging.draft.description.setdefault("media", {})
         name, number = wanted[:_NAME_LIMIT], 2
         while media.get(name, made) != made:

@@ -232,7 +232,7 @@ class _World:
         self._state = replace(self._state, material=name)
 
     def _medium(self, directive: Directive) -> None:
-        self._media.define(directive.text(0, "name"), self._parameters(directive, "medium"))
+        self._media.define(directive.text(0, "name"), self._parameters(directive, "medium"), self._matrix(directive))
 
     def _medium_interface(self, directive: Directive) -> None:
         inside = directive.text(0, "name")

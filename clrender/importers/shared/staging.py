@@ -12,6 +12,7 @@ import numpy as np
 from clrender.errors import OutOfMemory, SceneError
 from clrender.exact.matrices import inner, length, product, times
 from clrender.files.named import allowed_file
+from clrender.grids import read_grid
 from clrender.image.pixel_filter import PIXEL_FILTERS
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
@@ -221,6 +222,31 @@ class Staging:
             self._read[key] = (f"{uri} ({kind})", mesh.normals is not None)
             self.draft.meshes[f"{uri} ({kind})"] = adapt(mesh)
         return self._read[key]
+
+    def grid_of_file(self, uri: str, line: int) -> str | None:
+        """Read the file of a grid; a file that is missing or damaged is left out, with a note.
+
+        Returns
+        -------
+        str or None
+            Name in the draft's grids.
+
+        Raises
+        ------
+        SceneError
+            See `mesh_of_file`.
+        """
+        place = f"line {line}"
+        name = self.files.name(uri, place)
+        label = f"{self.files.source}: {place}"
+        allowed_file(name, self.files.folder, self.files.allow_paths, f"{label}: {quoted(name)}")
+        if name not in self.draft.grids:
+            try:
+                self.draft.grids[name] = read_grid(name, self.files.folder, self.files.allow_paths, label)
+            except SceneError as fault:
+                self.draft.leave_out(fault, self.files.source, self.files.strict)
+                return None
+        return name
 
     def reflectance(self, color: Color, of: str) -> list[float]:
         """A reflectance: clamped to 0 to 1, with a note if it was outside."""

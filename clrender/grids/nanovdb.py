@@ -1,0 +1,261 @@
+"""NanoVDB files, ``.nvdb``: a sparse grid of floats as a tree of nodes of 32, 16 and 8 values a side (Museth 2021).
+
+Offsets and sizes are those of version 32 of the format, whose nodes begin at multiples of 32 bytes.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass
+from typing import Any, BinaryIO, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.errors import SceneError
+from clrender.exact.matrices import determinant
+from clrender.grids.data import SIDE_LIMIT, VALUE_LIMIT, GridData
+
+__all__ = ["read_nanovdb"]
+
+_Node: TypeAlias = tuple[int, NDArray[np.int64]]
+"""Where a node begins, and the coordinates of its first value."""
+
+_MAGICS: Final = (b"NanoVDB0", b"NanoVDB1", b"NanoVDB2")
+_FLOAT: Final = 1
+_LEVEL_SET: Final = 1
+_CODECS: Final = {0: "none", 1: "zip", 2: "blosc"}
+_HEADER: Final = struct.Struct("<8sIHH")
+_META: Final = struct.Struct("<QQQQII6d6i3dI4I3IHHI")
+_GRID_BYTES, _MAP_AT, _CLASS_AT = 672, 296, 632
+_ROOT_BYTES, _TILE_BYTES = 64, 32
+_MOST_BYTES: Final = 2**33
+_MOST_GRIDS: Final = 1024
+
+
+@dataclass(frozen=True)
+class _Level:
+    """Nodes of one level.
+
+    Attributes
+    ----------
+    size : int
+        Bytes of a node.
+    masks, table : int
+        Where the masks and the table begin.
+    side : int
+        Entries along a side.
+    step : int
+        Values along a side of an entry.
+    """
+
+    size: int
+    masks: int
+    table: int
+    side: int
+    step: int
+
+
+_UPPER: Final = _Level(270400, 32, 8256, 32, 128)
+_LOWER: Final = _Level(33856, 32, 1088, 16, 8)
+_LEAF: Final = _Level(2144, 16, 96, 8, 1)
+
+
+@dataclass(frozen=True)
+class _Meta:
+    name: str
+    grid_bytes: int
+    file_bytes: int
+    kind: int
+    codec: int
+
+
+def read_nanovdb(file: BinaryIO, label: str) -> GridData:
+    """Read the grid named density, or else the first one of floats.
+
+    Parameters
+    ----------
+    file : binary file
+    label : str
+        Beginning of error messages.
+
+    Raises
+    ------
+    SceneError
+        It has no such grid, or is a level set, or has numbers that are not allowed.
+    ValueError
+        It is no such file, or a damaged one.
+    """
+    metas = _metas(file)
+    floats = [each for each in metas if each.kind == _FLOAT]
+    if not floats:
+        names = ", ".join(ascii(each.name) for each in metas)[:200]
+        raise SceneError(f"{label} has no grid of floats, but {names}; convert it")
+    chosen = next((each for each in floats if each.name == "density"), floats[0])
+    for each in metas:
+        if each is chosen:
+            break
+        file.seek(each.file_bytes, 1)
+    return _dense(_grid_bytes(file, chosen, label), label)
+
+
+def _metas(file: BinaryIO) -> list[_Meta]:
+    """What the head of a file says about its grids; the first of them follows."""
+    head = _exactly(file, _HEADER.size)
+    magic, version, count, codec = _HEADER.unpack(head)
+    if magic not in _MAGICS:
+        raise ValueError("it does not begin with NanoVDB")
+    if version >> 21 != 32:
+        raise ValueError(f"its version is {version >> 21}, but 32 is known")
+    if not 1 <= count <= _MOST_GRIDS:
+        raise ValueError(f"it says that it has {count} grids")
+    metas = []
+    for _ in range(count):
+        fields = _META.unpack(_exactly(file, _META.size))
+        name_bytes = fields[21]
+        if not 0 < name_bytes <= 4096 or max(fields[:2]) > _MOST_BYTES:
+            raise ValueError("the head of a grid has an impossible size")
+        name = _exactly(file, name_bytes).rstrip(b"\0").decode("utf-8", "replace")
+        metas.append(_Meta(name, fields[0], fields[1], fields[4], codec))
+    return metas
+
+
+def _exactly(file: BinaryIO, count: int) -> bytes:
+    data = file.read(count)
+    if len(data) != count:
+        raise ValueError("it ends too early")
+    return data
+
+
+def _grid_bytes(file: BinaryIO, meta: _Meta, label: str) -> NDArray[np.uint8]:
+    """The bytes of a grid, decompressed."""
+    if meta.codec == 0:
+        if meta.grid_bytes != meta.file_bytes:
+            raise ValueError("its grid is not compressed, but has another size than its bytes in the file")
+        return np.frombuffer(_exactly(file, meta.grid_bytes), np.uint8)
+    if meta.codec != 1:
+        name = _CODECS.get(meta.codec, str(meta.codec))
+        raise SceneError(f"{label} is compressed by {name}; write it uncompressed, or with zip")
+    (size,) = struct.unpack("<Q", _exactly(file, 8))
+    if size + 8 != meta.file_bytes:
+        raise ValueError("its compressed grid has another size than its head says")
+    inflater = zlib.decompressobj()
+    try:
+        data = inflater.decompress(_exactly(file, size), meta.grid_bytes)
+    except zlib.error as error:
+        raise ValueError(f"its grid cannot be decompressed: {error}") from None
+    if len(data) != meta.grid_bytes or not inflater.eof:
+        raise ValueError("its decompressed grid has another size than its head says")
+    return np.frombuffer(data, np.uint8)
+
+
+def _dense(data: NDArray[np.uint8], label: str) -> GridData:
+    """All values in the box of the active ones."""
+    if len(data) < _GRID_BYTES + 64 + _ROOT_BYTES or data[:8].tobytes() not in _MAGICS:
+        raise ValueError("a grid does not begin as one")
+    grid_class, kind = _numbers(data, _CLASS_AT, "<u4", 2).tolist()
+    if kind != _FLOAT:
+        raise ValueError("a grid has another type than its head says")
+    if grid_class == _LEVEL_SET:
+        raise SceneError(f"{label} is a level set, whose numbers are distances; convert it to a fog volume")
+    matrix = _numbers(data, _MAP_AT + 88, "<f8", 9).reshape(3, 3)
+    vector = _numbers(data, _MAP_AT + 232, "<f8", 3)
+    root = _GRID_BYTES + int(_numbers(data, _GRID_BYTES + 24, "<u8", 1)[0])
+    low, high = _numbers(data, root, "<i4", 6).astype(np.int64).reshape(2, 3)
+    tiles = int(_numbers(data, root + 24, "<u4", 1)[0])
+    background = float(_numbers(data, root + 28, "<f4", 1)[0])
+    if background != 0.0:
+        raise SceneError(f"{label} has {background:g} everywhere outside of what it stores; a density has 0 there")
+    sides = high - low + 1
+    if (sides < 1).any() or (sides > SIDE_LIMIT).any() or int(np.prod(sides)) > VALUE_LIMIT:
+        shape = " x ".join(str(side) for side in sides)
+        raise SceneError(f"{label} has {shape} numbers; at most {VALUE_LIMIT} are possible; make the grid coarser")
+    low, sides = low - 1, sides + 2  # with the zeros around it, to which densities fall
+    values = np.zeros(sides, np.float32)  # x, y, z, as the tree counts
+    if tiles > max(len(data) - root, 0) // _TILE_BYTES:
+        raise ValueError("its tree has more branches than bytes")
+    uppers = []
+    for number in range(tiles):
+        at = root + _ROOT_BYTES + number * _TILE_BYTES
+        key, child = _numbers(data, at, "<u8", 2).tolist()
+        origin = np.array([_wrapped(key >> 42), _wrapped(key >> 21), _wrapped(key)])
+        if child:
+            uppers.append((root + child, origin))
+            if len(uppers) > len(data) // _UPPER.size:
+                raise ValueError("its tree has more branches than bytes")
+        else:
+            _fill(values, low, origin, 4096, float(_numbers(data, at + 20, "<f4", 1)[0]))
+    lowers = _all_children(data, uppers, _UPPER, _LOWER, values, low)
+    leaves = _all_children(data, lowers, _LOWER, _LEAF, values, low)
+    for at, origin in leaves:
+        block = _numbers(data, at + _LEAF.table, "<f4", 512).reshape(8, 8, 8)
+        into, out_of = _overlap(values.shape, origin - low, 8)
+        values[into] = block[out_of]
+    scaled = matrix * sides[None, :]
+    corner = (matrix * (low - 0.5)[None, :]).sum(axis=1) + vector
+    placement = np.concatenate([scaled, corner[:, None]], axis=1)
+    if not np.isfinite(placement).all() or abs(determinant(matrix)) < 1e-30:
+        raise ValueError("its map to the world cannot be inverted")
+    return GridData.checked(np.ascontiguousarray(values.transpose(2, 1, 0)), label, placement)
+
+
+def _wrapped(bits: int) -> int:
+    """A coordinate of a root's branch, of whose 32 bits the upper 20 are kept."""
+    value = (bits & 0xFFFFF) << 12
+    return value - (1 << 32) if value >= 1 << 31 else value
+
+
+def _numbers(data: NDArray[np.uint8], at: int, kind: str, count: int) -> NDArray[Any]:
+    size = np.dtype(kind).itemsize * count
+    if not 0 <= at <= len(data) - size:
+        raise ValueError("its tree leads out of the file")
+    return np.frombuffer(data[at : at + size].tobytes(), kind)
+
+
+def _all_children(
+    data: NDArray[np.uint8], nodes: list[_Node], level: _Level, below: _Level, values: NDArray[np.float32],
+    low: NDArray[np.int64],
+) -> list[_Node]:  # fmt: skip
+    """Children of all nodes of a level; there are no more than their bytes have room for."""
+    found: list[_Node] = []
+    for at, origin in nodes:
+        found += _children(data, at, origin, level, values, low)
+        if len(found) > len(data) // below.size:
+            raise ValueError("its tree has more branches than bytes")
+    return found
+
+
+def _children(
+    data: NDArray[np.uint8], at: int, origin: NDArray[np.int64], level: _Level, values: NDArray[np.float32],
+    low: NDArray[np.int64],
+) -> list[_Node]:  # fmt: skip
+    """Where the children of a node are, and their first coordinates; tiles of one value are filled in at once."""
+    count = level.side**3
+    mask = _numbers(data, at + level.masks + count // 8, "<u1", count // 8)
+    is_child = np.unpackbits(mask, bitorder="little").astype(bool)
+    table = _numbers(data, at + level.table, "<i8", count)
+    number = np.arange(count)
+    cell = np.stack([number // level.side**2, number // level.side % level.side, number % level.side], axis=1)
+    origins = origin + cell * level.step
+    tile = np.ascontiguousarray(table).view("<f4")[::2]
+    for index in np.flatnonzero(~is_child & (tile != 0.0)).tolist():
+        _fill(values, low, origins[index], level.step, float(tile[index]))
+    found = np.flatnonzero(is_child).tolist()
+    return [(at + int(table[index]), origins[index]) for index in found]
+
+
+def _overlap(
+    shape: tuple[int, ...], at: NDArray[np.int64], side: int
+) -> tuple[tuple[slice, ...], tuple[slice, ...]]:  # fmt: skip
+    """The part of a block that lies in an array: where in the array, and where in the block."""
+    begin, end = np.maximum(at, 0), np.minimum(at + side, np.array(shape))
+    end = np.maximum(end, begin)
+    into = tuple(slice(int(a), int(b)) for a, b in zip(begin, end, strict=True))
+    return into, tuple(slice(int(a), int(b)) for a, b in zip(begin - at, end - at, strict=True))
+
+
+def _fill(
+    values: NDArray[np.float32], low: NDArray[np.int64], origin: NDArray[np.int64], side: int, value: float
+) -> None:
+    values[_overlap(values.shape, origin - low, side)[0]] = value

@@ -1,0 +1,61 @@
+"""Reads a grid from the file that a scene names, by its ending."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import BinaryIO, Final
+
+from clrender.errors import SceneError
+from clrender.files.named import allowed_file, open_named_file
+from clrender.files.npy import read_npy_header, read_npy_items
+from clrender.grids.data import VALUE_LIMIT, GridData
+from clrender.grids.nanovdb import read_nanovdb
+from clrender.grids.vol import read_vol
+from clrender.wording import quoted
+
+__all__ = ["GRID_ENDINGS", "read_grid"]
+
+GRID_ENDINGS: Final = (".npy", ".vol", ".nvdb")
+_FILE_LIMIT: Final = 2**33
+
+
+def read_grid(name: str, base_folder: Path, allow_paths: Sequence[Path], place: str) -> GridData:
+    """Read a grid named by a scene.
+
+    Parameters
+    ----------
+    name, base_folder, allow_paths
+        See `clrender.files.named.allowed_file`.
+    place : str
+        Location of the name in the scene, for error messages.
+
+    Raises
+    ------
+    SceneError
+        If it may not be read, or is no grid of numbers that are not below 0.
+    """
+    label, ending = f"{place}: {quoted(name)}", Path(name).suffix.lower()
+    if ending not in GRID_ENDINGS:
+        allowed_file(name, base_folder, allow_paths, label)
+        raise SceneError(f"{label} is of no kind that can be read; grids may be {', '.join(GRID_ENDINGS)}")
+    file, _ = open_named_file(name, base_folder, allow_paths, label, _FILE_LIMIT)
+    with file:
+        try:
+            if ending == ".npy":
+                return _numpy(file, label)
+            return read_vol(file, label) if ending == ".vol" else read_nanovdb(file, label)
+        except ValueError as error:
+            raise SceneError(f"{label} is no readable {ending} file: {error}") from None
+        except OSError as error:
+            raise SceneError(f"{label} cannot be read: {error.strerror or error}") from None
+
+
+def _numpy(file: BinaryIO, label: str) -> GridData:
+    header = read_npy_header(file)
+    if len(header.shape) != 3 or header.kind.kind not in "fiub":
+        raise SceneError(f"{label} holds {header}, but must hold numbers of the shape (nz, ny, nx)")
+    count = header.shape[0] * header.shape[1] * header.shape[2]
+    if count > VALUE_LIMIT:
+        raise SceneError(f"{label} has {count} numbers; at most {VALUE_LIMIT} are possible; make the grid coarser")
+    return GridData.checked(read_npy_items(file, header), label)

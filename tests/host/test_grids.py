@@ -1,0 +1,311 @@
+"""Grids of densities: their files, what is refused, where they are, and how they go from one place to another."""
+
+from __future__ import annotations
+
+import io
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from grid_files import nanovdb_bytes, vol_bytes
+
+import clrender
+from clrender.errors import SceneError
+from clrender.exporters import exported, exported_to_cycles, exported_to_luxcore, scene_text, write_mitsuba
+from clrender.flatten.flat_scene import flatten
+from clrender.flatten.grids import brick_words
+from clrender.grids import GridData, read_grid
+from clrender.scene.density import density_placement
+from clrender.scene.portable import scene_from_portable, scene_to_portable
+
+VALUES = np.random.RandomState(3).uniform(0.0, 2.0, (4, 5, 6)).astype(np.float32)
+CAMERA: dict[str, Any] = {"position": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0]}
+BOX: dict[str, Any] = {"type": "box", "size": [1.0, 1.0, 1.0], "interior": "smoke"}
+
+
+def described(density: Any, **more: Any) -> dict[str, Any]:
+    medium = {"scattering": 2.0, "density": density}
+    return {"camera": CAMERA, "shapes": [BOX], "media": {"smoke": medium}, **more}
+
+
+def read(folder: Path, name: str, data: bytes) -> GridData:
+    (folder / name).write_bytes(data)
+    return read_grid(name, folder, (), "here")
+
+
+def npy(values: Any) -> bytes:
+    file = io.BytesIO()
+    np.save(file, values)
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("kind", ["<f4", ">f8", "u1", "<i2"])
+def test_numpy_files(tmp_path: Path, kind: str) -> None:
+    given = (VALUES * 10.0).astype(kind)
+    grid = read(tmp_path, "a.npy", npy(given))
+    assert grid.values.dtype == np.float32 and np.array_equal(grid.values, given.astype(np.float32))
+    assert np.array_equal(grid.placement, np.eye(4)[:3])
+
+
+def test_mitsuba_files(tmp_path: Path) -> None:
+    grid = read(tmp_path, "a.vol", vol_bytes(VALUES, (-1.0, -2.0, -3.0, 1.0, 2.0, 4.0)))
+    assert np.array_equal(grid.values, VALUES)
+    assert grid.placement.tolist() == [[2.0, 0.0, 0.0, -1.0], [0.0, 4.0, 0.0, -2.0], [0.0, 0.0, 7.0, -3.0]]
+    halves = read(tmp_path, "b.vol", vol_bytes(VALUES.astype(np.float16)))
+    assert np.array_equal(halves.values, VALUES.astype(np.float16).astype(np.float32))
+    bytes_ = read(tmp_path, "c.vol", vol_bytes((VALUES * 100).astype(np.uint8)))
+    assert bytes_.values.max() == pytest.approx((VALUES * 100).astype(np.uint8).max() / 255.0)
+
+
+@pytest.mark.parametrize("first", [(0, 0, 0), (-5, -130, 4090)])
+@pytest.mark.parametrize("way", [{}, {"codec": 1}, {"tiles": True}], ids=["leaves", "compressed", "tiles"])
+def test_nanovdb_files(tmp_path: Path, first: tuple[int, int, int], way: dict[str, Any]) -> None:
+    """One more value on each side: the zeros to which densities fall."""
+    given = np.random.RandomState(2).uniform(size=(20, 13, 150)).astype(np.float32)
+    given[:10, :10, :10] = 0.5
+    grid = read(tmp_path, "a.nvdb", nanovdb_bytes(given, first, 0.25, (1.0, 2.0, 3.0), **way))
+    assert np.array_equal(grid.values[1:-1, 1:-1, 1:-1], given.transpose(2, 1, 0))
+    inside = np.zeros_like(grid.values)
+    inside[1:-1, 1:-1, 1:-1] = grid.values[1:-1, 1:-1, 1:-1]
+    assert np.array_equal(inside, grid.values)
+    # The value `first` is at first * voxel + offset: in the cube at the middle of the second cell
+    sides = np.array(given.shape) + 2
+    middle = grid.placement[:, :3] @ (1.5 / sides) + grid.placement[:, 3]
+    assert middle == pytest.approx(np.array(first) * 0.25 + [1.0, 2.0, 3.0])
+
+
+def write_files(files: Any, folder: Path) -> None:
+    for name, write in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        with (folder / name).open("wb") as file:
+            write(file)
+
+
+def head(data: bytes, at: int, new: bytes) -> bytes:
+    return data[:at] + new + data[at + len(new) :]
+
+
+NVDB = nanovdb_bytes(VALUES)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "said"),
+    [
+        ("a.npy", npy(VALUES[0]), "must hold numbers of the shape (nz, ny, nx)"),
+        ("a.npy", npy(-VALUES), "densities are from 0"),
+        ("a.npy", npy(np.where(VALUES.max() == VALUES, np.nan, VALUES)), "densities are from 0"),
+        ("a.npy", npy(VALUES)[:-4], "bytes of numbers"),
+        ("a.npy", npy(VALUES.astype(complex)), "must hold numbers"),
+        ("a.vol", vol_bytes(VALUES)[:-1], "bytes of numbers"),
+        ("a.vol", b"VOLX" + vol_bytes(VALUES)[4:], "its version is"),
+        ("a.vol", vol_bytes(np.repeat(VALUES[..., None], 3, axis=-1), channels=3), "has 3 channels"),
+        ("a.vol", b"nothing", "does not begin with VOL"),
+        ("a.nvdb", b"nothing", "ends too early"),
+        ("a.nvdb", NVDB[:5000], "ends too early"),
+        ("a.nvdb", head(NVDB, 8, b"\0\0\0\0"), "its version is 0"),
+        ("a.nvdb", nanovdb_bytes(VALUES, background=1.0), "outside of what it stores"),
+        ("a.nvdb", nanovdb_bytes(VALUES, grid_class=1), "is a level set"),
+        ("a.nvdb", head(NVDB, 14, b"\2\0"), "is compressed by blosc"),
+        ("a.nvdb", head(NVDB, 16 + 32, b"\2\0\0\0"), "has no grid of floats"),
+        ("a.txt", b"", "grids may be .npy, .vol, .nvdb"),
+    ],
+)
+def test_refused_files(tmp_path: Path, name: str, data: bytes, said: str) -> None:
+    with pytest.raises(SceneError, match=re.escape(said)) as error:
+        read(tmp_path, name, data)
+    assert "\n" not in str(error.value) and repr(name)[1:-1] in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (described({"file": "a.npy", "box": [[0, 0, 0], [1, 0, 1]]}), "media.smoke.density.box has no volume"),
+        (described({"file": "a.npy", "transform": {"scale": 0.0}}), "must not be zero"),
+        (described({"file": "a.npy", "edges": "soft"}), "edges"),
+        (described({"file": "a.npy"}, fog="smoke"), "give a box as large an `interior`"),
+        (described({}), "file"),
+    ],
+)
+def test_refused_scenes(content: dict[str, Any], said: str) -> None:
+    with pytest.raises(SceneError, match=re.escape(said)):
+        clrender.Scene(**content)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    scene = clrender.Scene(**described({"file": "a.npy"})).placed("scene", tmp_path)
+    with pytest.raises(SceneError, match=r'scene: media\.smoke\.density\.file: "a\.npy"'):
+        scene.read_named()
+
+
+def test_where_a_grid_is() -> None:
+    grid = GridData(VALUES, np.array([[2.0, 0.0, 0.0, 1.0], [0.0, 3.0, 0.0, 0.0], [0.0, 0.0, 4.0, 0.0]]))
+    media = clrender.Scene(**described({"file": "a.vol", "transform": {"translate": [0.0, 5.0, 0.0]}})).media
+    density = media["smoke"].density
+    assert density is not None
+    wanted = [[2.0, 0.0, 0.0, 1.0], [0.0, 3.0, 0.0, 5.0], [0.0, 0.0, 4.0, 0.0]]
+    assert density_placement(density, grid).tolist() == wanted
+    boxed = density.with_checked(box=((-1.0, -1.0, -1.0), (1.0, 1.0, 0.0)))
+    wanted = [[2.0, 0.0, 0.0, -1.0], [0.0, 2.0, 0.0, 4.0], [0.0, 0.0, 1.0, -1.0]]
+    assert density_placement(boxed, grid).tolist() == wanted
+
+
+@pytest.mark.parametrize("falls", [False, True])
+def test_bricks_have_every_number_and_those_around(falls: bool) -> None:
+    values = np.random.RandomState(1).uniform(size=(9, 4, 30)).astype(np.float32)
+    values[:, :, 9:20] = 0.0
+    side, table, words = brick_words(GridData(values), falls)
+    padded = np.pad(values, 1) if falls else np.pad(values, 1, mode="edge")
+    counts = [-(-(n + 1) // side) for n in values.shape]
+    entries = table.reshape(*counts, 2)
+    empty = 0
+    for k, j, i in np.ndindex(*counts):
+        at, most = int(entries[k, j, i, 0].view(np.uint32)), float(entries[k, j, i, 1])
+        part = padded[k * side : (k + 1) * side + 1, j * side : (j + 1) * side + 1, i * side : (i + 1) * side + 1]
+        assert most == part.max()
+        if most == 0.0:
+            empty += 1
+            continue
+        brick = words[at : at + (side + 1) ** 3].reshape(side + 1, side + 1, side + 1)
+        assert np.array_equal(brick[tuple(slice(n) for n in part.shape)], part)
+    assert empty > 0
+
+
+def test_arrays_of_python() -> None:
+    scene = clrender.Scene(**described({"file": "mine"})).with_arrays(grids={"mine": VALUES.tolist()})
+    assert np.array_equal(scene.grid(*scene.densities()[0]).values, VALUES)
+    with pytest.raises(SceneError, match=r'grids: "mine" .*must hold numbers'):
+        scene.with_arrays(grids={"mine": VALUES[0]})
+
+
+def test_scenes_that_are_sent_and_written_are_the_same(tmp_path: Path) -> None:
+    (tmp_path / "a.vol").write_bytes(vol_bytes(VALUES, (-1.0, -2.0, -3.0, 1.0, 2.0, 4.0)))
+    density = {"file": "a.vol", "transform": {"rotate_degrees": [10.0, 20.0, 30.0]}, "edges": "fall"}
+    scene = clrender.Scene(**described(density)).placed("scene", tmp_path)
+    assert scene_from_portable(*scene_to_portable(scene)).sha256() == scene.sha256()
+    export = exported(scene, "files")
+    write_files(export.files, tmp_path / "out")
+    (tmp_path / "out" / "b.toml").write_bytes(scene_text(export.description, ".toml", "a test"))
+    again = clrender.load(tmp_path / "out" / "b.toml")
+    assert again.sha256() == scene.sha256()
+    assert np.array_equal(flatten(again, 8, 8).arrays["grid_rows"], flatten(scene, 8, 8).arrays["grid_rows"])
+
+
+def test_hashes_follow_the_numbers_and_their_place() -> None:
+    def sha256(values: Any, **density: Any) -> str:
+        return clrender.Scene(**described({"file": "a", **density})).with_arrays(grids={"a": values}).sha256()
+
+    hashes = [sha256(VALUES), sha256(2.0 * VALUES), sha256(VALUES, edges="fall")]
+    hashes += [sha256(VALUES, box=[[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]]), sha256(VALUES.transpose(2, 1, 0))]
+    assert len(set(hashes)) == len(hashes)
+    assert sha256(VALUES, box=[[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]) == hashes[0]
+
+
+def test_grids_in_groups_that_move_are_refused() -> None:
+    content = described({"file": "a"})
+    keys = [{"time": 0.0}, {"time": 1.0, "translate": [1.0, 0.0, 0.0]}]
+    content |= {"groups": {"cloud": {"shapes": [BOX]}}, "camera": {**CAMERA, "shutter": [0.0, 1.0]}}
+    content["shapes"] = [{"type": "instance", "group": "cloud", "motion": keys}]
+    scene = clrender.Scene(**content).with_arrays(grids={"a": VALUES})
+    with pytest.raises(SceneError, match=r'shapes\[0\] moves the group "cloud", .*grids rest'):
+        flatten(scene, 8, 8)
+
+
+PBRT = """LookAt 0 0 5  0 0 0  0 1 0
+Camera "perspective" "float fov" 40
+WorldBegin
+LightSource "infinite" "rgb L" [1 1 1]
+Translate 1 0 0
+{}
+MediumInterface "m" ""
+Material "interface"
+Shape "sphere"
+"""
+
+
+def test_pbrt_grids(tmp_path: Path) -> None:
+    numbers = " ".join(f"{x:.9g}" for x in VALUES.ravel())
+    uniform = 'MakeNamedMedium "m" "string type" "uniformgrid" "integer nx" 6 "integer ny" 5 "integer nz" 4 '
+    uniform += f'"float density" [{numbers}] "point3 p0" [-1 -1 -1] "point3 p1" [1 2 3] "float Lescale" 2'
+    (tmp_path / "a.pbrt").write_text(PBRT.format(uniform))
+    (tmp_path / "x.nvdb").write_bytes(nanovdb_bytes(VALUES.transpose(2, 1, 0)))
+    sparse = 'MakeNamedMedium "m" "string type" "nanovdb" "string filename" "x.nvdb" "float scale" 3'
+    (tmp_path / "b.pbrt").write_text(PBRT.format(sparse))
+    first, second = (clrender.load(tmp_path / name) for name in ("a.pbrt", "b.pbrt"))
+    assert "does not shine" in " ".join(first.notes) and not second.notes
+    (name, density), (other, its) = first.densities()[0], second.densities()[0]
+    assert density.edges == "fall" and np.array_equal(first.grid(name, density).values, VALUES)
+    placed = density_placement(density, first.grid(name, density))
+    assert placed.tolist() == [[2.0, 0.0, 0.0, 0.0], [0.0, 3.0, 0.0, -1.0], [0.0, 0.0, 4.0, -1.0]]
+    assert second.media[other].scattering == (3.0, 3.0, 3.0)
+    placed = density_placement(its, second.grid(other, its))
+    assert placed[:, 3] == pytest.approx([-1.5 + 1.0, -1.5, -1.5])
+
+
+@pytest.mark.parametrize(
+    ("medium", "said"),
+    [
+        ('"string type" "uniformgrid" "float density" [1 2]', "has 2 densities for 1 x 1 x 1"),
+        ('"string type" "uniformgrid"', 'has no "density"'),
+        ('"string type" "uniformgrid" "float density" [-1]', "densities are from 0"),
+        ('"string type" "nanovdb"', 'has no "filename"'),
+    ],
+)
+def test_refused_pbrt_grids(tmp_path: Path, medium: str, said: str) -> None:
+    (tmp_path / "a.pbrt").write_text(PBRT.format(f'MakeNamedMedium "m" {medium}'))
+    with pytest.raises(SceneError, match=re.escape(said)):
+        clrender.load(tmp_path / "a.pbrt")
+
+
+MITSUBA = """<scene version="3.0.0"><sensor type="perspective"/><emitter type="constant"/>
+<shape type="cube"><bsdf type="null"/><medium name="interior" type="heterogeneous"><float name="scale" value="8"/>
+<rgb name="albedo" value="0.75, 0.5, 0.25"/><volume name="sigma_t" type="gridvolume">
+<string name="filename" value="{}"/>{}</volume></medium></shape></scene>"""
+
+
+def test_mitsuba_grids(tmp_path: Path) -> None:
+    (tmp_path / "x.vol").write_bytes(vol_bytes(VALUES, (-1.0, -1.0, -1.0, 1.0, 1.0, 1.0)))
+    moved = '<transform name="to_world"><translate x="3"/></transform>'
+    own = '<boolean name="use_grid_bbox" value="true"/>'
+    corners = []
+    for more in (moved, own):
+        (tmp_path / "a.xml").write_text(MITSUBA.format("x.vol", more))
+        scene = clrender.load(tmp_path / "a.xml")
+        ((name, density),) = scene.densities()
+        assert scene.media[name].scattering == (6.0, 4.0, 2.0) and scene.media[name].absorption == (2.0, 4.0, 6.0)
+        corners.append(density_placement(density, scene.grid(name, density))[:, 3].tolist())
+    assert corners == [[3.0, 0.0, 0.0], [-1.0, -1.0, -1.0]]
+    (tmp_path / "a.xml").write_text(MITSUBA.format("y.vol", ""))
+    with pytest.raises(SceneError, match=r'line 3: "y\.vol" does not exist'):
+        clrender.load(tmp_path / "a.xml")
+    ball = '<shape type="sphere"/></scene>'
+    (tmp_path / "a.xml").write_text(MITSUBA.format("y.vol", "").replace("</scene>", ball))
+    assert any("y.vol" in note and "left out" in note for note in clrender.load(tmp_path / "a.xml").notes)
+
+
+@pytest.mark.parametrize("colored", [False, True])
+def test_mitsuba_gets_grids(tmp_path: Path, colored: bool) -> None:
+    """With a channel for each colour where these have different coefficients."""
+    content = described({"file": "a", "box": [[0.0, 0.0, 0.0], [2.0, 2.0, 2.0]], "edges": "fall"})
+    content["media"]["smoke"]["scattering"] = [1.0, 2.0, 4.0] if colored else 4.0
+    scene = clrender.Scene(**content).with_arrays(grids={"a": VALUES})
+    notes = write_mitsuba(scene, tmp_path / "a.xml")
+    assert notes == ("left out: grids that fall to zero at their edges, which keep their numbers (media.smoke)",)
+    (file,) = (tmp_path / "a-files").glob("*.vol")
+    numbers = np.frombuffer(file.read_bytes()[48:], "<f4").reshape(*VALUES.shape, -1)
+    assert np.array_equal(numbers, VALUES[..., None] * np.array([0.25, 0.5, 1.0] if colored else [1.0], np.float32))
+    text = (tmp_path / "a.xml").read_text()
+    assert 'type="heterogeneous"' in text and ('name="raw"' in text) == colored
+    if not colored:
+        again = clrender.load(tmp_path / "a.xml")
+        ((name, density),) = again.densities()
+        assert np.array_equal(again.grid(name, density).values, VALUES)
+        assert density_placement(density, again.grid(name, density)).tolist() == np.diag([2.0] * 4)[:3].tolist()
+
+
+@pytest.mark.parametrize("export", [exported_to_luxcore, exported_to_cycles])
+def test_other_programs_are_told(export: Any) -> None:
+    scene = clrender.Scene(**described({"file": "a"})).with_arrays(grids={"a": VALUES})
+    notes = export(scene, "files").notes
+    assert "left out: grids of densities, of which media have 1 everywhere (media.smoke.density)" in notes
