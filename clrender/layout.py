@@ -56,8 +56,9 @@ MEDIUM_FLAG_SUBSURFACE: Final = 1
 MEDIUM_FLAG_DARK: Final = 2
 MEDIUM_FLAG_OPEN: Final = 4
 MEDIUM_FLAG_GRID: Final = 8
+MEDIUM_FLAG_GLOWS: Final = 16
 """Flags of a medium's row: of a subsurface material; no lights inside, so that light sampling is useless there; its
-surface has a hole; a grid says its density."""
+surface has a hole; a grid says its density; it shines."""
 
 LIGHT_VERTICES: Final = 8
 """Vertices of a light path that are kept, each as likely, to stand for all."""
@@ -523,11 +524,12 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("IOR", 0, 1, "of a dielectric: its index of refraction; row 0: 1"),
         ("SIGMA", 1, 3, "absorption coefficients, per metre"),
         ("UNRANKED", 4, 1, "bits, in row 0: so many media have no priority"),
+        ("GRID", 4, 1, "bits, in other rows: of media with a grid, the row of grid_rows where its head begins"),
         ("EXTINCTION", 5, 3, "absorption and scattering coefficients together, per metre"),
         ("SCATTERING", 8, 3, "scattering coefficients"),
         ("G", 11, 1, "mean cosine of scattering: Henyey and Greenstein's parameter"),
         ("ALBEDO", 12, 3, "of subsurface materials: share of light that a flat, thick piece returns"),
-        ("GRID", 12, 1, "bits: of media with a grid, the row of grid_rows where its head begins"),
+        ("EMISSION", 12, 3, "of media that shine: radiance that a metre of them adds"),
         ("FLAGS", 15, 1, "bits: MEDIUM_FLAG_*"),
     ),
     "GRID": (

@@ -25,6 +25,7 @@
 #define MEDIUM_FLAG_DARK 2u
 #define MEDIUM_FLAG_OPEN 4u
 #define MEDIUM_FLAG_GRID 8u
+#define MEDIUM_FLAG_GLOWS 16u
 #define LIGHT_VERTICES 8u
 #define FIELD_LEAF 2147483648u
 #define FIELD_LEVELS 16u
@@ -387,11 +388,12 @@ typedef struct {
 #define MEDIUM_ROW_IOR 0                // of a dielectric: its index of refraction; row 0: 1
 #define MEDIUM_ROW_SIGMA 1              // absorption coefficients, per metre
 #define MEDIUM_ROW_UNRANKED 4           // bits, in row 0: so many media have no priority
+#define MEDIUM_ROW_GRID 4               // bits, in other rows: of media with a grid, the row of grid_rows where its head begins
 #define MEDIUM_ROW_EXTINCTION 5         // absorption and scattering coefficients together, per metre
 #define MEDIUM_ROW_SCATTERING 8         // scattering coefficients
 #define MEDIUM_ROW_G 11                 // mean cosine of scattering: Henyey and Greenstein's parameter
 #define MEDIUM_ROW_ALBEDO 12            // of subsurface materials: share of light that a flat, thick piece returns
-#define MEDIUM_ROW_GRID 12              // bits: of media with a grid, the row of grid_rows where its head begins
+#define MEDIUM_ROW_EMISSION 12          // of media that shine: radiance that a metre of them adds
 #define MEDIUM_ROW_FLAGS 15             // bits: MEDIUM_FLAG_*
 
 #define GRID_ROW_X 0                    // head of a grid, two rows: from the world to its coordinates, a row of the matrix each: medium/grid.h

@@ -20,6 +20,7 @@ from clrender.exporters.surfaces import (
     is_rough,
     passes,
     radiance_of,
+    tell_of_glow,
     tell_of_grid,
 )
 from clrender.exporters.target import Target
@@ -71,6 +72,7 @@ class MaterialWriter:
         through = passes(scene, shape)
         inside = inside_of(scene, shape) if through else self._diffuse_inside(shape)
         tell_of_grid(self._target, inside)
+        tell_of_glow(self._target, inside)
         surface = shape.model_dump(mode="json", include={"material", "emission"})
         key = json.dumps([surface, through, None if inside is None else inside.key])
         if key not in self._names:

@@ -9,7 +9,17 @@ import numpy as np
 
 from clrender.exporters.luxcore_text import Properties
 from clrender.exporters.luxcore_textures import TextureWriter
-from clrender.exporters.surfaces import ONCE, Inside, alphas_of, inside_of, is_rough, passes, radiance_of, tell_of_grid
+from clrender.exporters.surfaces import (
+    ONCE,
+    Inside,
+    alphas_of,
+    inside_of,
+    is_rough,
+    passes,
+    radiance_of,
+    tell_of_glow,
+    tell_of_grid,
+)
 from clrender.exporters.target import Target
 from clrender.exporters.triangles import At
 from clrender.flatten.emission import emits
@@ -55,6 +65,7 @@ class MaterialWriter:
         through = passes(scene, shape)
         inside = inside_of(scene, shape) if through else None
         tell_of_grid(self._target, inside)
+        tell_of_glow(self._target, inside)
         surface = shape.model_dump(mode="json", include={"material", "emission"})
         key = json.dumps([surface, through, None if inside is None else inside.key])
         if key not in self._names:

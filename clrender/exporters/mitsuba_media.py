@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from clrender.exact.matrices import inner, length
 from clrender.exporters.grid_vol import write_vol
 from clrender.exporters.mitsuba_xml import Element, element, transform, value
-from clrender.exporters.surfaces import inside_of
+from clrender.exporters.surfaces import inside_of, tell_of_glow
 from clrender.exporters.target import Target
 from clrender.flatten.interiors import winding_number
 from clrender.scene import Sphere
@@ -162,6 +162,7 @@ class MediumWriter:
         inside = inside_of(self._target.scene, shape)
         if inside is None:
             return None
+        tell_of_glow(self._target, inside)
         return self._id(inside.key, inside.name, inside.absorption, inside.scattering, inside.g, inside.density)
 
     def add(self, shape: AnyShape, vertices: NDArray[np.float64], triangles: NDArray[np.uint32]) -> None:

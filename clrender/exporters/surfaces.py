@@ -30,6 +30,7 @@ __all__ = [
     "is_rough",
     "passes",
     "radiance_of",
+    "tell_of_glow",
     "tell_of_grid",
     "tell_of_meshes",
     "tell_of_round",
@@ -56,6 +57,8 @@ class Inside:
         Mean cosine of scattering.
     density : Density or None
         The grid by which both are multiplied.
+    glows : bool
+        Whether it shines.
     """
 
     key: str
@@ -64,6 +67,7 @@ class Inside:
     scattering: Vector
     g: float
     density: Density | None = None
+    glows: bool = False
 
 
 def is_boundary(material: Material) -> bool:
@@ -88,7 +92,7 @@ def inside_of(scene: Scene, shape: AnyShape) -> Inside | None:
     if shape.interior is not None:
         medium = scene.media[shape.interior]
         key = f"media.{shape.interior}"
-        return Inside(key, shape.interior, medium.absorption, medium.scattering, medium.g, medium.density)
+        return Inside(key, shape.interior, medium.absorption, medium.scattering, medium.g, medium.density, medium.glows)
     name = shape.material
     material = None if name is None else scene.materials[name]
     key, wanted = f"materials.{name}", f"inside of {name}"
@@ -97,6 +101,12 @@ def inside_of(scene: Scene, shape: AnyShape) -> Inside | None:
     if isinstance(material, Subsurface) and material.ior is not None:
         return inside_of_subsurface(key, wanted, material)
     return None
+
+
+def tell_of_glow(target: Target, inside: Inside | None) -> None:
+    """Note that a medium does not shine there."""
+    if inside is not None and inside.glows:
+        target.leave_out("the emission of media", "media", inside.name, "emission")
 
 
 def tell_of_grid(target: Target, inside: Inside | None) -> None:

@@ -24,7 +24,7 @@ __all__ = ["Features"]
 _CALIBRATED: Final = (layout.CAMERA_BROWN_CONRADY, layout.CAMERA_KANNALA_BRANDT)
 
 
-_RARE: Final = ("motion", "deformation", "grids")
+_RARE: Final = ("motion", "deformation", "grids", "glowing_media")
 """Features that no program for any scene has."""
 
 
@@ -70,6 +70,8 @@ class Features:
         Some meshes change their form while the shutter is open.
     grids : bool
         The density of some medium is a grid.
+    glowing_media : bool
+        Some medium shines.
     plugins : tuple of (str, str)
         Names and texts of the kernel files that some materials' plugins make; see `clrender.plugins.kernel_files`.
     """
@@ -99,6 +101,7 @@ class Features:
     motion: bool = False
     deformation: bool = False
     grids: bool = False
+    glowing_media: bool = False
     plugins: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -209,6 +212,7 @@ class Features:
             hidden_environment=hidden_environment,
             deformation=bool(instances.poses),
             grids=interiors and bool(media.densities),
+            glowing_media=interiors and media.glows,
             textures=textured or opacity,
             tangents=bool(attributes[:, tangents].view(np.uint32).any()),
             emission_textures=emission_textures,

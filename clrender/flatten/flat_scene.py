@@ -289,7 +289,7 @@ def flatten(
         warnings=(
             *surfaces.warnings,
             *other_shape(scene, width, height),
-            *_no_light(scene, lights),
+            *(() if media.glows else _no_light(scene, lights)),
             *_lost_light(scene, media.no_boundary),
             *_lost_in_fog(scene),
             *_endless(scene, arrays, media, unbounded),

@@ -15,13 +15,16 @@ from clrender.flatten.flat_scene import FlatScene
 __all__ = ["OTHERS", "group_names", "lit_by"]
 
 OTHERS: Final = "others"
-"""Name of the layer of lights without a group."""
+"""Name of the layer of lights without a group, and of media that shine."""
+_MEDIUM: Final = {name: slice(first, first + count) for name, first, count, _ in layout.ROWS["MEDIUM"]}
 _SUN: Final = {name: slice(first, first + count) for name, first, count, _ in layout.ROWS["SUN"]}
 
 
 def group_names(flat: FlatScene) -> list[str]:
     """Names of the light groups of a flat scene, sorted; `OTHERS` last, if some lights have none."""
     names = {name or OTHERS for name in flat.light_groups}
+    if flat.features.glowing_media:
+        names.add(OTHERS)
     return sorted(names - {OTHERS}) + ([OTHERS] if OTHERS in names else [])
 
 
@@ -54,5 +57,10 @@ def lit_by(flat: FlatScene, group: str) -> FlatScene:
         for channel in ("RED", "GREEN", "BLUE"):
             tables[_SUN[channel]] = 0.0
         arrays["lamp_tables"] = tables
+    if flat.features.glowing_media and group != OTHERS:
+        media = flat.arrays["media_rows"].copy()
+        glows = (media[:, _MEDIUM["FLAGS"]].view(np.uint32)[:, 0] & layout.MEDIUM_FLAG_GLOWS) != 0
+        media[glows, _MEDIUM["EMISSION"]] = 0.0
+        arrays["media_rows"] = media
     digest = hashlib.sha256(f"{flat.arrays_sha256} lit by {group}".encode()).hexdigest()
     return dataclasses.replace(flat, arrays=arrays, arrays_sha256=digest)

@@ -43,6 +43,7 @@ class _Medium(NamedTuple):
     scattering: Vector = _BLACK
     g: float = 0.0
     albedo: Vector | None = None  # of a subsurface material
+    emission: Vector = _BLACK
     density: Density | None = None
     name: str | None = None  # of the medium that has the density
 
@@ -66,13 +67,15 @@ class Media:
     no_boundary : frozenset of Solid
         Pairs whose shapes never affect light, so that they are left out unless they emit.
     scatters : bool
-        Whether any medium scatters, or there is fog: then paths outside of all shapes are in a medium, too.
+        Whether any medium scatters or shines, or there is fog: then paths outside of all shapes are in a medium, too.
     straight : bool
         Whether light passes some surfaces undeflected, so that shadow rays must continue through them.
     subsurface : bool
         Whether there are subsurface materials.
     fog : bool
-        Whether the medium outside of all shapes scatters.
+        Whether the medium outside of all shapes scatters or shines.
+    glows : bool
+        Whether any medium shines.
     densities : tuple of (str, Density)
         Grids of media, each with the name of one that has it, in the order of the heads that rows name.
     """
@@ -84,6 +87,7 @@ class Media:
     straight: bool
     subsurface: bool = False
     fog: bool = False
+    glows: bool = False
     densities: tuple[tuple[str, Density], ...] = ()
 
 
@@ -107,7 +111,9 @@ def scene_media(scene: Scene) -> Media:
     solids = _solids(scene)
     media = {solid: _medium(scene, solid, material) for solid, material in solids.items()}
     ranked = _by_priority(media)
-    outside = _Medium(None) if scene.fog is None else _Medium(None, 1.0, *scene.media[scene.fog].numbers)
+    outside = _Medium(None)
+    if scene.fog is not None:
+        outside = _Medium(None, 1.0, *scene.media[scene.fog].numbers, emission=scene.media[scene.fog].emission)
     dark: set[Solid] = set()
     if outside.is_vacuum:
         dark = {
@@ -133,12 +139,13 @@ def scene_media(scene: Scene) -> Media:
     straight |= any(medium.priority is None and _bends_nothing(solids[solid]) for solid, medium in kept.items())
     of_solid = {solid: numbers[medium] for solid, medium in kept.items()}
     subsurface = any(medium.albedo is not None for medium in numbers)
-    scatters = subsurface or not outside.is_vacuum or any(max(medium.scattering) > 0.0 for medium in numbers)
+    glows = any(max(medium.emission) > 0.0 for medium in (outside, *numbers))
+    scatters = subsurface or not outside.is_vacuum or glows or any(max(medium.scattering) > 0.0 for medium in numbers)
     densities = {each.density: each.name for each in numbers if each.density is not None}
     rows = _rows(outside, numbers, len(unranked), list(densities))
-    fog = max(outside.scattering) > 0.0
+    fog = max(outside.scattering) > 0.0 or max(outside.emission) > 0.0
     named = tuple((name or "", density) for density, name in densities.items())
-    return Media(rows, of_solid, frozenset(dark), scatters, straight, subsurface, fog, named)
+    return Media(rows, of_solid, frozenset(dark), scatters, straight, subsurface, fog, glows, named)
 
 
 def _solids(scene: Scene) -> dict[Solid, Dielectric | Principled | Subsurface]:
@@ -165,9 +172,15 @@ def _rows(
         if medium.albedo is not None:
             rows[number, _COLUMNS["ALBEDO"]] = medium.albedo
             rows[number, _COLUMNS["FLAGS"]] = np.uint32(layout.MEDIUM_FLAG_SUBSURFACE).view(np.float32)
+        flags = 0
         if medium.density is not None:
             rows[number, _COLUMNS["GRID"]] = np.uint32(2 * densities.index(medium.density)).view(np.float32)
-            rows[number, _COLUMNS["FLAGS"]] = np.uint32(layout.MEDIUM_FLAG_GRID).view(np.float32)
+            flags |= layout.MEDIUM_FLAG_GRID
+        if max(medium.emission) > 0.0:
+            rows[number, _COLUMNS["EMISSION"]] = medium.emission
+            flags |= layout.MEDIUM_FLAG_GLOWS
+        if flags:
+            rows[number, _COLUMNS["FLAGS"]] = np.uint32(flags).view(np.float32)
     rows[0, _COLUMNS["UNRANKED"]] = np.uint32(unranked).view(np.float32)
     return rows
 
@@ -191,7 +204,7 @@ def _medium(scene: Scene, solid: Solid, material: Dielectric | Principled | Subs
     if solid[1] is None:
         return _Medium(priority, material.ior, absorption_coefficients(material))
     medium = scene.media[solid[1]]
-    found = _Medium(priority, material.ior, *medium.numbers)
+    found = _Medium(priority, material.ior, *medium.numbers, emission=medium.emission)
     if medium.density is None or found == _Medium(priority, material.ior):
         return found
     return found._replace(density=medium.density, name=solid[1])

@@ -47,6 +47,12 @@ def check_materials(scene: Scene, integrator: str) -> None:
     taken, volumes = takes.materials, takes.volumes
     if not takes.media:
         _refuse_media(scene, integrator)
+    for name in () if takes.glowing_media else scene.used_media():
+        if scene.media[name].glows:
+            raise SceneError(
+                f"{scene.source}: {place(('media', name, 'emission'))}: media that shine are not for the integrator "
+                f"{integrator}; leave it out, or use --integrator path"
+            )
     _refuse_masked(scene, integrator)
     _refuse_hidden(scene, integrator)
     for at, shape in scene.all_shapes():

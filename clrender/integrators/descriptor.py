@@ -86,6 +86,8 @@ class Integrator:
         Whether its paths track the dielectrics that they are inside: priorities and absorption.
     media : bool
         Whether it supports scattering media, including fog.
+    glowing_media : bool
+        Whether it supports media that shine, if it supports media.
     opacity : bool
         Whether it supports surfaces with opacity, which rays may pass through.
     textures : tuple of str or None
@@ -120,6 +122,7 @@ class Integrator:
     environment_pictures: bool = True
     volumes: bool = True
     media: bool = False
+    glowing_media: bool = True
     opacity: bool = True
     textures: tuple[str, ...] | None = None
     emission_textures: bool = True

@@ -15,6 +15,7 @@ INTEGRATOR: Final = Integrator(
     takes={"indirect_rays": (1,), "light_sampler": ("auto", "power", "uniform")},
     fixed={"indirect_rays": 0},
     media=True,
+    glowing_media=False,
     auto_light_sampler="power",
     preparation="clrender.photon.maps",
     times="image",

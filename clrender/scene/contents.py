@@ -334,6 +334,11 @@ class SceneContents(Head):
         assert isinstance(light, IesLight)
         return self._files.profile(light.file, f"lights[{index}].file")
 
+    def used_media(self) -> set[str]:
+        """Names of the media that shapes or the fog are of."""
+        names = {shape.interior for _, shape in self.all_shapes()} | {self.fog}
+        return {name for name in names if name is not None}
+
     def densities(self) -> list[tuple[str, Density]]:
         """The grids of its media, each with the name of the medium."""
         return [(name, each.density) for name, each in self.media.items() if each.density is not None]

@@ -43,10 +43,14 @@ class Density(Part):
 class Medium(Part):
     """Participating medium, such as smoke, fog or milk."""
 
-    late_keys: ClassVar[frozenset[str]] = frozenset({"density"})
+    late_keys: ClassVar[frozenset[str]] = frozenset({"density", "emission"})
 
     absorption: _Coefficients = Field((0.0, 0.0, 0.0), description="absorption coefficient, per metre")
     scattering: _Coefficients = Field((0.0, 0.0, 0.0), description="scattering coefficient, per metre")
+    emission: _Coefficients = Field(
+        (0.0, 0.0, 0.0),
+        description="radiance that a metre of it adds, W/(sr m3); only where it also absorbs or scatters",
+    )
     g: Annotated[Finite, Field(ge=-0.99, le=0.99)] = Field(
         0.0,
         description="anisotropy of the Henyey-Greenstein phase function: above 0 forward, below 0 backward scattering",
@@ -54,9 +58,22 @@ class Medium(Part):
 
     density: Density | None = Field(None, description="where it is how dense; default: the same everywhere")
 
+    @model_validator(mode="after")
+    def _absorbs_what_it_sends(self) -> Medium:
+        for number, channel in enumerate(("red", "green", "blue")):
+            if self.emission[number] > 0.0 and self.absorption[number] + self.scattering[number] == 0.0:
+                text = f"shines in {channel} without absorbing or scattering it; give it some absorption"
+                raise fault("medium", text, "emission")
+        return self
+
+    @property
+    def glows(self) -> bool:
+        """Whether it emits light."""
+        return max(self.emission) > 0.0
+
     @property
     def scatters(self) -> bool:
-        """Whether it does more than absorb."""
+        """Whether it scatters light."""
         return max(self.scattering) > 0.0
 
     @property

@@ -253,7 +253,8 @@ static uint light_paths_trace(const Scene* scene, const Splats* splats, uint pas
         Hit hit = find_nearest(scene, &path.ray, path.sampler, path.depth, mask_none(), path.alive);
         rays += lane_count(path.alive);
         const vec3 sent = path.flux;
-        medium_travel(scene, &path.interior, &path.ray, &free, path.alive, &path.flux, &hit);
+        vec3 unseen = vec3_all(0.0f);
+        medium_travel(scene, &path.interior, &path.ray, &free, path.alive, &path.flux, &hit, &unseen);
         light_path_arrive(scene, &path, hit, &arrival);
 
         // The camera may see it there, and other paths may join with it

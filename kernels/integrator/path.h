@@ -109,7 +109,7 @@ static void path_find(const Scene* scene, Path* path, FreePath* free, Hit* hit) 
 
 // Go there through what lies on the way: it absorbs, or scatters the path before it arrives.
 static void path_travel(const Scene* scene, Path* path, const FreePath* free, Hit* hit) {
-    medium_travel(scene, &path->interior, &path->ray, free, path_traces(path), &path->throughput, hit);
+    medium_travel(scene, &path->interior, &path->ray, free, path_traces(path), &path->throughput, hit, &path->radiance);
 }
 
 // Add the radiance of a light that the ray ran into; `density` is that of light samples there, once they chose this light.

@@ -164,6 +164,16 @@ static vec3 interior_through_fog(const Scene* scene) {
 #endif
 }
 
+// Where paths come to a halt in a medium, which they do where it scatters or shines.
+static vmask interior_collides(const vfloat* row) {
+    const vmask scatters = largest(vec3_row(row, MEDIUM_ROW_SCATTERING)) > 0.0f;
+#ifdef GLOWING_MEDIA
+    return scatters | ((vfloat_bits(row[MEDIUM_ROW_FLAGS]) & MEDIUM_FLAG_GLOWS) != 0u);
+#else
+    return scatters;
+#endif
+}
+
 // What is left of radiance from outside the scene. It becomes n² times as much in a medium of index n, for the list has to be empty out
 // there (PBR 4ed, 9.5.2). In a medium that scatters, paths do so before they get that far.
 static vec3 interior_from_outside(const Scene* scene, vuint medium) {
@@ -172,8 +182,7 @@ static vec3 interior_from_outside(const Scene* scene, vuint medium) {
 #ifdef MEDIA
     vfloat row[16];
     lane_rows(scene->media_rows, medium, row);
-    const vmask scatters = largest(vec3_row(row, MEDIUM_ROW_SCATTERING)) > 0.0f;
-    vmask ends = !scatters;
+    vmask ends = !interior_collides(row);
 #ifdef GRIDS
     ends = ends | grid_fills(row);
 #endif

@@ -59,8 +59,8 @@ static FreePath medium_free_path(const Scene* scene, const Interior* in, const R
     FreePath free;
     vfloat row[16];
     lane_rows(scene->media_rows, interior_top(in), row);
-    const vec3 extinction = vec3_row(row, MEDIUM_ROW_EXTINCTION), scattering = vec3_row(row, MEDIUM_ROW_SCATTERING);
-    const vmask may = medium_is_even(row) & (largest(scattering) > 0.0f);
+    const vec3 extinction = vec3_row(row, MEDIUM_ROW_EXTINCTION);
+    const vmask may = medium_is_even(row) & interior_collides(row);
     free.length = splat(FAR);
     free.share = vec3_all(0.0f);
 #ifdef EQUIANGULAR
@@ -101,14 +101,20 @@ static vfloat medium_pdf(const FreePath* free, vec3 extinction, vec3 left, vfloa
 #endif
 }
 
-// Go through that medium, until the hit or, where there is none so near, to where light scatters; the throughput carries what is left.
+// Where an extinction is above 0, this per extinction, by channel.
+static vec3 medium_per(vec3 some, vec3 extinction) {
+    return vec3_of(some.x * inverse_or_one(extinction.x), some.y * inverse_or_one(extinction.y), some.z * inverse_or_one(extinction.z));
+}
+
+// Go through that medium, until the hit or, where there is none so near, to where light scatters; the throughput carries what is left. Adds
+// the radiance that the medium sends out there to `glow`: what light is absorbed comes from such points, too.
 static void medium_travel(
-    const Scene* scene, const Interior* in, const Ray* ray, const FreePath* free, vmask alive, vec3* throughput, Hit* hit
+    const Scene* scene, const Interior* in, const Ray* ray, const FreePath* free, vmask alive, vec3* throughput, Hit* hit, vec3* glow
 ) {
     vfloat row[16];
     lane_rows(scene->media_rows, interior_top(in), row);
     const vec3 extinction = vec3_row(row, MEDIUM_ROW_EXTINCTION), scattering = vec3_row(row, MEDIUM_ROW_SCATTERING);
-    const vmask may = alive & (largest(scattering) > 0.0f);
+    const vmask may = alive & interior_collides(row);
     const vec3 arrives = mul(*throughput, interior_absorption(scene, in, ray, *hit, alive & !may));
     if (!lane_any(may)) {
         *throughput = arrives;
@@ -124,13 +130,21 @@ static void medium_travel(
     const vfloat pdf = medium_pdf(free, extinction, left, distance, scatters);
     const vec3 arrived = lane_any(outside) ? choose(outside, interior_from_outside(scene, interior_top(in)), left) : left;
     const vec3 weight = scale(choose(scatters, mul(scattering, left), arrived), inverse_or_one(pdf));
+#ifdef GLOWING_MEDIA
+    const vmask glows = may & ((vfloat_bits(row[MEDIUM_ROW_FLAGS]) & MEDIUM_FLAG_GLOWS) != 0u);
+    const vec3 emission = choose(glows, vec3_row(row, MEDIUM_ROW_EMISSION), vec3_all(0.0f));
+    *glow = choose(scatters, add(*glow, mul(*throughput, scale(mul(emission, left), inverse_or_one(pdf)))), *glow);
+#endif
 #ifdef GRIDS
     const vmask grid = may & grid_fills(row);
     if (lane_any(grid)) {
         const GridEvent event =
             grid_travel(scene, grid_head(row), extinction, medium_share(*throughput), ray->origin, ray->direction, hit->distance, grid);
-        const vec3 albedo = vec3_of(scattering.x * inverse_or_one(extinction.x), scattering.y * inverse_or_one(extinction.y),
-                                    scattering.z * inverse_or_one(extinction.z));
+        const vec3 albedo = medium_per(scattering, extinction);
+#ifdef GLOWING_MEDIA
+        const vec3 sent = mul(mul(*throughput, event.weight), medium_per(emission, extinction));
+        *glow = choose(event.scatters, add(*glow, sent), *glow);
+#endif
         const vec3 beyond = choose(outside, interior_from_outside(scene, interior_top(in)), vec3_all(1.0f));
         *throughput = choose(grid, mul(mul(*throughput, event.weight), choose(event.scatters, albedo, beyond)), *throughput);
         hit->distance = grid ? event.distance : hit->distance;
@@ -187,7 +201,7 @@ typedef struct {
 } FreePath;
 
 static void medium_travel(
-    const Scene* scene, const Interior* in, const Ray* ray, const FreePath* free, vmask alive, vec3* throughput, Hit* hit
+    const Scene* scene, const Interior* in, const Ray* ray, const FreePath* free, vmask alive, vec3* throughput, Hit* hit, vec3* glow
 ) {
     *throughput = interior_absorb(scene, in, ray, *hit, alive, *throughput);
 }

@@ -136,7 +136,8 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
 #endif
         Hit hit = find_nearest(scene, &photon.ray, photon.sampler, photon.depth, mask_none(), photon.alive);
         const vec3 sent = photon.flux;
-        medium_travel(scene, &photon.interior, &photon.ray, &free, photon.alive, &photon.flux, &hit);
+        vec3 unseen = vec3_all(0.0f);
+        medium_travel(scene, &photon.interior, &photon.ray, &free, photon.alive, &photon.flux, &hit, &unseen);
         const vmask found = photon.alive & (hit.primitive != NONE), on_surface = found & !medium_scatters(hit);
         Surface surface = surface_at(scene, &photon.ray, hit, on_surface);
         medium_surface(scene, &photon.ray, &photon.interior, hit, &surface);

@@ -11,6 +11,9 @@ static uint arrive(const Scene* scene, State s, Path* path, const FreePath* free
     state_put_hit(s, hit);
 #ifdef INTERIORS
     state_put_throughput(s, path);
+#ifdef GLOWING_MEDIA
+    state_put_radiance(s, path);
+#endif
 #endif
     return vertex_kind(scene, path->alive, *hit);
 }

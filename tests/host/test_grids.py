@@ -126,6 +126,7 @@ def test_refused_files(tmp_path: Path, name: str, data: bytes, said: str) -> Non
         (described({"file": "a.npy", "edges": "soft"}), "edges"),
         (described({"file": "a.npy"}, fog="smoke"), "give a box as large an `interior`"),
         (described({}), "file"),
+        ({**described(None), "media": {"smoke": {"emission": [0, 1, 0], "absorption": [1, 0, 1]}}}, "shines in green"),
     ],
 )
 def test_refused_scenes(content: dict[str, Any], said: str) -> None:
@@ -227,10 +228,11 @@ Shape "sphere"
 def test_pbrt_grids(tmp_path: Path) -> None:
     numbers = " ".join(f"{x:.9g}" for x in VALUES.ravel())
     uniform = 'MakeNamedMedium "m" "string type" "uniformgrid" "integer nx" 6 "integer ny" 5 "integer nz" 4 '
-    uniform += f'"float density" [{numbers}] "point3 p0" [-1 -1 -1] "point3 p1" [1 2 3] "float Lescale" 2'
+    uniform += f'"float density" [{numbers}] "point3 p0" [-1 -1 -1] "point3 p1" [1 2 3] "float temperature" 2'
     (tmp_path / "a.pbrt").write_text(PBRT.format(uniform))
     (tmp_path / "x.nvdb").write_bytes(nanovdb_bytes(VALUES.transpose(2, 1, 0)))
-    sparse = 'MakeNamedMedium "m" "string type" "nanovdb" "string filename" "x.nvdb" "float scale" 3'
+    sparse = 'MakeNamedMedium "m" "string type" "nanovdb" "string filename" "x.nvdb" "float scale" 3 '
+    sparse += '"rgb Le" [1 2 0] "float Lescale" 2'
     (tmp_path / "b.pbrt").write_text(PBRT.format(sparse))
     first, second = (clrender.load(tmp_path / name) for name in ("a.pbrt", "b.pbrt"))
     assert "does not shine" in " ".join(first.notes) and not second.notes
@@ -238,7 +240,7 @@ def test_pbrt_grids(tmp_path: Path) -> None:
     assert density.edges == "fall" and np.array_equal(first.grid(name, density).values, VALUES)
     placed = density_placement(density, first.grid(name, density))
     assert placed.tolist() == [[2.0, 0.0, 0.0, 0.0], [0.0, 3.0, 0.0, -1.0], [0.0, 0.0, 4.0, -1.0]]
-    assert second.media[other].scattering == (3.0, 3.0, 3.0)
+    assert second.media[other].scattering == (3.0, 3.0, 3.0) and second.media[other].emission == (6.0, 12.0, 0.0)
     placed = density_placement(its, second.grid(other, its))
     assert placed[:, 3] == pytest.approx([-1.5 + 1.0, -1.5, -1.5])
 

@@ -31,7 +31,7 @@ _LENGTHS: Final = (
 )
 FAR_LAMP: Final = [1e-4, 1e-4, 1e-4]
 """Intensity of the lamp that is added for its features only, in a closed black box."""
-VOLUMES: Final = ("interiors", "media", "equiangular", "subsurface", "straight_shadows", "grids")
+VOLUMES: Final = ("interiors", "media", "equiangular", "subsurface", "straight_shadows", "grids", "glowing_media")
 """Features of kernels that change no bit where a scene has no such thing."""
 _FAR: Final = 40.0
 """Distance of what is added for its features only; lens and view do not reach it."""
@@ -87,7 +87,7 @@ def moved(content: Json, factor: float, by: list[float]) -> Json:
         if "bump_map" in material:
             material["bump_map"]["scale"] = material["bump_map"].get("scale", 1.0) * factor
     for medium in scene.get("media", {}).values():
-        for key in ("absorption", "scattering"):
+        for key in ("absorption", "scattering", "emission"):
             if key in medium:
                 medium[key] = _times(medium[key], 1.0 / factor)
     of_groups = {shape.get("interior") for group in scene.get("groups", {}).values() for shape in group["shapes"]}

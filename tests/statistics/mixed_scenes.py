@@ -90,6 +90,7 @@ def mixed_scene(kind: str, number: int) -> Mixed:
     _categorized(mixed.name, mixed.content)
     _moving(mixed)
     _uneven(mixed)
+    _glowing(mixed)
     plugged(mixed.name, mixed.content)
     return mixed
 
@@ -150,6 +151,20 @@ def _uneven(mixed: Mixed) -> None:
         if draw.chance(0.4):
             density["edges"] = draw.one(("keep", "fall"))
         made["density"] = density
+
+
+def _glowing(mixed: Mixed) -> None:
+    """Let media shine; in white scenes as much as they absorb, which is not seen. By random numbers of their own."""
+    draw, content = Draw(f"glow of {mixed.name}", white=False), mixed.content
+    shapes = [*content["shapes"], *(each for group in content.get("groups", {}).values() for each in group["shapes"])]
+    filled = {shape["interior"] for shape in shapes if "interior" in shape and "material" in shape}
+    for name, made in content.get("media", {}).items():
+        if mixed.exact == 0.0 or not draw.chance(0.3):
+            continue
+        if mixed.exact is None:
+            made["absorption"], made["emission"] = draw.color(0.1, 1.0), draw.one((0.2, draw.color(0.0, 0.5)))
+        elif name not in filled:  # in glass there is more radiance
+            made["absorption"] = made["emission"] = draw.color(0.1, 1.0)
 
 
 def _may_move(mixed: Mixed, shape: Json) -> bool:

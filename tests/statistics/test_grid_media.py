@@ -49,8 +49,8 @@ _long = pytest.mark.long
         pytest.param("path", GREY, id="path, grey"),
         pytest.param("path", COLORED, id="path, colored"),
         pytest.param("path", ONE_CHANNEL, id="path, one channel"),
-        pytest.param("path", DARK, id="path, dark"),
-        pytest.param("bdpt", COLORED, id="bdpt, colored"),
+        pytest.param("path", DARK, id="path, dark", marks=_long),
+        pytest.param("bdpt", COLORED, id="bdpt, colored", marks=_long),
         pytest.param("bdpt", GREY, id="bdpt, grey", marks=_long),
         pytest.param("bdpt", ONE_CHANNEL, id="bdpt, one channel", marks=_long),
         pytest.param("bdpt", DARK, id="bdpt, dark", marks=_long),
@@ -141,6 +141,56 @@ def test_integrators_agree_about_a_cloud(evidence: Evidence, studio: Studio, int
     evidence.equal("radiance", first, second, rounding=bias or 1e-6)
 
 
+GLOWING: dict[str, Any] = {"absorption": [0.5, 1.0, 2.0], "scattering": [1.0, 4.0, 0.0], "emission": [0.5, 1.0, 2.0]}
+"""Its emission over its absorption is 1: among light of radiance 1 it cannot be seen."""
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("even", [False, pytest.param(True, marks=_long)], ids=["cloud", "even"])
+@pytest.mark.parametrize("integrator", ["path", pytest.param("bdpt", marks=_long)])
+def test_what_shines_as_much_as_it_absorbs(evidence: Evidence, studio: Studio, integrator: str, even: bool) -> None:
+    what = filled({**GLOWING, "g": 0.4}, None if even else cloud(), BESIDE, [SKY])
+    tiles = studio.tiles(what, range(12), size=24, spp=16, integrator=integrator)
+    evidence.mean_is("equilibrium", tiles, 1.0)
+
+
+@pytest.mark.parametrize("scatters", [False, True], ids=["absorbs", "scatters"])
+def test_light_of_a_ramp(evidence: Evidence, studio: Studio, scatters: bool) -> None:
+    """What comes straight: ε / σ (1 - e^(-σ ∫ density))."""
+    sigma, emission = np.array([0.2, 0.5, 1.1]), np.array([1.0, 0.0, 3.0])
+    medium: dict[str, Any] = {"scattering" if scatters else "absorption": sigma.tolist(), "emission": emission.tolist()}
+    values = np.tile(np.array([0.0, 1.0, 3.0, 2.0], np.float32)[:, None, None], (1, 3, 2))
+    depth, _ = integrate.quad(ramp, -1.0, 1.0, args=("keep",), points=[-0.75, -0.25, 0.25, 0.75])
+    what = filled(medium, values, STRAIGHT, [])
+    made = [studio.pixels(what, 32, spp=64, max_depth=0, seed=seed).mean() for seed in range(8)]
+    evidence.mean_is("glow", made, float(emission / sigma * -np.expm1(-sigma * depth) @ WEIGHTS))
+
+
+def test_glowing_fog(evidence: Evidence, studio: Studio) -> None:
+    """Without end it has the radiance emission / absorption."""
+    fog = {"absorption": [0.5, 1.0, 2.0], "scattering": [1.0, 0.5, 0.0], "emission": [0.5, 0.5, 0.5]}
+    what = clrender.Scene(camera=BESIDE, shapes=(sphere([0.0, 0.0, -50.0], 0.1),), media={"fog": fog}, fog="fog")
+    made = studio.tiles(what, range(8), size=16, spp=16)
+    evidence.mean_is("fog", made, float(np.array([1.0, 0.5, 0.25]) @ WEIGHTS))
+
+
+def test_a_fire_lights_a_floor_and_is_a_light_without_a_group(studio: Studio) -> None:
+    fire = filled({"absorption": 0.5, "emission": [3.0, 1.0, 0.1]}, cloud(), BESIDE, [{**SKY, "light_group": "sky"}])
+    floor = quad([-9.0, -1.2, 9.0], [18.0, 0.0, 0.0], [0.0, 0.0, -18.0], material="floor")
+    what = fire.changed(shapes=[*fire.shapes, floor], materials={"floor": lambert(0.5)})
+    image = clrender.render(what, size=(24, 24), spp=16, light_groups=True)
+    assert set(image.light_groups) == {"sky", "others"}
+    total = np.add(image.light_groups["sky"], image.light_groups["others"], dtype=np.float32)
+    assert np.array_equal(total, image.linear)
+    assert image.light_groups["others"][-3:].mean(axis=(0, 1)).min() > 0.01
+
+
+def test_photons_are_not_sent_by_media() -> None:
+    what = filled(GLOWING, None, BESIDE, [SKY])
+    with pytest.raises(clrender.SceneError, match=r"media\.smoke\.emission: media that shine .* integrator photon"):
+        clrender.render(what, size=(8, 8), spp=1, integrator="photon")
+
+
 def test_a_grid_goes_with_its_group(evidence: Evidence, studio: Studio) -> None:
     """Instances of a cloud are clouds in other places."""
     box = {"type": "box", "size": [2.0, 2.0, 2.0], "interior": "smoke"}
@@ -167,9 +217,10 @@ def test_a_grid_goes_with_its_group(evidence: Evidence, studio: Studio) -> None:
     evidence.equal("radiance", first, second)
 
 
-def test_a_grid_has_the_same_bits_however_it_is_traced(device: Device) -> None:
+@pytest.mark.parametrize("medium", [pytest.param(COLORED, marks=_long), GLOWING], ids=["dark", "glows"])
+def test_a_grid_has_the_same_bits_however_it_is_traced(device: Device, medium: dict[str, Any]) -> None:
     what = filled(
-        COLORED, cloud(), BESIDE, [SKY, {"type": "point", "position": [2.0, 3.0, 2.0], "intensity": [9.0] * 3}]
+        medium, cloud(), BESIDE, [SKY, {"type": "point", "position": [2.0, 3.0, 2.0], "intensity": [9.0] * 3}]
     )
     lanes = (1, 4, 8, 16) if device.is_cpu else (1,)
     assert len(hashes_by_lanes_and_cuts(device, what, lanes)) == 1

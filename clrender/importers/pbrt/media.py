@@ -21,7 +21,7 @@ __all__ = ["MediumReader"]
 _MOST_G: Final = 0.99
 _NAME_LIMIT: Final = 160
 _GRIDS: Final = ("uniformgrid", "heterogeneous", "nanovdb")
-_EMISSION: Final = ("Le", "Lescale", "temperature", "temperaturescale", "temperaturecutoff", "temperatureoffset")
+_TEMPERATURE: Final = ("temperature", "temperaturescale", "temperaturecutoff", "temperatureoffset")
 
 
 class MediumReader:
@@ -66,10 +66,10 @@ class MediumReader:
         """The grid of a medium; None if it is left out."""
         if not is_affine(matrix):
             raise parameters.fault("the medium's transform is no affine one that can be inverted; give it another")
-        for key in _EMISSION:
+        for key in _TEMPERATURE:
             if key in parameters.values:
                 parameters.get(key)
-                self._staging.note(f"the medium {quoted(name)} does not shine: {quoted(key)} is not known")
+                self._staging.note(f"the medium {quoted(name)} does not shine by its {key}, which is not known")
         if kind == "nanovdb":
             file = parameters.text("filename")
             if not file:
@@ -133,6 +133,13 @@ class MediumReader:
         }
         if density is not None:
             made["density"] = density
+        emitted = self._textures.coefficients(parameters, "Le", (0.0, 0.0, 0.0))
+        if any(x > 0.0 for x in emitted):
+            factors = parameters.numbers("Lescale")
+            if factors is not None and len(factors) > 1:
+                self._staging.note(f"the grid of the emission of the medium {quoted(wanted)} is read as its mean")
+            factor = scale * (1.0 if factors is None else float(np.cumsum(factors)[-1]) / len(factors))
+            made["emission"] = [max(le * a * factor, 0.0) for le, a in zip(emitted, absorption, strict=True)]
         media = self._staging.draft.description.setdefault("media", {})
         name, number = wanted[:_NAME_LIMIT], 2
         while media.get(name, made) != made:
