@@ -19,9 +19,9 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from elftools.elf.elffile import ELFFile
 
@@ -114,6 +114,11 @@ _TIERS: Final[Mapping[str, Mapping[str, int | str]]] = {
     "textures": Features(materials=True, textures=True, environment_map=True).macros,
     "everything": {**_EVERYTHING.macros, **_OF_SETTINGS},
 }
+_RARE: Final[Mapping[str, tuple[str, ...]]] = {
+    "motion": ("motion", "deformation"),
+    "grids": ("grids", "glowing_media"),
+}
+"""Features that a program for any scene does not have."""
 _SCENELESS: Final = [
     "film/accumulate",
     "geometry/build_collapse",
@@ -160,6 +165,11 @@ def _programs() -> dict[str, Program]:
     for name in ("integrator/path", "integrator/bdpt"):
         for tier, macros in (("simple", _TIERS["simple"]), ("everything", unsplit)):
             made[f"{name} with chains, {tier}"] = Program(f"{name}.cl", {**macros, "SPECULAR_CHAINS": 1})
+    for name in ("integrator/path", "integrator/bdpt"):
+        for which, rare in _RARE.items():
+            flags: dict[str, Any] = dict.fromkeys(rare, True)
+            macros = {**unsplit, **replace(_EVERYTHING, **flags).macros}
+            made[f"{name}, everything and {which}"] = Program(f"{name}.cl", macros)
     made["film/accumulate, splats"] = Program("film/accumulate.cl", {"SPLATS": 1})
     for name in (*_SCENELESS, *(f"radiosity/{part}" for part in _RADIOSITY)):
         made[name] = Program(f"{name}.cl", {})

@@ -32,12 +32,17 @@ typedef struct {
     vfloat first, angle;     // turns: the ray's origin as the lamp sees it, 0 where it is nearest; all of the ray
 } Equiangular;
 
-static Equiangular equiangular_about_lamp(
-    const Scene* scene, Sampler sampler, vuint set, vuint depth, const Ray* ray, vfloat extinction, vmask may
-) {
+static Equiangular equiangular_none(void) {
     Equiangular e;
     e.share = e.nearest = e.first = splat(0.0f);
     e.height = splat(1.0f), e.angle = splat(0.25f);
+    return e;
+}
+
+static Equiangular equiangular_about_lamp(
+    const Scene* scene, Sampler sampler, vuint set, vuint depth, const Ray* ray, vfloat extinction, vmask may
+) {
+    Equiangular e = equiangular_none();
     if (scene->settings->light_count == 0u) return e;
 
     // Choose a lamp, by random numbers that choose nothing else

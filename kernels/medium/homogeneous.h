@@ -64,7 +64,7 @@ static FreePath medium_free_path(const Scene* scene, const Interior* in, const R
     free.length = splat(FAR);
     free.share = vec3_all(0.0f);
 #ifdef EQUIANGULAR
-    free.lamp.share = splat(0.0f);
+    free.lamp = equiangular_none();
 #endif
     if (!lane_any(may)) return free;
 

@@ -115,6 +115,8 @@ class Run:
         With shapes, a lamp and the camera that move while the shutter is open.
     plugins : bool
         With BSDFs and a texture of plugins.
+    grids : bool
+        With media whose density is a grid, and which shine.
     """
 
     kernel: str
@@ -138,6 +140,7 @@ class Run:
     calibrated: str = ""
     motion: bool = False
     plugins: bool = False
+    grids: bool = False
 
 
 RENDERS: Final = {
@@ -195,6 +198,9 @@ RENDERS: Final = {
     "bdpt-1-calibrated": Run("bdpt", 1, calibrated="kannala-brandt"),
     "path-4-motion": Run("path", 4, samples=2, textured=True, motion=True),
     "path-8-single-motion": Run("path", 8, "single", instances=True, motion=True),
+    "path-4-grids": Run("path", 4, samples=2, media=True, grids=True),
+    "path-1-grids": Run("path", 1, media=True, grids=True),
+    "bdpt-1-grids": Run("bdpt", 1, media=True, grids=True),
     "path-1-motion": Run("path", 1, rough=True, media=True, motion=True),
     "staged-1-motion": Run("staged", 1, samples=2, motion=True),
     "bdpt-1-motion": Run("bdpt", 1, motion=True),
@@ -352,6 +358,16 @@ def scene(run: Run, folder: Path) -> FlatScene:
         "media": {"smoke": {"scattering": (1, 2, 0.5), "absorption": 0.2, "g": 0.6}, "milk": {"scattering": 6.0}},
         "fog": "smoke",
     }
+    if run.grids:
+        np.save(folder / "cloud.npy", np.random.RandomState(7).uniform(-0.5, 2.0, (5, 7, 6)).clip(0.0))
+        density = {"file": "cloud.npy", "box": ((-0.6, -0.5, -0.3), (1.0, 0.3, 1.3)), "edges": "fall"}
+        milk = {"scattering": (6.0, 1.0, 0.0), "absorption": 0.3, "emission": (0.0, 1.0, 0.5)}
+        scattering["media"] |= {
+            "smoke": {"scattering": (1, 2, 0.5), "absorption": 0.2, "emission": 0.3, "density": density},
+            "milk": {**milk, "density": {"file": "cloud.npy", "transform": {"translate": (-0.3, -0.4, -0.2)}}},
+            "air": {"scattering": 0.05},
+        }
+        scattering["fog"] = "air"
     around: dict[str, Any] = {"type": "environment", "radiance": (0.2, 0.2, 0.2)}
     if run.sky:
         around = {"type": "environment", "file": "sky"}

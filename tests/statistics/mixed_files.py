@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from grid_files import nanovdb_bytes, vol_bytes
 from PIL import Image
 
+from clrender.exporters.grid_vol import write_vol
+from clrender.grids import GridData
 from clrender.image.exr_write import write_exr
 from clrender.image.radiance_hdr import write_hdr
 
@@ -71,12 +72,12 @@ def files() -> dict[str, bytes]:
 
 
 def _clouds() -> dict[str, bytes]:
-    """The same densities in each format of grids; some of them are 0."""
+    """The same densities in two formats; some of them are 0."""
     values = np.random.RandomState(40).uniform(-0.5, 2.0, (5, 6, 7)).clip(0.0).astype(np.float32)
-    file = io.BytesIO()
+    file, other = io.BytesIO(), io.BytesIO()
     np.save(file, values)
-    sparse = nanovdb_bytes(values.transpose(2, 1, 0), (-3, -3, -2), 0.3)
-    return {"cloud.npy": file.getvalue(), "cloud.vol": vol_bytes(values, (-1, -1, -1, 1, 1, 1)), "cloud.nvdb": sparse}
+    write_vol(other, GridData(values), [1.0])
+    return {"cloud.npy": file.getvalue(), "cloud.vol": other.getvalue()}
 
 
 def _picture(pixels: Bytes, name: str = "PNG", **options: object) -> bytes:

@@ -142,7 +142,7 @@ def _uneven(mixed: Mixed) -> None:
     for name, made in content.get("media", {}).items():
         if name == content.get("fog") or name in apart or not draw.chance(0.35):
             continue
-        density: Json = {"file": draw.one(("cloud.npy", "cloud.vol", "cloud.nvdb"))}
+        density: Json = {"file": draw.one(("cloud.npy", "cloud.vol"))}
         if draw.chance(0.6):
             low, size = draw.point(1.0), draw.between(0.6, 3.0)
             density["box"] = [[x - size for x in low], [x + size for x in low]]
