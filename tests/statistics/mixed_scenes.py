@@ -34,6 +34,8 @@ KINDS: Final = ("white", "light", "black")
 """A white furnace, of radiance `Mixed.exact`; a scene whose image does not depend on strategies; a black one."""
 _REACH: Final = 4.5
 """Half the size of rooms; cameras are within, things in the middle third of it."""
+_LAMP_ROOM: Final = 0.8
+"""Half the size of closed boxes with lamps in black scenes."""
 
 
 @dataclass(frozen=True)
@@ -171,6 +173,8 @@ def _may_move(mixed: Mixed, shape: Json) -> bool:
     """Not the walls; and where radiance is known, nothing that has an inside, or shines."""
     if shape.get("flip_normals") or max(shape.get("size", [0.0])) > _REACH or shape.get("radius", 0.0) > _REACH:
         return False
+    if mixed.exact == 0.0 and min(shape.get("size", [0.0])) >= 2.0 * _LAMP_ROOM - 1e-9:
+        return False  # its lamps would come out
     if mixed.exact is None:
         return "edge_u" not in shape or max(map(abs, shape["edge_u"])) < _REACH
     parts = mixed.content["groups"][shape["group"]]["shapes"] if shape["type"] == "instance" else [shape]
@@ -452,7 +456,7 @@ def _hidden_lights(draw: Draw, things: Things, lights: list[Json], inside: list[
     if made["type"] == "mirror":  # where nothing is absorbed, paths meet so many edges that some get out
         made["reflectance"] = [0.5] * 3
     outside = inside is None
-    half, middle = (_REACH, [0.0, 0.0, 0.0]) if inside is None else (0.8, [-1.4 * x for x in inside])
+    half, middle = (_REACH, [0.0, 0.0, 0.0]) if inside is None else (_LAMP_ROOM, [-1.4 * x for x in inside])
     gap = draw.decades(-5.0, -0.5) * half
     top = middle[1] + half
     things.shapes.append(
