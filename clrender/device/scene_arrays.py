@@ -90,6 +90,9 @@ def texel_pages(device: Device, texels: NDArray[np.uint8]) -> tuple[list[Buffer]
     return [*pages, *[pages[0]] * (_PAGES - count)], bits
 
 
+_FEWER_TRIANGLES: Final = "take a scene of fewer triangles (groups that are placed many times take their memory once)"
+_CURES: Final = {"grid_words": "make the grids of its media coarser"}
+"""What helps where an array is too large, if it is not fewer triangles."""
 _TREE_BYTES = 32
 """Least number of bytes per triangle in a BVH: half of a column of a pack, which two triangles may share."""
 
@@ -119,8 +122,7 @@ def check_room(device: Device, scene: FlatScene) -> None:
         raise RenderError(
             f"the scene is too large for {device.info.title}: its {name.replace('_', ' ')} take {shown(most)}, "
             f"{shown(most - device.max_allocation_bytes)} more than the {shown(device.max_allocation_bytes)} that the "
-            "device allows in one buffer; take a scene of fewer triangles (groups that are placed many times take "
-            "their memory once), or another device"
+            f"device allows in one buffer; {_CURES.get(name, _FEWER_TRIANGLES)}, or another device"
         )
     total = sum(sizes.values()) + scene.arrays["texels"].nbytes
     if total > device.free_bytes:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from mixed_files import written
+from mixed_scenes import Mixed, mixed_scene
 from render_support import Studio, hashes_by_lanes_and_cuts, lambert, quad, sphere
 from scipy import integrate
 from stats_support import Evidence
@@ -64,6 +67,36 @@ def test_a_constant_grid_is_a_homogeneous_medium(
     settings: dict[str, Any] = {"spp": 32, "integrator": integrator, "size": 24}
     first, second = (studio.tiles(each, range(n, n + 12), **settings) for each, n in zip(made, (0, 100), strict=True))
     evidence.equal("radiance", first, second)
+
+
+@pytest.mark.slow
+def test_constant_grids_in_mixed_scenes(evidence: Evidence, studio: Studio, tmp_path: Path) -> None:
+    """Of twenty random scenes, all media but the fog: once as they are, and once with a grid of ones."""
+    folder = written(tmp_path)
+    np.save(folder / "ones.npy", np.ones((3, 4, 2), np.float32))
+    ones = {"file": "ones.npy", "box": [[-90.0] * 3, [90.0] * 3]}
+    found = 0
+    for number in range(200):
+        mixed = mixed_scene("light", number)
+        media = {
+            name: {k: v for k, v in each.items() if k != "density"}
+            for name, each in mixed.content.get("media", {}).items()
+        }
+        filled = {shape.get("interior") for shape in mixed.content["shapes"]} & media.keys() - {
+            mixed.content.get("fog")
+        }
+        if not filled or found == 20:
+            continue
+        found += 1
+        grids = {name: {**each, **({"density": ones} if name in filled else {})} for name, each in media.items()}
+        first, second = (
+            studio.tiles(
+                Mixed(mixed.name, {**mixed.content, "media": each}).scene(folder), range(n, n + 10), 16, spp=64
+            )
+            for each, n in ((media, 0), (grids, 50))
+        )
+        evidence.equal(mixed.name, first, second)
+    assert found == 20
 
 
 def ramp(z: Any, edges: str) -> Any:
