@@ -262,6 +262,9 @@ def flatten(
         digest.update(f"{name} {array.shape}".encode())
         if name == "texels":
             digest.update(textures.sha256.encode())  # they may be large, and are already hashed
+        elif name == "grid_words":  # likewise
+            for medium, density in media.densities:
+                digest.update(f"{scene.grid(medium, density).sha256()} {density.edges}".encode())
         else:
             digest.update(array.reshape(-1).view(np.uint8).data)
     around_lights = (scene.environment, scene.sky)
