@@ -13,7 +13,7 @@ from clrender.exporters.cycles_materials import volume
 from clrender.exporters.cycles_nodes import NodeTree, Socket
 from clrender.exporters.cycles_textures import TextureWriter
 from clrender.exporters.skies import sky_map
-from clrender.exporters.surfaces import Inside
+from clrender.exporters.surfaces import inside_named, tell_of_glow
 from clrender.exporters.target import Target
 from clrender.exporters.triangles import At
 from clrender.scene import DirectionalLight, EnvironmentLight, PointLight, ProjectorLight, SpotLight, SunSkyLight
@@ -52,8 +52,9 @@ class LightWriter:
             background = tree.node("Background", {"Color": (0.0, 0.0, 0.0)})
         fog = None
         if scene.fog is not None:
-            medium = scene.media[scene.fog]
-            fog = volume(tree, Inside(scene.fog, scene.fog, medium.absorption, medium.scattering, medium.g))
+            inside = inside_named(scene, scene.fog)
+            tell_of_glow(self._target, inside)
+            fog = volume(tree, inside)
         return tree.described(background, fog)
 
     def _light(self, light: Any, at: At) -> None:

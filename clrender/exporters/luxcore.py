@@ -14,7 +14,7 @@ from clrender.exporters.luxcore_materials import MaterialWriter
 from clrender.exporters.luxcore_shapes import ShapeWriter
 from clrender.exporters.luxcore_text import NO_ID, Properties, property_text
 from clrender.exporters.luxcore_textures import TextureWriter
-from clrender.exporters.surfaces import Inside
+from clrender.exporters.surfaces import inside_named, tell_of_glow
 from clrender.exporters.target import ForeignExport, Target, write_foreign
 from clrender.scene import Scene
 
@@ -54,8 +54,8 @@ def exported_to_luxcore(scene: Scene, folder: str, merge: bool = False) -> LuxCo
     textures = TextureWriter(target, properties)
     materials = MaterialWriter(target, properties, textures)
     if scene.fog is not None:
-        fog = scene.media[scene.fog]
-        inside = Inside(f"media.{scene.fog}", scene.fog, fog.absorption, fog.scattering, fog.g)
+        inside = inside_named(scene, scene.fog)
+        tell_of_glow(target, inside)
         properties["scene.world.volume.default"] = materials.volume(None, inside)
     ShapeWriter(target, properties, materials, merge).write()
     LightWriter(target, properties, textures).write()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from clrender.exact.matrices import inner, length
 from clrender.exporters.grid_vol import write_vol
 from clrender.exporters.mitsuba_xml import Element, element, transform, value
-from clrender.exporters.surfaces import inside_of, tell_of_glow
+from clrender.exporters.surfaces import Inside, inside_named, inside_of, tell_of_glow
 from clrender.exporters.target import Target
 from clrender.flatten.interiors import winding_number
 from clrender.scene import Sphere
@@ -117,12 +117,13 @@ class MediumWriter:
         self._ids: dict[str, str] = {}
         self.written: list[Element] = []
         self.volumes: list[Volume] = []
-        self.fog = None if target.scene.fog is None else self._named(target.scene.fog)
+        fog = target.scene.fog
+        self.fog = None if fog is None else self._named(inside_named(target.scene, fog))
 
-    def _named(self, name: str) -> str:
-        """The id of one of the scene's media."""
-        medium = self._target.scene.media[name]
-        return self._id(f"media.{name}", name, medium.absorption, medium.scattering, medium.g, None)
+    def _named(self, inside: Inside) -> str:
+        """The id of a medium."""
+        tell_of_glow(self._target, inside)
+        return self._id(inside.key, inside.name, inside.absorption, inside.scattering, inside.g, inside.density)
 
     def _id(
         self, key: str, wanted: str, absorption: object, scattering: object, g: float, density: Density | None
@@ -160,10 +161,7 @@ class MediumWriter:
     def inside(self, shape: AnyShape) -> str | None:
         """The id of the medium behind a shape's front, if any."""
         inside = inside_of(self._target.scene, shape)
-        if inside is None:
-            return None
-        tell_of_glow(self._target, inside)
-        return self._id(inside.key, inside.name, inside.absorption, inside.scattering, inside.g, inside.density)
+        return None if inside is None else self._named(inside)
 
     def add(self, shape: AnyShape, vertices: NDArray[np.float64], triangles: NDArray[np.uint32]) -> None:
         """Add a closed shape that light passes into, in world space; for the arrays see `Volume`."""

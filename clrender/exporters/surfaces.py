@@ -23,6 +23,7 @@ __all__ = [
     "Inside",
     "alphas_of",
     "boundaries",
+    "inside_named",
     "inside_of",
     "inside_of_subsurface",
     "is_boundary",
@@ -87,12 +88,17 @@ def passes(scene: Scene, shape: AnyShape) -> bool:
     return is_boundary(scene.materials[shape.material])
 
 
+def inside_named(scene: Scene, name: str) -> Inside:
+    """One of the scene's media, such as that of shapes or the fog."""
+    medium = scene.media[name]
+    numbers = medium.absorption, medium.scattering, medium.g
+    return Inside(f"media.{name}", name, *numbers, medium.density, medium.glows)
+
+
 def inside_of(scene: Scene, shape: AnyShape) -> Inside | None:
     """The medium behind a shape's front, if any."""
     if shape.interior is not None:
-        medium = scene.media[shape.interior]
-        key = f"media.{shape.interior}"
-        return Inside(key, shape.interior, medium.absorption, medium.scattering, medium.g, medium.density, medium.glows)
+        return inside_named(scene, shape.interior)
     name = shape.material
     material = None if name is None else scene.materials[name]
     key, wanted = f"materials.{name}", f"inside of {name}"

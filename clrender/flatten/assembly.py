@@ -218,7 +218,9 @@ def _numbered(entry: int, count: int, turn: int) -> NDArray[np.int64]:
 
 def _check_number(scene: Scene, index: int, total: int, places: int, shining: int) -> None:
     if total > SHAPE_LIMIT:
-        text = f"places {places} times a group of which {shining} shapes shine; at most {SHAPE_LIMIT} may"
+        text = (
+            f"places {places} times a group of which {shining} shapes shine or have a grid; at most {SHAPE_LIMIT} may"
+        )
         raise SceneError(f"{scene.source}: shapes[{index}] {text}")
 
 

@@ -47,7 +47,7 @@ def check_materials(scene: Scene, integrator: str) -> None:
     taken, volumes = takes.materials, takes.volumes
     if not takes.media:
         _refuse_media(scene, integrator)
-    for name in () if takes.glowing_media else scene.used_media():
+    for name in () if takes.glowing_media else sorted(scene.used_media()):
         if scene.media[name].glows:
             raise SceneError(
                 f"{scene.source}: {place(('media', name, 'emission'))}: media that shine are not for the integrator "

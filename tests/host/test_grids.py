@@ -13,7 +13,14 @@ from grid_files import nanovdb_bytes, vol_bytes
 
 import clrender
 from clrender.errors import SceneError
-from clrender.exporters import exported, exported_to_cycles, exported_to_luxcore, scene_text, write_mitsuba
+from clrender.exporters import (
+    exported,
+    exported_to_cycles,
+    exported_to_luxcore,
+    exported_to_mitsuba,
+    scene_text,
+    write_mitsuba,
+)
 from clrender.flatten.flat_scene import flatten
 from clrender.flatten.grids import brick_words
 from clrender.grids import GridData, read_grid
@@ -304,6 +311,14 @@ def test_mitsuba_gets_grids(tmp_path: Path, colored: bool) -> None:
         ((name, density),) = again.densities()
         assert np.array_equal(again.grid(name, density).values, VALUES)
         assert density_placement(density, again.grid(name, density)).tolist() == np.diag([2.0] * 4)[:3].tolist()
+
+
+@pytest.mark.parametrize("export", [exported_to_luxcore, exported_to_cycles, exported_to_mitsuba])
+@pytest.mark.parametrize("where", ["fog", "shape"])
+def test_other_programs_are_told_of_emission(export: Any, where: str) -> None:
+    content = described(None, **({"fog": "smoke", "shapes": [{**BOX, "interior": None}]} if where == "fog" else {}))
+    content["media"]["smoke"]["emission"] = 1.0
+    assert "left out: the emission of media (media.smoke.emission)" in export(clrender.Scene(**content), "files").notes
 
 
 @pytest.mark.parametrize("export", [exported_to_luxcore, exported_to_cycles])
