@@ -169,6 +169,12 @@ def own_programs() -> Iterator[None]:
         yield
 
 
+@pytest.fixture
+def small_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The process counts 8 MiB of a render's memory, not what earlier tests left in it: at times gigabytes."""
+    monkeypatch.setattr("clrender.rendering.memory.process_bytes", lambda: 8 << 20)
+
+
 @pytest.fixture(scope="session")
 def all_devices(request: pytest.FixtureRequest, cache_folder: Path) -> list[Device]:
     """Every device that passes the probe, PoCL first where it is installed.

@@ -19,11 +19,7 @@ from clrender.rendering.rendered_image import RenderedImage
 MIB = 1 << 20
 SIZE = (480, 320)
 
-
-@pytest.fixture(autouse=True)
-def small_program(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What earlier tests left in memory, some hundred megabytes, counts 8 MiB."""
-    monkeypatch.setattr("clrender.rendering.memory.process_bytes", lambda: 8 * MIB)
+pytestmark = pytest.mark.usefixtures("small_program")
 
 
 class Watched:

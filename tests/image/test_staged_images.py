@@ -126,6 +126,7 @@ def test_memory_is_given_back(device: Device) -> None:
     assert device.buffers == before
 
 
+@pytest.mark.usefixtures("small_program")
 def test_stages_stay_within_a_limit_of_memory(device: Device) -> None:
     limited = told(device, "room", STAGED, max_memory=1 << 31)
     assert limited == told(device, "room")
