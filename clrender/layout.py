@@ -203,6 +203,11 @@ SHAPE_HELD_OUT: Final = 32
 """Flag of a shape where rays of the camera end, as if nothing were there; it is among the masked ones."""
 
 HOLE_GRID: Final = 32
+ANALYTIC_SHAPE_CURVE: Final = 2
+"""Least `w` of the normal of a curve's `AnalyticShape`: 1 more if another goes on from its beginning, 2 from its end.
+
+Centre and radius are of a sphere around it, and the rest of the normal is half the extents of its box.
+"""
 """Cells along each side of a masked triangle; a cell may be known to be entirely transparent or entirely opaque."""
 
 TEXTURE_SLOTS: Final[Mapping[str, int]] = {
@@ -260,7 +265,7 @@ CONSTANTS: Final[Mapping[str, int]] = {
 STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
     "AnalyticShape": (
         ("center_radius", "float4", "xyz centre, world space, metres; w radius"),
-        ("normal", "float4", "disk: unit normal; sphere: xyz = 0 and w = +1 (front outside) or -1 (front inside)"),
+        ("normal", "float4", "disk: unit normal; sphere: xyz = 0 and w = +1 (front outside) or -1 (front inside);"),
     ),
     "Shape": (
         ("material", "uint", "index into materials"),
@@ -444,7 +449,7 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("CENTER", 0, 3, "sphere or disk"),
         ("RADIUS", 3, 1, ""),
         ("NORMAL", 4, 3, "disk: unit normal; sphere: 0"),
-        ("FACING", 7, 1, "sphere: +1 front outside, -1 front inside"),
+        ("FACING", 7, 1, "sphere: +1 front outside, -1 front inside; of curves at least ANALYTIC_SHAPE_CURVE"),
         ("COLOR", 9, 3, "reflectance"),
         ("MATERIAL", 9, 1, "bits, in its place of MATERIAL_BY_ROW: which pair of rows"),
         ("TERMINATION", 12, 1, "probability that the constant roulette ends a path here"),
@@ -532,6 +537,7 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("EMISSION", 12, 3, "of media that shine: radiance that a metre of them adds"),
         ("FLAGS", 15, 1, "bits: MEDIUM_FLAG_*"),
     ),
+    "CURVE": (("COEFFICIENTS", 0, 16, "of u^0 to u^3, each of x, y, z and the radius: geometry/curve.inc"),),
     "GRID": (
         (
             "X",

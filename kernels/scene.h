@@ -15,6 +15,7 @@
     X(float, material_rows)  /* of materials that need more numbers than fit into a primitive's row: two each */               \
     X(float, albedo_tables)  /* how much light the lobes of rough materials reflect: material/albedo.h */                        \
     X(float, media_rows)     /* of dielectrics, where paths carry a list of them: material/interior.h */                            \
+    X(float, curve_rows)     /* of curves, the number of their row less that of the first sphere: geometry/curve.inc */         \
     X(float, grid_rows)      /* of media whose density varies, two each: medium/grid.h */                                   \
     X(float, grid_words)     /* and their densities, in bricks */                                                           \
     X(float, attribute_rows) /* of primitives with textures: texture coordinates, and which textures; else one row */          \
@@ -77,6 +78,12 @@ typedef struct {
 #define SCENE_HOLES(scene)
 #endif
 
+#ifdef CURVES
+#define SCENE_CURVES(scene) scene.bvh.curve_rows = scene.masked.curve_rows = curve_rows
+#else
+#define SCENE_CURVES(scene)
+#endif
+
 #if defined(INSTANCES) && defined(MOTION)
 #define SCENE_MOTION(scene)                                                                                                 \
     scene.bvh.motion_rows = scene.masked.motion_rows = motion_rows;                                                         \
@@ -108,6 +115,7 @@ typedef struct {
     scene.masked.triangle_packs = masked_triangle_packs;                                                                    \
     scene.masked.analytic_packs = masked_analytic_packs;                                                                    \
     scene.masked.root = 0;                                                                                                  \
+    SCENE_CURVES(scene);                                                                                                    \
     SCENE_HOLES(scene);                                                                                                     \
     SCENE_INSTANCES(scene)
 

@@ -129,6 +129,7 @@
 #define SHAPE_HIDDEN 16u
 #define SHAPE_HELD_OUT 32u
 #define HOLE_GRID 32u
+#define ANALYTIC_SHAPE_CURVE 2u
 #define TEXEL_FOUR 8u
 #define TEXEL_FLOAT 16u
 #define TEXTURE_PLUGIN 32768u
@@ -170,7 +171,7 @@
 
 typedef struct {
     float4 center_radius;       // xyz centre, world space, metres; w radius
-    float4 normal;              // disk: unit normal; sphere: xyz = 0 and w = +1 (front outside) or -1 (front inside)
+    float4 normal;              // disk: unit normal; sphere: xyz = 0 and w = +1 (front outside) or -1 (front inside);
 } AnalyticShape;
 
 typedef struct {
@@ -319,7 +320,7 @@ typedef struct {
 #define PRIMITIVE_ROW_CENTER 0          // sphere or disk
 #define PRIMITIVE_ROW_RADIUS 3
 #define PRIMITIVE_ROW_NORMAL 4          // disk: unit normal; sphere: 0
-#define PRIMITIVE_ROW_FACING 7          // sphere: +1 front outside, -1 front inside
+#define PRIMITIVE_ROW_FACING 7          // sphere: +1 front outside, -1 front inside; of curves at least ANALYTIC_SHAPE_CURVE
 #define PRIMITIVE_ROW_COLOR 9           // reflectance
 #define PRIMITIVE_ROW_MATERIAL 9        // bits, in its place of MATERIAL_BY_ROW: which pair of rows
 #define PRIMITIVE_ROW_TERMINATION 12    // probability that the constant roulette ends a path here
@@ -395,6 +396,8 @@ typedef struct {
 #define MEDIUM_ROW_ALBEDO 12            // of subsurface materials: share of light that a flat, thick piece returns
 #define MEDIUM_ROW_EMISSION 12          // of media that shine: radiance that a metre of them adds
 #define MEDIUM_ROW_FLAGS 15             // bits: MEDIUM_FLAG_*
+
+#define CURVE_ROW_COEFFICIENTS 0        // of u^0 to u^3, each of x, y, z and the radius: geometry/curve.inc
 
 #define GRID_ROW_X 0                    // head of a grid, two rows: from the world to its coordinates, a row of the matrix each: medium/grid.h
 #define GRID_ROW_Y 4

@@ -42,7 +42,7 @@ LAYERS: Final = (
     ("settings",),
     ("integrators",),
     ("sensor",),
-    ("meshes", "image", "cameras", "plugins", "grids"),
+    ("meshes", "image", "cameras", "plugins", "grids", "curves"),
     ("limits",),
     ("files",),
     ("process",),

@@ -13,13 +13,14 @@ from clrender.exact.matrices import product
 from clrender.exporters.cycles_materials import MaterialWriter
 from clrender.exporters.surfaces import boundaries, tell_of_meshes, tell_of_round, texture_set
 from clrender.exporters.target import Target
-from clrender.exporters.triangles import At, Piece, material_parts, mirrors, pieces_of, shapes_of_instances
+from clrender.exporters.triangles import At, Piece, mirrors, pieces_of, shapes_of_instances
 from clrender.flatten.emission import emits
 from clrender.flatten.faces import inner
 from clrender.flatten.near_pairs import near_pairs
 from clrender.meshes.data import MeshData
 from clrender.scene import Scene
 from clrender.scene.groups import Instance
+from clrender.scene.materials import material_parts
 from clrender.scene.resting import placements
 from clrender.scene.shapes import AnyShape
 
@@ -86,7 +87,7 @@ class ShapeWriter:
             return bool(sheared)
         if group not in self._mapped:
             names = {shape.material for shape in scene.groups[group].shapes}
-            parts = [part for name in names for part in material_parts(scene, name)]
+            parts = [part for name in names for part in material_parts(scene.materials, name)]
             self._mapped[group] = any(getattr(part, "normal_map", None) is not None for part in parts)
         return self._mapped[group]
 

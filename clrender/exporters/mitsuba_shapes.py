@@ -5,23 +5,23 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from functools import partial
-from typing import Final, TypeAlias
+from pathlib import Path
+from typing import IO, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.exact.matrices import determinant, length, product
+from clrender.exact.matrices import determinant, length, product, times
 from clrender.exporters.mitsuba_materials import MaterialWriter
 from clrender.exporters.mitsuba_media import MediumWriter
 from clrender.exporters.mitsuba_textures import TextureWriter
 from clrender.exporters.mitsuba_xml import Element, element, transform, value
-from clrender.exporters.surfaces import is_brushed, passes, radiance_of, tell_of_meshes, texture_set
+from clrender.exporters.surfaces import is_brushed, passes, radiance_of, tell_of_curves, tell_of_meshes, texture_set
 from clrender.exporters.target import Target
 from clrender.exporters.triangles import (
     DISK_EDGES,
     At,
     disk_frame,
-    material_parts,
     matrix_of,
     merged,
     placed,
@@ -30,18 +30,24 @@ from clrender.exporters.triangles import (
     world,
     write_plain_ply,
 )
+from clrender.flatten.curves import strand_radii
 from clrender.flatten.emission import emits
 from clrender.meshes.data import MeshData
-from clrender.scene import Disk, Mesh, Sphere
+from clrender.scene import Curves, Disk, Mesh, Sphere
 from clrender.scene.groups import Instance
+from clrender.scene.materials import material_parts
 from clrender.scene.resting import placements
 from clrender.scene.shapes import AnyShape, Box, Quad
+from clrender.scene.transforms import affine
+from clrender.wording import place
 
 __all__ = ["ShapeWriter"]
 
 _Floats: TypeAlias = NDArray[np.float64]
 _POLES: Final = np.array([[0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 """From Mitsuba's sphere to ours: there u runs from 0 at +x, and v from 0 at +z, downwards, so that this mirrors."""
+
+_CURVES: Final = {"bspline": "bsplinecurve", "linear": "linearcurve"}
 
 
 class ShapeWriter:
@@ -79,7 +85,7 @@ class ShapeWriter:
         written: list[Element] = []
         alike: dict[str, list[tuple[At, AnyShape]]] = {}
         for at, shape in own:
-            if self._merge and not isinstance(shape, Sphere | Disk | Mesh) and not passes(scene, shape):
+            if self._merge and not isinstance(shape, Sphere | Disk | Mesh | Curves) and not passes(scene, shape):
                 alike.setdefault(surface_key(shape), []).append((at, shape))
             else:
                 written.append(self._shape(at, shape))
@@ -147,7 +153,7 @@ class ShapeWriter:
     def _tell(self, at: At, shape: AnyShape) -> None:
         """Note what Mitsuba's shapes lack."""
         tell_of_meshes(self._target, at, shape)
-        parts = material_parts(self._target.scene, shape.material)
+        parts = material_parts(self._target.scene.materials, shape.material)
         if not isinstance(shape, Sphere) and any(is_brushed(each) for each in parts):
             self._target.leave_out("the direction of anisotropy on shapes other than spheres", *at)
 
@@ -164,6 +170,8 @@ class ShapeWriter:
             whole = product(matrix, product(local, _POLES))
             flip = flip != (determinant(whole[:3, :3]) < 0.0)  # mirroring turns Mitsuba's spheres inside out
             kind, inside = "sphere", [transform(whole)]
+        elif isinstance(shape, Curves) and shape.basis in _CURVES:
+            kind, inside = _CURVES[shape.basis], self._strands(at, shape, matrix)
         elif isinstance(shape, Disk) and textured is None:
             kind, inside = "disk", [transform(product(matrix, disk_frame(shape)))]
         elif isinstance(shape, Quad):
@@ -173,6 +181,8 @@ class ShapeWriter:
             local[:3, 3] = shape.center
             kind, inside = "cube", [transform(product(matrix, local))]
         else:
+            if isinstance(shape, Curves):
+                tell_of_curves(self._target, at)
             if isinstance(shape, Disk):
                 self._target.leave_out(f"the roundness of disks with textures, which have {DISK_EDGES} edges", *at)
             mesh = triangles_of(self._target.scene, at, shape)
@@ -192,6 +202,16 @@ class ShapeWriter:
         inside = self._file(first.material or "flat", whole, texture_set(self._target, at, first))
         return element("shape", *inside, *self._surface(at, first), type="ply")
 
+    def _strands(self, at: At, shape: Curves, matrix: _Floats) -> list[Element]:
+        """A file of curves after their transform, which in Mitsuba would not scale radii."""
+        strands = self._target.scene.strands(at, shape)
+        points = times(matrix[:3, :3], strands.points) + matrix[:3, 3]
+        rows = np.column_stack([points, strand_radii(shape, strands, place(at)) * affine(shape.transform).scale])
+        digest = hashlib.sha256(rows.tobytes() + strands.counts.tobytes()).hexdigest()
+        write = partial(_write_strands, rows=rows, counts=strands.counts)
+        stem = "curves" if shape.file is None else Path(shape.file).stem
+        return [value("string", "filename", self._target.files.add(self._target.folder, stem, ".txt", digest, write))]
+
     def _file(self, stem: str, mesh: MeshData, textured: int | None) -> list[Element]:
         """A PLY file of a mesh, with texture coordinates if it has textures."""
         uvs = None if textured is None else (mesh.uvs, mesh.uvs_1)[textured]
@@ -201,6 +221,13 @@ class ShapeWriter:
         name = self._target.files.add(self._target.folder, stem, ".ply", digest, write)
         flat = [value("boolean", "face_normals", True)] if mesh.normals is None else []
         return [value("string", "filename", name), *flat]
+
+
+def _write_strands(file: IO[bytes], rows: _Floats, counts: NDArray[np.int64]) -> None:
+    """Lines of x, y, z and radius, with an empty one between strands."""
+    ends = set(np.cumsum(counts).tolist())
+    for number, row in enumerate(rows.tolist(), start=1):
+        file.write((" ".join(map(repr, row)) + ("\n\n" if number in ends else "\n")).encode())
 
 
 def _quad_frame(shape: Quad) -> _Floats:

@@ -14,6 +14,7 @@ from typing import IO, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.curves import CurveData
 from clrender.errors import SceneError
 from clrender.exporters.files import NamedFiles
 from clrender.exporters.mesh_ply import write_ply
@@ -70,6 +71,15 @@ def exported(scene: Scene, folder: str) -> Export:
         mesh = scene.mesh_of(at, shape)
         name = export.add(folder, Path(shape.file).stem, ".ply", mesh.sha256(), partial(write_ply, mesh=mesh))
         put_at(export.description, (*at, "file"), name)
+    for at, curves in scene.curve_files():
+        assert curves.file is not None
+        strands = scene.strands(at, curves)
+        write = partial(_write_array, array=_parted(strands))
+        put_at(
+            export.description,
+            (*at, "file"),
+            export.add(folder, Path(curves.file).stem, ".npy", strands.sha256(), write),
+        )
     for index, instance in scene.instances():
         if instance.file is not None:
             array = scene.transforms(index)
@@ -181,3 +191,10 @@ def _write_array(file: IO[bytes], array: NDArray[Any]) -> None:
 
 def _write_bytes(file: IO[bytes], data: bytes) -> None:
     file.write(data)
+
+
+def _parted(strands: CurveData) -> NDArray[np.float64]:
+    """(N, 3 or 4) points of strands, with rows that are not numbers between them."""
+    rows = strands.points if strands.radii is None else np.column_stack([strands.points, strands.radii])
+    ends = np.cumsum(strands.counts)[:-1]
+    return np.insert(rows, ends, np.nan, axis=0)

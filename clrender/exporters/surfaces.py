@@ -11,7 +11,8 @@ from clrender.exporters.target import Target
 from clrender.exporters.triangles import DISK_EDGES, SPHERE_STEPS, At, texture_sets
 from clrender.flatten.media import absorption_coefficients
 from clrender.flatten.subsurface import single_scattering
-from clrender.scene import Disk, Mesh, Scene, Sphere
+from clrender.flatten.tubes import AROUND
+from clrender.scene import Curves, Disk, Mesh, Scene, Sphere
 from clrender.scene.materials import SMOOTH_BELOW, Conductor, Dielectric, Material, Principled, Subsurface
 from clrender.scene.medium import Density
 from clrender.scene.shapes import AnyShape
@@ -163,6 +164,13 @@ def tell_of_round(target: Target, at: At, shape: AnyShape) -> None:
         target.leave_out(f"the roundness of spheres, which have {faces:,} triangles and interpolated normals", *at)
     elif isinstance(shape, Disk):
         target.leave_out(f"the roundness of disks, which have {DISK_EDGES} edges", *at)
+    elif isinstance(shape, Curves):
+        tell_of_curves(target, at)
+
+
+def tell_of_curves(target: Target, at: At) -> None:
+    """Note that curves become triangles."""
+    target.leave_out(f"the roundness of curves, which have {AROUND} edges around them and flat ends", *at)
 
 
 def is_rough(roughness: Any) -> bool:

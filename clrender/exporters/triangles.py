@@ -16,13 +16,15 @@ from clrender.exact.elementary import sines_cosines
 from clrender.exact.matrices import determinant, length, product, times
 from clrender.flatten.attributes import corner_uvs, face_axes
 from clrender.flatten.polyhedra import polyhedron
+from clrender.flatten.tubes import curve_mesh
 from clrender.meshes.data import MeshData
 from clrender.scene import Disk, Mesh, Scene, Sphere
-from clrender.scene.materials import Mix, material_textures
+from clrender.scene.materials import material_textures
 from clrender.scene.resting import placements
-from clrender.scene.shapes import AnyShape, Transform
+from clrender.scene.shapes import AnyShape, Curves, Transform
 from clrender.scene.textures import BumpMap, Checker, ImageTexture, NormalMap, Ramp
 from clrender.scene.transforms import affine
+from clrender.wording import place
 
 __all__ = [
     "DISK_EDGES",
@@ -31,7 +33,6 @@ __all__ = [
     "Piece",
     "disk_frame",
     "disk_mesh",
-    "material_parts",
     "matrix_of",
     "merged",
     "mirrors",
@@ -66,14 +67,16 @@ def triangles_of(scene: Scene, at: At, shape: AnyShape) -> MeshData:
         return MeshData(np.array(shape.center) + shape.radius * axes, np.zeros((0, 3), np.uint32))
     if isinstance(shape, Disk):
         return disk_mesh(shape)
+    if isinstance(shape, Curves):
+        return curve_mesh(shape, scene.strands(at, shape), place(at))
     mesh = polyhedron(shape)
     return dataclasses.replace(mesh, uvs=corner_uvs(shape, mesh))
 
 
 def matrix_of(shape: AnyShape) -> _Floats:
     """A shape's transform, (4, 4)."""
-    place, made = affine(shape.transform), np.eye(4)
-    made[:3, :3], made[:3, 3] = place.linear, place.offset
+    map_, made = affine(shape.transform), np.eye(4)
+    made[:3, :3], made[:3, 3] = map_.linear, map_.offset
     return made
 
 
@@ -137,12 +140,12 @@ def sphere_mesh(shape: Sphere) -> MeshData:
 def world_mesh(scene: Scene, at: At, shape: AnyShape) -> MeshData:
     """Triangles of any shape after its transform, counter-clockwise seen from the front, with normals there."""
     mesh = sphere_mesh(shape) if isinstance(shape, Sphere) else triangles_of(scene, at, shape)
-    place = affine(shape.transform)
+    to_world = affine(shape.transform)
     points, triangles = world(shape, mesh)
     normals = None
     if mesh.normals is not None:
         normals = np.empty(mesh.normals.shape, np.float32)
-        place.normals_into(mesh.normals, normals)
+        to_world.normals_into(mesh.normals, normals)
         normals = -normals if shape.flip_normals else normals
     uvs, uvs_1 = mesh.uvs, mesh.uvs_1
     if triangles is not mesh.triangles:
@@ -184,7 +187,7 @@ def pieces_of(scene: Scene, shapes: Iterable[tuple[At, AnyShape]], merge: bool, 
     made: list[Piece] = []
     alike: dict[str, list[tuple[At, AnyShape]]] = {}
     for at, shape in shapes:
-        if merge and at not in apart and not isinstance(shape, Sphere | Disk | Mesh):
+        if merge and at not in apart and not isinstance(shape, Sphere | Disk | Mesh | Curves):
             alike.setdefault(surface_key(shape), []).append((at, shape))
         else:
             made.append(Piece(at, shape, world_mesh(scene, at, shape)))
@@ -239,16 +242,6 @@ def texture_sets(scene: Scene, shape: AnyShape) -> list[int]:
     if isinstance(shape.emission, ImageTexture | Checker | Ramp | NormalMap | BumpMap):
         sets.add(shape.emission.uv_set)
     return sorted(sets)
-
-
-def material_parts(scene: Scene, name: str | None) -> list[Any]:
-    """A material, and those that it mixes."""
-    if name is None:
-        return []
-    material = scene.materials[name]
-    if not isinstance(material, Mix):
-        return [material]
-    return [each for part in material.materials for each in material_parts(scene, part)]
 
 
 def surface_key(shape: AnyShape) -> str:

@@ -19,7 +19,7 @@ from clrender.scene.motion import Track, rests
 from clrender.scene.posed import Deformation, deformation_of
 from clrender.scene.poses import Transform
 from clrender.scene.resting import carried, opened, placements, resting
-from clrender.scene.shapes import AnyShape, Disk, Mesh, Sphere
+from clrender.scene.shapes import AnyShape, Curves, Mesh
 from clrender.scene.transforms import Affine, affine, combined
 from clrender.scene.values import SHAPE_LIMIT
 from clrender.wording import place, quoted
@@ -28,6 +28,7 @@ __all__ = ["Assembly", "assemble", "written_out"]
 
 _MANY: Final = 64
 """Up to this many groups, each gets its own tree, however small it is."""
+_CURE: Final = "scale all axes alike or use a mesh"
 _PLACES: Final = 8
 """Most shapes, over all its instances, of a small group."""
 _TRIANGLES: Final = 2**12
@@ -109,8 +110,8 @@ def assemble(scene: Scene) -> Assembly:
     Raises
     ------
     SceneError
-        If an instance stretches a sphere or disk unevenly, a file of transforms cannot be read, or too many shapes that
-        shine would have to be written out.
+        If an instance stretches a sphere, disk or curve unevenly, a file of transforms cannot be read, or too many
+        shapes that shine would have to be written out.
     """
     given, scene = scene, resting(scene)
     own, own_places = _own(scene)
@@ -242,7 +243,9 @@ def _small_groups(scene: Scene) -> set[str]:
 
 
 def _triangles(scene: Scene, at: tuple[str | int, ...], shape: AnyShape) -> int:
-    """Number of triangles of a mesh; 1 for other shapes, whose few triangles do not matter."""
+    """Number of triangles of a mesh, or points of curves; 1 for other shapes, whose few triangles do not matter."""
+    if isinstance(shape, Curves):
+        return len(scene.strands(at, shape).points)
     if not isinstance(shape, Mesh):
         return 1
     return len(shape.faces) if shape.file is None else len(scene.mesh_of(at, shape).triangles)
@@ -343,8 +346,8 @@ def _moved_grid(medium: Medium, outer: Affine) -> Medium:
 
 
 def _check_similar(scene: Scene, index: int, group: str, shapes: Sequence[_Placed], array: NDArray[np.float64]) -> None:
-    """Raise an error if a map would stretch a sphere or disk unevenly."""
-    if not any(isinstance(shape, Sphere | Disk) for _, shape in shapes):
+    """Raise an error if a map would stretch a sphere, disk or curve unevenly."""
+    if not any(shape.needs_similarity for _, shape in shapes):
         return
     x, y, z = array[:, :, 0], array[:, :, 1], array[:, :, 2]
     products = np.stack([(a * b).sum(axis=1) for a, b in ((x, x), (y, y), (z, z), (x, y), (x, z), (y, z))], axis=1)
@@ -353,16 +356,16 @@ def _check_similar(scene: Scene, index: int, group: str, shapes: Sequence[_Place
     if len(faulty):
         which: tuple[str | int, ...] = ("transform",) if len(array) == 1 else ("transforms", int(faulty[0]))
         at = place(("shapes", index, *which))
-        text = f"stretches a sphere or disk of the group {quoted(group)} unevenly, which is not supported"
+        text = f"stretches a sphere, disk or curve of the group {quoted(group)} unevenly, which is not supported"
         raise SceneError(f"{scene.source}: {at} {text}; scale all axes alike or use a mesh")
 
 
 def _check_keys_similar(scene: Scene, index: int, instance: Instance, shapes: Sequence[_Placed]) -> None:
-    """Raise an error if a key of a motion would stretch a sphere or disk unevenly."""
-    if not any(isinstance(shape, Sphere | Disk) for _, shape in shapes):
+    """Raise an error if a key of a motion would stretch a sphere, disk or curve unevenly."""
+    if not any(shape.needs_similarity for _, shape in shapes):
         return
     for number, key in enumerate(instance.motion):
         if not key.is_similarity():
-            text = f"stretches a sphere or disk of the group {quoted(instance.group)} unevenly, which is not supported"
+            text = f"stretches a sphere, disk or curve of the group {quoted(instance.group)} unevenly"
             at = place(("shapes", index, "motion", number))
-            raise SceneError(f"{scene.source}: {at} {text}; scale all axes alike or use a mesh")
+            raise SceneError(f"{scene.source}: {at} {text}, which is not supported; {_CURE}")

@@ -18,7 +18,7 @@ from clrender.flatten.plugin_rows import needs_uvs
 from clrender.meshes.data import MeshData
 from clrender.scene.description import Scene
 from clrender.scene.materials import PluginMaterial, material_textures
-from clrender.scene.shapes import Box, Disk, Mesh, Quad, Shape, Sphere
+from clrender.scene.shapes import Box, Curves, Disk, Mesh, Quad, Shape, Sphere
 from clrender.scene.textures import Checker, ImageTexture, MaterialTexture, NormalMap, Ramp
 from clrender.scene.transforms import Affine
 from clrender.scene.values import Vector, cross, length
@@ -29,6 +29,7 @@ __all__ = [
     "TANGENTS",
     "add_corner_rows",
     "corner_uvs",
+    "curve_attributes",
     "has_tangents",
     "is_textured",
     "round_attributes",
@@ -198,6 +199,25 @@ def round_attributes(scene: Scene, shape: Sphere | Disk, transform: Affine) -> N
         row[first : first + 3] = np.array(image) / transform.scale
     row[_SLOTS] = _slots(scene, shape)
     return row
+
+
+def curve_attributes(scene: Scene, shape: Curves, along: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Attributes of curves, (R, 16) float32: u is 0 at the root of a strand and 1 at its tip, v is 1/2.
+
+    They are those of a triangle, whose weight of B is where a point is along its curve, and whose weight of C is 1/2.
+
+    Parameters
+    ----------
+    scene : Scene
+    shape : Curves
+    along : (R, 2) float32
+        See `clrender.flatten.curves.FlatCurves`.
+    """
+    rows = np.zeros((len(along), 16), np.float32)
+    for first in (0, 6):
+        rows[:, first], rows[:, first + 2], rows[:, first + 4], rows[:, first + 5] = *along.T, along[:, 0], 1.0
+    rows[:, _SLOTS] = _slots(scene, shape)
+    return rows
 
 
 def face_axes(normal: Vector) -> tuple[Vector, Vector]:

@@ -6,12 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.flatten.assembly import assemble
+from clrender.flatten.curves import flat_curves
 from clrender.flatten.motion import swept_boxes
 from clrender.flatten.polyhedra import polyhedron
 from clrender.scene.description import Scene
 from clrender.scene.posed import Deformation
-from clrender.scene.shapes import AnyShape, Disk, Mesh, Sphere
+from clrender.scene.shapes import AnyShape, Curves, Disk, Mesh, Sphere
 from clrender.scene.transforms import affine
+from clrender.wording import place as place_in_file
 
 __all__ = ["is_seen", "scene_bounds"]
 
@@ -89,6 +91,12 @@ def _bounds(scene: Scene, shapes: range, seen_only: bool) -> tuple[NDArray[np.fl
                 np.minimum(low, middle - shape.radius * place.scale),
                 np.maximum(high, middle + shape.radius * place.scale),
             )
+            continue
+        if isinstance(shape, Curves):
+            at = scene.place_of(index)
+            curves = flat_curves(shape, scene.strands(at, shape), place, f"{scene.source}: {place_in_file(at)}").shapes
+            center, extent = (curves[name][:, :3].astype(np.float64) for name in ("center_radius", "normal"))
+            low, high = np.minimum(low, (center - extent).min(0)), np.maximum(high, (center + extent).max(0))
             continue
         mesh = scene.mesh(index) if isinstance(shape, Mesh) else polyhedron(shape)
         used = mesh.vertices

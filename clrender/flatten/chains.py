@@ -100,6 +100,10 @@ def _surfaces(flat: FlatScene) -> tuple[NDArray[np.int64], NDArray[np.float64], 
     count = flat.triangle_count + flat.analytic_count
     material = flat.arrays["shapes"]["material"][flat.arrays["primitive_shape"][:count]]
     chosen = np.flatnonzero(delta[material])
+    round_ones = chosen >= flat.triangle_count
+    kind = flat.arrays["analytic_shapes"]["normal"][np.where(round_ones, chosen - flat.triangle_count, 0), 3]
+    # Curves are none: kernels/specular/delta.h
+    chosen = chosen[~(round_ones & (kind >= layout.ANALYTIC_SHAPE_CURVE))]
     triangles = chosen[chosen < flat.triangle_count]
     radius = flat.arrays["analytic_shapes"]["center_radius"][chosen[len(triangles) :] - flat.triangle_count, 3]
     areas = np.concatenate(

@@ -24,7 +24,7 @@ __all__ = ["Features"]
 _CALIBRATED: Final = (layout.CAMERA_BROWN_CONRADY, layout.CAMERA_KANNALA_BRANDT)
 
 
-_RARE: Final = ("motion", "deformation", "grids", "glowing_media")
+_RARE: Final = ("motion", "deformation", "grids", "glowing_media", "curves")
 """Features that no program for any scene has."""
 
 
@@ -72,6 +72,8 @@ class Features:
         The density of some medium is a grid.
     glowing_media : bool
         Some medium shines.
+    curves : bool
+        Some shapes are curves.
     plugins : tuple of (str, str)
         Names and texts of the kernel files that some materials' plugins make; see `clrender.plugins.kernel_files`.
     """
@@ -102,6 +104,7 @@ class Features:
     deformation: bool = False
     grids: bool = False
     glowing_media: bool = False
+    curves: bool = False
     plugins: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -217,6 +220,7 @@ class Features:
             tangents=bool(attributes[:, tangents].view(np.uint32).any()),
             emission_textures=emission_textures,
             terminator_offset=bool((flags & layout.SHAPE_TERMINATOR_OFFSET).any()),
+            curves=bool(arrays["curve_rows"].any()),
             plugins=tuple(kernel_files(plugins).items()) if plugins else (),
         )
         return found.seen_by(camera, instances.moves)

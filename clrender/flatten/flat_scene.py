@@ -61,6 +61,7 @@ class FlatScene:
     arrays : mapping of str to ndarray
         ``vertices`` (V, 3) float32, world space, metres; ``normals`` (V, 3) float32, unit or zero where the shape is
         not smooth, or (1, 3) zeros when none is; ``triangles`` (T, 3) uint32; ``analytic_shapes`` (R,) `AnalyticShape`;
+        ``curve_rows`` (R, 16) float32, of the curves among these, one row if there are none;
         ``primitive_shape`` (T + R,) uint32, triangles first; ``shapes`` (S,) `Shape`; ``materials`` (M,) `Material`;
         ``material_rows`` (2 M, 16) float32, and ``albedo_tables`` (N,) float32, one zero where no material has rows;
         ``media_rows`` (N, 16) float32, zero if paths need not track the media that they are inside;
@@ -225,6 +226,7 @@ def flatten(
         "normals": _padded(surfaces.normals),
         "triangles": _padded(surfaces.triangles),
         "analytic_shapes": _padded(surfaces.analytic_shapes),
+        "curve_rows": surfaces.curve_rows,
         "primitive_shape": _padded(surfaces.primitive_shape),
         "shapes": _padded(surfaces.shapes),
         "materials": _padded(materials.materials),
@@ -259,6 +261,8 @@ def flatten(
     for name, array in arrays.items():
         if name.startswith("grid_") and not media.densities:
             continue  # hashes of scenes without grids are older than these
+        if name == "curve_rows" and not array.any():
+            continue  # likewise
         digest.update(f"{name} {array.shape}".encode())
         if name == "texels":
             digest.update(textures.sha256.encode())  # they may be large, and are already hashed

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender import layout
 from clrender.flatten.faces import ROUNDING, Faces, areas, bounds, inner, joined
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from clrender.flatten.surface_arrays import FlatSurfaces
     from clrender.scene.values import Vector
 
-__all__ = ["BOUNDARY", "LAMP", "OPAQUE", "SIMPLE", "Placed", "is_disk", "placed_faces", "shape_faces"]
+__all__ = ["BOUNDARY", "LAMP", "OPAQUE", "SIMPLE", "Placed", "is_curve", "is_disk", "placed_faces", "shape_faces"]
 
 OPAQUE: Final = 1
 LAMP: Final = 2
@@ -113,6 +114,10 @@ def shape_faces(surfaces: FlatSurfaces, kinds: NDArray[np.int64], others: Faces 
 
 def is_disk(surfaces: FlatSurfaces) -> NDArray[np.bool_]:
     return np.asarray(surfaces.analytic_shapes["normal"][:, 3] == 0.0)
+
+
+def is_curve(surfaces: FlatSurfaces) -> NDArray[np.bool_]:
+    return np.asarray(surfaces.analytic_shapes["normal"][:, 3] >= layout.ANALYTIC_SHAPE_CURVE)
 
 
 def _near(surfaces: FlatSurfaces, kinds: NDArray[np.int64], others: Faces | None) -> NDArray[np.int64]:

@@ -10,7 +10,7 @@ from clrender.integrators import INTEGRATORS
 from clrender.scene.description import Scene
 from clrender.scene.materials import Dielectric, Principled, Subsurface, material_textures
 from clrender.scene.motion import rests
-from clrender.scene.shapes import Mesh
+from clrender.scene.shapes import Curves, Mesh
 from clrender.scene.textures import Checker, ImageTexture, PluginTexture, Ramp
 from clrender.wording import place
 
@@ -56,6 +56,11 @@ def check_materials(scene: Scene, integrator: str) -> None:
     _refuse_masked(scene, integrator)
     _refuse_hidden(scene, integrator)
     for at, shape in scene.all_shapes():
+        if isinstance(shape, Curves) and not takes.curves:
+            raise SceneError(
+                f"{scene.source}: {place(at)}: the integrator {integrator} takes no curves; use a mesh of them, or "
+                "--integrator path"
+            )
         material = scene.materials[shape.material] if shape.material is not None else None
         if isinstance(material, Dielectric | Principled) and not volumes:
             for key in ("priority", "attenuation_color"):

@@ -28,6 +28,8 @@ class FlatSurfaces:
         World space, metres; all coordinates are relative to it.
     camera_free : float
         See `clrender.flatten.touching.Moves`.
+    curve_rows : (R, 16) float32
+        Of the curves among `analytic_shapes`; one row of zeros if there are none.
     attributes : (T + R, 16) float32
         Attributes of textured primitives, such as texture coordinates (`clrender.flatten.attributes`); no rows if there
         are none.
@@ -39,6 +41,7 @@ class FlatSurfaces:
     normals: NDArray[np.float32]
     triangles: NDArray[np.uint32]
     analytic_shapes: _Rows
+    curve_rows: NDArray[np.float32]
     primitive_shape: NDArray[np.uint32]
     shapes: _Rows
     first: NDArray[np.int64]

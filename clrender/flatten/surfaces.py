@@ -14,6 +14,7 @@ from clrender.flatten.attributes import (
     COLORS,
     TANGENTS,
     add_corner_rows,
+    curve_attributes,
     has_tangents,
     is_textured,
     round_attributes,
@@ -21,6 +22,7 @@ from clrender.flatten.attributes import (
     triangle_colors,
     triangle_tangents,
 )
+from clrender.flatten.curves import FlatCurves, flat_curves
 from clrender.flatten.material_rows import material_numbers
 from clrender.flatten.media import Solid, scene_media, solid_of
 from clrender.flatten.moved import moved
@@ -29,7 +31,7 @@ from clrender.flatten.surface_arrays import FlatSurfaces
 from clrender.flatten.touching import moves, undecided
 from clrender.meshes.data import COORDINATE_LIMIT, TRIANGLE_LIMIT, MeshData
 from clrender.scene.description import Scene
-from clrender.scene.shapes import Disk, Mesh, Shape, Sphere
+from clrender.scene.shapes import Curves, Disk, Mesh, Shape, Sphere
 from clrender.scene.transforms import Affine, affine
 from clrender.scene.values import Vector
 from clrender.wording import place as place_in_file
@@ -83,7 +85,7 @@ def flat_surfaces(
             continue
         if isinstance(shape, Mesh):
             meshes[index] = scene.mesh(index)
-        elif not isinstance(shape, Sphere | Disk):
+        elif not isinstance(shape, Sphere | Disk | Curves):
             meshes[index] = polyhedron(shape)
     vertex_total = sum(len(mesh.vertices) for mesh in meshes.values())
     triangle_total = sum(len(mesh.triangles) for mesh in meshes.values())
@@ -150,7 +152,9 @@ def flat_surfaces(
         there[:kept] += np.uint32(v)
         first[index], count[index], first_vertex[index] = t, kept, v
         v, t = v + len(here), t + kept
-    analytic_shapes, of_round = _analytic_rows(scene, origin, own, first, count, t, no_boundary, all_attributes)
+    analytic_shapes, curve_rows, of_round = _analytic_rows(
+        scene, origin, own, first, count, t, no_boundary, all_attributes
+    )
     shapes["first_primitive"] = first
     order = np.argsort(first, kind="stable")
     if any(textured):
@@ -161,6 +165,7 @@ def flat_surfaces(
         normals=normals,
         triangles=triangles[:t],
         analytic_shapes=analytic_shapes,
+        curve_rows=curve_rows,
         primitive_shape=np.repeat(order.astype("<u4"), count[order]),
         shapes=shapes,
         first=first,
@@ -328,16 +333,37 @@ def _analytic_rows(
     offset: int,
     no_boundary: frozenset[Solid],
     all_attributes: bool,
-) -> tuple[_Rows, NDArray[np.float32]]:
-    """Rows of spheres and disks, and of their attributes; writes their primitive numbers, which start at `offset`."""
-    round_ = [i for i, shape in enumerate(scene.plain_shapes) if isinstance(shape, Sphere | Disk)]
+) -> tuple[_Rows, NDArray[np.float32], NDArray[np.float32]]:
+    """Rows of spheres, disks and curves, of the curves' coefficients, and of their attributes.
+
+    Writes their primitive numbers, which start at `offset`.
+    """
+    kinds = Sphere | Disk | Curves
+    round_ = [i for i, shape in enumerate(scene.plain_shapes) if isinstance(shape, kinds)]
     indices = [i for i in round_ if not _is_left_out(scene.plain_shapes[i], no_boundary)]
-    rows = np.zeros(len(indices), dtype=layout.dtype("AnalyticShape"))
-    attributes = np.zeros((len(indices), 16), np.float32)
-    for number, index in enumerate(indices):
+    strands = {i: _curves_of(scene, i, origin, own) for i in indices if isinstance(scene.plain_shapes[i], Curves)}
+    total = len(indices) + sum(len(each.rows) - 1 for each in strands.values())
+    rows = np.zeros(total, dtype=layout.dtype("AnalyticShape"))
+    coefficients = np.zeros((total if strands else 1, 16), np.float32)
+    attributes = np.zeros((total, 16), np.float32)
+    number = 0
+    for index in indices:
         shape, place = scene.plain_shapes[index], f"{scene.source}: {place_in_file(scene.place_of(index))}"
-        assert isinstance(shape, Sphere | Disk)
+        first[index], count[index] = offset + number, 1
         transform = _relative(affine(shape.transform), origin if index < own else (0.0, 0.0, 0.0))
+        if isinstance(shape, Curves):
+            curves = strands[index]
+            some = slice(number, number + len(curves.rows))
+            rows[some], coefficients[some] = curves.shapes, curves.rows
+            _in_range(
+                float((np.abs(curves.shapes["center_radius"][:, :3]) + curves.shapes["normal"][:, :3]).max()), place
+            )
+            if all_attributes or is_textured(scene, index):
+                attributes[some] = curve_attributes(scene, shape, curves.along)
+            count[index] = len(curves.rows)
+            number += len(curves.rows)
+            continue
+        assert isinstance(shape, Sphere | Disk)
         center, radius = transform.point(shape.center), shape.radius * transform.scale
         _in_range(max(abs(x) for x in center) + radius, place)
         if radius < SMALLEST:
@@ -350,5 +376,12 @@ def _analytic_rows(
             rows[number]["normal"][3] = sign
         if all_attributes or is_textured(scene, index):
             attributes[number] = round_attributes(scene, shape, transform)
-        first[index], count[index] = offset + number, 1
-    return rows, attributes
+        number += 1
+    return rows, coefficients, attributes
+
+
+def _curves_of(scene: Scene, index: int, origin: Vector, own: int) -> FlatCurves:
+    shape, at = scene.plain_shapes[index], scene.place_of(index)
+    assert isinstance(shape, Curves)
+    transform = _relative(affine(shape.transform), origin if index < own else (0.0, 0.0, 0.0))
+    return flat_curves(shape, scene.strands(at, shape), transform, f"{scene.source}: {place_in_file(at)}")

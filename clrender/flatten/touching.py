@@ -33,7 +33,17 @@ from clrender.flatten.faces import (
     joined,
 )
 from clrender.flatten.near_pairs import near_pairs
-from clrender.flatten.shape_faces import BOUNDARY, LAMP, OPAQUE, SIMPLE, Placed, is_disk, placed_faces, shape_faces
+from clrender.flatten.shape_faces import (
+    BOUNDARY,
+    LAMP,
+    OPAQUE,
+    SIMPLE,
+    Placed,
+    is_curve,
+    is_disk,
+    placed_faces,
+    shape_faces,
+)
 from clrender.scene.materials import passes_light
 from clrender.scene.shapes import Mesh
 from clrender.wording import place
@@ -271,7 +281,8 @@ class _Space:
 
     def _equal_spheres(self) -> None:
         """The front of an opaque sphere moves before a boundary that is the same sphere, and that of a lamp further."""
-        rows, numbers = self._rounds, self._numbers
+        spheres = ~is_curve(self._surfaces)[self._rounds - len(self._surfaces.triangles)]
+        rows, numbers = self._rounds[spheres], self._numbers[spheres]
         kinds = self._kinds[self._surfaces.primitive_shape[rows]]
         if not (kinds > OPAQUE).any():
             return

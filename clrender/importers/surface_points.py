@@ -19,11 +19,12 @@ from clrender.flatten.assembly import Assembly, assemble
 from clrender.flatten.bounds import is_seen
 from clrender.flatten.emission import shape_emission
 from clrender.flatten.polyhedra import polyhedron
+from clrender.flatten.tubes import curve_mesh
 from clrender.image.tone_map import LUMINANCE
 from clrender.importers.shared.meshes import disk_mesh, sphere_mesh
 from clrender.meshes.data import MeshData
 from clrender.scene import Mesh, Scene
-from clrender.scene.shapes import Disk, Sphere
+from clrender.scene.shapes import Curves, Disk, Sphere
 from clrender.scene.transforms import affine
 from clrender.scene.values import Vector, cross, length
 
@@ -144,6 +145,8 @@ def _triangles(scene: Scene, shapes: Sequence[int], most: int) -> Iterator[tuple
             continue
         if isinstance(shape, Sphere | Disk):
             mesh = _rounded(shape)
+        elif isinstance(shape, Curves):
+            mesh = curve_mesh(shape, scene.strands(scene.place_of(index), shape), scene.source, 1, 3)
         else:
             mesh = scene.mesh(index) if isinstance(shape, Mesh) else polyhedron(shape)
         some, weight = _spread(len(mesh.triangles), most)

@@ -96,6 +96,8 @@ class Integrator:
         Whether it supports shapes with textured emission.
     vertex_colors : bool
         Whether it supports meshes with vertex colours.
+    curves : bool
+        Whether it supports curves.
     auto_light_sampler : str
         The light sampler that ``auto`` stands for.
     shares : str
@@ -127,6 +129,7 @@ class Integrator:
     textures: tuple[str, ...] | None = None
     emission_textures: bool = True
     vertex_colors: bool = True
+    curves: bool = True
     auto_light_sampler: str = "auto"
     shares: str = ""
     preparation: str = ""

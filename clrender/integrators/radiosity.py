@@ -18,6 +18,7 @@ INTEGRATOR: Final = Integrator(
     textures=("reflectance",),
     emission_textures=False,
     vertex_colors=False,
+    curves=False,
     preparation="clrender.radiosity.preparation",
     times="",
 )

@@ -31,12 +31,13 @@ from clrender.scene.materials import (
     Principled,
     Subsurface,
 )
-from clrender.scene.shapes import Box, Disk, Mesh, Quad, Shape, Sphere, Tetrahedron, Transform, Triangle
+from clrender.scene.shapes import Box, Curves, Disk, Mesh, Quad, Shape, Sphere, Tetrahedron, Transform, Triangle
 
 __all__ = [
     "Box",
     "Camera",
     "Conductor",
+    "Curves",
     "Dielectric",
     "DirectionalLight",
     "Disk",

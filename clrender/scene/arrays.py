@@ -9,6 +9,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from clrender.curves import CurveData
+from clrender.curves.read import curves_of_array
 from clrender.errors import SceneError
 from clrender.grids import GridData
 from clrender.image.pictures import Picture
@@ -17,7 +19,7 @@ from clrender.meshes.data import COORDINATE_LIMIT, CORNER_ARRAYS, TRIANGLE_LIMIT
 from clrender.scene.environment import EnvironmentPicture
 from clrender.wording import quoted, shown, suggestion
 
-__all__ = ["environment_of_array", "grid_of_array", "mesh_of_arrays", "picture_of_array"]
+__all__ = ["environment_of_array", "grid_of_array", "mesh_of_arrays", "picture_of_array", "strands_of_array"]
 
 _Array = npt.NDArray[Any]
 
@@ -86,6 +88,25 @@ def grid_of_array(name: str, value: Any) -> GridData:
     """
     where = f"grids: {quoted(name)}"
     return GridData.checked(_numbers(value, where), where)
+
+
+def strands_of_array(name: str, value: Any) -> CurveData:
+    """Strands of hair or other curves.
+
+    Parameters
+    ----------
+    name : str
+        Its name in the scene.
+    value : (strands, points, 3 or 4) or (points, 3 or 4) array_like
+        See `clrender.curves.read.curves_of_array`.
+
+    Raises
+    ------
+    SceneError
+        It is no such array.
+    """
+    where = f"curves: {quoted(name)}"
+    return curves_of_array(_numbers(value, where), where)
 
 
 def mesh_of_arrays(name: str, given: Mapping[str, Any], former: MeshData | None) -> MeshData:

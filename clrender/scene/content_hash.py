@@ -71,6 +71,8 @@ def _contents(scene: SceneContents) -> dict[str, bytes]:
         _as_in_films(shape, _table_at(content, at))
     for at, mesh in scene.mesh_files():
         put_at(content, (*at, "file"), scene.mesh_of(at, mesh).sha256())
+    for at, curves in scene.curve_files():
+        put_at(content, (*at, "file"), scene.strands(at, curves).sha256())
     for name, material in scene.materials.items():
         _as_in_films(material, content["materials"][name])
     for index, instance in scene.instances():

@@ -6,8 +6,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, TypeVar
 
+import numpy as np
 from pydantic import AfterValidator, FailFast, Field, PrivateAttr
 
+from clrender.curves import CurveData
 from clrender.grids import GridData
 from clrender.meshes.data import MeshData, inline_mesh
 from clrender.plugins import Plugin
@@ -31,7 +33,7 @@ from clrender.scene.materials import (
 from clrender.scene.medium import Density, Medium
 from clrender.scene.pictures import TexelStore
 from clrender.scene.scene_files import SceneFiles
-from clrender.scene.shapes import AnyShape, Mesh
+from clrender.scene.shapes import AnyShape, Curves, Mesh
 from clrender.scene.textures import (
     AnyTexture,
     BumpMap,
@@ -112,6 +114,12 @@ class SceneContents(Head):
                 yield at, shape
                 for number in range(len(shape.poses)):
                     yield (*at, "poses", number), shape.posed(number)
+
+    def curve_files(self) -> Iterator[tuple[tuple[str | int, ...], Curves]]:
+        """Its curves from files, each with the location of its table in the description."""
+        for at, shape in self.all_shapes():
+            if isinstance(shape, Curves) and shape.file is not None:
+                yield at, shape
 
     @property
     def has_motion(self) -> bool:
@@ -263,6 +271,25 @@ class SceneContents(Head):
         if shape.file is None:
             return inline_mesh(shape.vertices, shape.faces, shape.uvs, shape.uvs_1, shape.colors)
         return self._files.mesh(at, shape)
+
+    def strands(self, at: tuple[str | int, ...], shape: Curves) -> CurveData:
+        """Control points of curves, before their transform; a file is read once and cached.
+
+        Parameters
+        ----------
+        at : tuple of str or int
+            Location of the shape in the description, for error messages.
+        shape : Curves
+
+        Raises
+        ------
+        SceneError
+            If the file cannot be read or holds no strands.
+        """
+        if shape.file is not None:
+            return self._files.strands(shape.file, place((*at, "file")))
+        points = np.array(shape.points, np.float64)
+        return CurveData(points, None, np.array(shape.counts or [len(points)], np.int64))
 
     def transforms(self, index: int) -> TransformArray:
         """Transforms of the instance `shapes[index]`; a file is read once and cached.

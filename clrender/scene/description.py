@@ -20,7 +20,13 @@ from clrender.errors import SceneError, UsageError
 from clrender.image.exposure import photographic_stops
 from clrender.meshes.data import MeshData
 from clrender.plugins import as_plugins, combined
-from clrender.scene.arrays import environment_of_array, grid_of_array, mesh_of_arrays, picture_of_array
+from clrender.scene.arrays import (
+    environment_of_array,
+    grid_of_array,
+    mesh_of_arrays,
+    picture_of_array,
+    strands_of_array,
+)
 from clrender.scene.camera import Camera
 from clrender.scene.changes import Changes, table_values, validated
 from clrender.scene.content_hash import content_sha256
@@ -221,6 +227,7 @@ class Scene(SceneContents):
         textures: Mapping[str, npt.ArrayLike] | None = None,
         environments: Mapping[str, npt.ArrayLike] | None = None,
         grids: Mapping[str, npt.ArrayLike] | None = None,
+        curves: Mapping[str, npt.ArrayLike] | None = None,
     ) -> Scene:
         """A copy of the scene that uses arrays in the place of the files of these names.
 
@@ -241,6 +248,9 @@ class Scene(SceneContents):
             By the `file` of the environment: (H, W, 3) floats, latitude-longitude, radiance.
         grids : mapping of str to array_like, optional
             By the `file` of the density of media: (nz, ny, nx), not below 0.
+        curves : mapping of str to array_like, optional
+            By the `file` of shapes of type ``curves``: (strands, points, 3 or 4), metres, the fourth the radius; or
+            (points, 3 or 4), in which rows that are not numbers part two strands.
 
         Returns
         -------
@@ -270,6 +280,8 @@ class Scene(SceneContents):
             contents["environments"] = {name: environment_of_array(name, each) for name, each in environments.items()}
         if grids:
             contents["grids"] = {name: grid_of_array(name, array) for name, array in grids.items()}
+        if curves:
+            contents["curves"] = {name: strands_of_array(name, array) for name, array in curves.items()}
         return self.with_files(**contents)
 
     def with_plugins(self, plugins: Any) -> Self:

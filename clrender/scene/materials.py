@@ -54,6 +54,7 @@ __all__ = [
     "PluginMaterial",
     "Principled",
     "Subsurface",
+    "material_parts",
     "material_textures",
     "material_without_color",
     "passes_light",
@@ -456,6 +457,26 @@ def passes_light(materials: Mapping[str, Material], material: Material) -> bool:
     if isinstance(material, Principled):
         return material.transmission != 0.0 or material.diffuse_transmission > 0.0
     return isinstance(material, Dielectric | Subsurface)
+
+
+def material_parts(materials: Mapping[str, Material], name: str | None, depth: int = 0) -> Iterator[Material]:
+    """The materials that a material mixes, or itself.
+
+    Parameters
+    ----------
+    materials : mapping of str to Material
+        Materials of a scene.
+    name : str or None
+        Name of one of them. Of none there are none, nor of names that do not exist.
+    depth : int
+        How deep in mixtures it is; `MIX_DEPTH` is the end.
+    """
+    material = None if name is None else materials.get(name)
+    if isinstance(material, Mix):
+        for part in material.materials if depth < MIX_DEPTH else ():
+            yield from material_parts(materials, part, depth + 1)
+    elif material is not None:
+        yield material
 
 
 def material_textures(materials: Mapping[str, Material], name: str) -> Iterator[tuple[str, MaterialTexture]]:

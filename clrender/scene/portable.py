@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from clrender.curves import CurveData
 from clrender.errors import SceneError
 from clrender.grids import GridData
 from clrender.image.texel_tiles import TILE_BYTES, StoredPicture, picture_sha256, tile_shape
@@ -28,7 +29,9 @@ from clrender.wording import place as place_in_file
 __all__ = ["scene_from_portable", "scene_to_portable"]
 
 _PREFIX: Final = "sha256:"
-_Asset = TypeVar("_Asset", GridData, MeshData, EnvironmentPicture, IesProfile, TransformArray, "_TexturePicture")
+_Asset = TypeVar(
+    "_Asset", CurveData, GridData, MeshData, EnvironmentPicture, IesProfile, TransformArray, "_TexturePicture"
+)
 
 
 def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
@@ -78,6 +81,11 @@ def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
         put_at(description, ("media", name, "density", "file"), _PREFIX + grid.sha256())
         if grid.sha256() not in assets:
             assets[grid.sha256()] = _zipped(values=grid.values, placement=grid.placement)
+    for at, curves in scene.curve_files():
+        strands = scene.strands(at, curves)
+        put_at(description, (*at, "file"), _PREFIX + strands.sha256())
+        if strands.sha256() not in assets:
+            assets[strands.sha256()] = _packed_curves(strands)
     return description, assets
 
 
@@ -124,8 +132,19 @@ def scene_from_portable(description: Mapping[str, Any], assets: Mapping[str, byt
         if density.file not in grids:
             place = f"{source}: {place_in_file(('media', name, 'density', 'file'))}"
             grids[density.file] = _unpacked_grid(_hash_in(density.file, place), assets, place)
+    curves: dict[str, CurveData] = {}
+    for at, strands in scene.curve_files():
+        if strands.file is not None and strands.file not in curves:
+            place = f"{source}: {place_in_file((*at, 'file'))}"
+            curves[strands.file] = _unpacked_curves(_hash_in(strands.file, place), assets, place)
     return scene.with_files(
-        grids=grids, textures=textures, profiles=profiles, transforms=transforms, meshes=meshes, environments=pictures
+        curves=curves,
+        grids=grids,
+        textures=textures,
+        profiles=profiles,
+        transforms=transforms,
+        meshes=meshes,
+        environments=pictures,
     )
 
 
@@ -227,3 +246,18 @@ def _asset(sha256: str, assets: Mapping[str, bytes], place: str, made: Callable[
     if not same:
         raise SceneError(f"{place}: the asset {sha256} has another content than its hash says; send it again")
     return frozen(asset)  # type: ignore[no-any-return]
+
+
+def _packed_curves(curves: CurveData) -> bytes:
+    rows = curves.points if curves.radii is None else np.concatenate([curves.points, curves.radii[:, None]], axis=1)
+    return _zipped(rows=rows, counts=curves.counts)
+
+
+def _unpacked_curves(sha256: str, assets: Mapping[str, bytes], place: str) -> CurveData:
+    def curves(archive: Any) -> CurveData:
+        rows, counts = np.array(archive["rows"], np.float64), np.array(archive["counts"], np.int64)
+        if rows.ndim != 2 or rows.shape[1] not in (3, 4) or counts.sum() != len(rows):
+            raise ValueError("its strands are not as long as it says")
+        return CurveData.checked(rows, counts, f"the asset {sha256}")
+
+    return _asset(sha256, assets, place, curves)

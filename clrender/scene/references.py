@@ -13,10 +13,11 @@ from clrender.scene.materials import (
     Mix,
     Principled,
     Subsurface,
+    material_parts,
     material_without_color,
     passes_light,
 )
-from clrender.scene.shapes import Mesh
+from clrender.scene.shapes import Curves, Mesh
 from clrender.scene.values import fault
 from clrender.wording import place, quoted, suggestion
 
@@ -52,6 +53,7 @@ def check_references(scene: SceneContents) -> None:
     _check_hidden(scene)
     _check_catchers(scene)
     _check_poses(scene)
+    _check_curves(scene)
     environments = [i for i, light in enumerate(scene.lights) if isinstance(light, EnvironmentLight | SunSkyLight)]
     for i in environments[1:]:
         sentence = f"is a second environment beside lights[{environments[0]}]; a scene can have only one"
@@ -178,6 +180,20 @@ def _check_poses(scene: SceneContents) -> None:
             raise fault(
                 "reference", "are given for what shines, which keeps its form; leave one of them out", *at, "poses"
             )
+
+
+def _check_curves(scene: SceneContents) -> None:
+    """Check that curves are opaque or thin: rays that are within one meet no surface of it."""
+    for at, shape in scene.all_shapes():
+        if not isinstance(shape, Curves) or shape.material is None:
+            continue
+        parts = list(material_parts(scene.materials, shape.material))
+        if any(part.solid for part in parts):
+            sentence = f"names {quoted(shape.material)}, which has an inside, and curves have none"
+            raise fault("reference", f"{sentence}; give them an opaque or thin material", *at, "material")
+        if any(_shines(part) for part in parts):
+            sentence = f"names {quoted(shape.material)}, which shines, and curves cannot"
+            raise fault("reference", f"{sentence}; give them another", *at, "material")
 
 
 def _shines(material: Material) -> bool:

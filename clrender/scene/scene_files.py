@@ -12,6 +12,7 @@ from typing import Any, BinaryIO, Final
 from numpy import uint8
 from numpy.typing import NDArray
 
+from clrender.curves import CurveData, read_curves
 from clrender.errors import SceneError
 from clrender.files.named import open_named_file
 from clrender.grids import GridData, read_grid
@@ -35,6 +36,7 @@ _KINDS: Final[Mapping[str, type]] = {
     "environments": EnvironmentPicture,
     "profiles": IesProfile,
     "grids": GridData,
+    "curves": CurveData,
     "textures": tuple,
     "encoded": tuple,
 }
@@ -66,6 +68,7 @@ class SceneFiles:
     environments : dict of str to EnvironmentPicture
     profiles : dict of str to IesProfile
     grids : dict of str to GridData
+    curves : dict of str to CurveData
     textures : dict of str to (StoredPicture, (tiles, 64) uint8)
     encoded : dict of str to (bytes, str)
         Encoded images: file content, and the format's extension such as ``.png``.
@@ -79,6 +82,7 @@ class SceneFiles:
     environments: dict[str, EnvironmentPicture] = field(default_factory=FrozenDict)
     profiles: dict[str, IesProfile] = field(default_factory=FrozenDict)
     grids: dict[str, GridData] = field(default_factory=FrozenDict)
+    curves: dict[str, CurveData] = field(default_factory=FrozenDict)
     textures: dict[str, tuple[StoredPicture, NDArray[uint8]]] = field(default_factory=FrozenDict)
     encoded: dict[str, tuple[bytes, str]] = field(default_factory=FrozenDict)
 
@@ -161,6 +165,13 @@ class SceneFiles:
             grid = read_grid(name, self.base_folder, self.allow_paths, f"{self.source}: {where}")
             self._read("grids", name, grid)
         return self.grids[name]
+
+    def strands(self, name: str, where: str) -> CurveData:
+        """Content of a file of curves; `where` is the location of the name, for messages. Raises like `mesh`."""
+        if name not in self.curves:
+            curves = read_curves(name, self.base_folder, self.allow_paths, f"{self.source}: {where}")
+            self._read("curves", name, curves)
+        return self.curves[name]
 
     @contextmanager
     def opened(self, name: str, where: str) -> Iterator[tuple[BinaryIO, str]]:

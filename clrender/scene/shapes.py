@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
-from pydantic import FailFast, Field, Strict, model_validator
+from pydantic import BeforeValidator, FailFast, Field, Strict, model_validator
 
+from clrender.meshes.data import COORDINATE_LIMIT
 from clrender.meshes.vertex_colors import VertexColors
 from clrender.scene.poses import MeshPose, Motion, Poses, Transform
 from clrender.scene.textures import ColorOrTexture
@@ -29,6 +30,7 @@ from clrender.scene.values import (
 __all__ = [
     "AnyShape",
     "Box",
+    "Curves",
     "Disk",
     "Mesh",
     "Quad",
@@ -40,12 +42,17 @@ __all__ = [
     "Triangle",
 ]
 
+_UNEVEN: Final = (
+    "stretches a sphere, disk or curve unevenly, which is not supported; scale all axes alike or use a mesh"
+)
+
 
 class Surface(Part):
     """What every shape has."""
 
     late_keys: ClassVar[frozenset[str]] = frozenset({"visible_to_camera", "shadow_catcher", "light_group", "motion"})
     needs_similarity: ClassVar[bool] = False
+    """Whether its transform may not stretch it more along one direction than along others."""
     material: Name | None = Field(None, description="name of the material; without one the shape is black")
     emission: ColorOrTexture | None = Field(
         None, description="emitted radiance, W/(sr m2), constant or a texture; makes the shape an area light"
@@ -77,15 +84,14 @@ class Surface(Part):
             where = "scale" if self.transform.matrix is None else "matrix"
             raise fault(
                 "transform",
-                "stretches a sphere or disk unevenly, which is not supported; scale all axes alike or use a mesh",
+                _UNEVEN,
                 "transform",
                 where,
             )
         for index, key in enumerate(self.motion if self.needs_similarity else ()):
             if not key.is_similarity():
                 where = "scale" if key.matrix is None else "matrix"
-                text = "stretches a sphere or disk unevenly, which is not supported; scale all axes alike or use a mesh"
-                raise fault("motion", text, "motion", index, where)
+                raise fault("motion", _UNEVEN, "motion", index, where)
         return self
 
 
@@ -249,5 +255,63 @@ class Mesh(Surface):
         return self
 
 
-AnyShape: TypeAlias = Sphere | Quad | Triangle | Box | Tetrahedron | Disk | Mesh
+_Radius = Annotated[Finite, Field(ge=0.0, le=COORDINATE_LIMIT)]
+
+
+def _radii(value: Any) -> Any:
+    """Accepts one number for all points."""
+    return (value,) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+class Curves(Surface):
+    """Strands of hair, grass or thread: tubes along cubic curves."""
+
+    needs_similarity: ClassVar[bool] = True
+
+    type: Literal["curves"]
+    file: FileName | None = Field(None, description=".npy or .txt with the control points of all strands")
+    points: Annotated[tuple[Vector, ...], FailFast(), Field(max_length=INLINE_LIMIT)] = Field(
+        (), description="control points, one strand after the other"
+    )
+    counts: Annotated[tuple[Annotated[int, Strict(), Field(gt=0)], ...], FailFast(), Field(max_length=INLINE_LIMIT)] = (
+        Field((), description="number of control points of each strand; default: all are one strand")
+    )
+    radius: Annotated[
+        Annotated[tuple[_Radius, ...], FailFast(), Field(max_length=INLINE_LIMIT)], BeforeValidator(_radii)
+    ] = Field(
+        (),
+        description="radius of the tubes: one number, two for roots and tips, or one for each control point",
+        json_schema_extra={"anyOf": [{"type": "number"}, {"type": "array", "items": {"type": "number"}}]},
+    )
+    basis: Literal["bspline", "bezier", "catmull-rom", "linear"] = Field(
+        "bspline", description="what curves the control points are of"
+    )
+    profile: Literal["round"] = Field("round", description="cross section")
+
+    @model_validator(mode="after")
+    def _has_strands(self) -> Curves:
+        if (self.file is None) == (not self.points):
+            raise fault("curves", "needs either `file` or `points`, and not both", "file" if self.file else "points")
+        if self.file is not None and self.counts:
+            raise fault("curves", "is for `points`; a file has its own strands", "counts")
+        if self.counts and sum(self.counts) != len(self.points):
+            text = f"add up to {sum(self.counts)}, but there are {len(self.points)} points"
+            raise fault("curves", text, "counts")
+        if self.file is None and not self.radius:
+            raise fault("curves", "is missing; give a number of metres", "radius")
+        if self.file is None and len(self.radius) not in (1, 2, len(self.points)):
+            text = f"has {len(self.radius)} entries; give one, two for roots and tips, or {len(self.points)}"
+            raise fault("curves", text, "radius")
+        if self.radius and max(self.radius) == 0.0:
+            raise fault("curves", "is 0, which nothing can be seen of; give a number of metres", "radius")
+        if self.emission is not None:
+            raise fault("curves", "is not for curves, which cannot shine; leave it out", "emission")
+        if self.interior is not None:
+            raise fault("curves", "is not for curves, which have no inside; leave it out", "interior")
+        if self.flip_normals:
+            raise fault("curves", "is not for curves, which have no inside; leave it out", "flip_normals")
+        return self
+
+
+AnyShape: TypeAlias = Sphere | Quad | Triangle | Box | Tetrahedron | Disk | Mesh | Curves
 Shape: TypeAlias = Annotated[AnyShape, Field(discriminator="type")]

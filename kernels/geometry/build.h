@@ -129,12 +129,12 @@ static Box box_of_triangles(uint unit, __global const float* vertices, __global 
     return box_enlarged(b, extent, slack);
 }
 
-// The box of a sphere or disk.
+// The box of a sphere, disk or curve.
 static Box box_of_round(AnalyticShape r) {
     const float center[3] = {r.center_radius.x, r.center_radius.y, r.center_radius.z};
-    float extent[3];
+    float extent[3] = {r.normal.x, r.normal.y, r.normal.z};
     Box b;
-    round_extents(extent, r.center_radius.w, r.normal.x, r.normal.y, r.normal.z);
+    if (r.normal.w < ANALYTIC_SHAPE_CURVE) round_extents(extent, r.center_radius.w, r.normal.x, r.normal.y, r.normal.z);
     for (int k = 0; k < 3; ++k) {
         b.low[k] = center[k] - extent[k];
         b.high[k] = center[k] + extent[k];

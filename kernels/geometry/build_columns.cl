@@ -49,13 +49,19 @@ static void columns_put_rectangle(__global float* column, uint unit, __global co
     column[ANALYTIC_ID] = as_float(unit | BVH_NUMBER);
 }
 
-// The column of a sphere or disk, and its number as a primitive.
-static void columns_put_round(__global float* column, AnalyticShape r, uint primitive) {
+// The column of a sphere, disk or curve, its number among them and as a primitive.
+static void columns_put_round(__global float* column, AnalyticShape r, uint number, uint primitive) {
+    column[ANALYTIC_ID] = as_float(primitive | BVH_NUMBER);
+    if (r.normal.w >= ANALYTIC_SHAPE_CURVE) {
+        for (uint k = 0; k < 7; ++k) column[k * 8] = 0.0f;
+        column[24] = as_float(number | BVH_NUMBER);
+        column[ANALYTIC_KIND] = as_float((ANALYTIC_CURVE + (uint)(r.normal.w - ANALYTIC_SHAPE_CURVE)) | BVH_NUMBER);
+        return;
+    }
     const int disk = r.normal.x != 0.0f || r.normal.y != 0.0f || r.normal.z != 0.0f;
     const float rows[7] = {r.center_radius.x, r.center_radius.y, r.center_radius.z, r.center_radius.w, r.normal.x, r.normal.y, r.normal.z};
     for (uint k = 0; k < 7; ++k) column[k * 8] = rows[k];
     column[ANALYTIC_KIND] = as_float((disk ? ANALYTIC_DISK : ANALYTIC_SPHERE) | BVH_NUMBER);
-    column[ANALYTIC_ID] = as_float(primitive | BVH_NUMBER);
 }
 
 // What a column of a block holds: the number of a unit, or NONE.
@@ -84,7 +90,7 @@ __kernel void build_analytic_columns(__global const uint* columns, uint count, _
         columns_put_rectangle(column, units[columns[i]] & ~BVH_RECTANGLE, vertices, triangles);
     } else {
         const uint number = round_ones[columns[i] - triangle_units];
-        columns_put_round(column, analytic_shapes[number], number + triangle_count);
+        columns_put_round(column, analytic_shapes[number], number, number + triangle_count);
     }
     if (i + 1u == count) columns_end(packs + (size_t)(count / 8u) * ANALYTIC_BLOCK_WORDS);
 }
@@ -111,7 +117,7 @@ __kernel void refit_analytic_columns(uint count, uint triangle_count, __global c
     if (unit & BVH_PAIR)
         columns_put_rectangle(column, unit, vertices, triangles);
     else
-        columns_put_round(column, analytic_shapes[unit - triangle_count], unit);
+        columns_put_round(column, analytic_shapes[unit - triangle_count], unit - triangle_count, unit);
 }
 
 static Box refit_box_of_node(__global const float* node) {

@@ -35,6 +35,9 @@
 #define ANALYTIC_SPHERE 0u
 #define ANALYTIC_DISK 1u
 #define ANALYTIC_RECTANGLE 2u    // square to x; then to y, to z
+#define ANALYTIC_CURVE 8u        // and these, if another curve goes on from its beginning, from its end
+#define ANALYTIC_CURVE_BEFORE 1u
+#define ANALYTIC_CURVE_AFTER 2u
 // In a list of units, beside BVH_PAIR: the pair is a rectangle square to an axis.
 #define BVH_RECTANGLE 0x20000000u
 // Set in all numbers of primitives and kinds: as a float it is a normal number, which processors multiply as fast as any.
@@ -70,6 +73,9 @@ typedef struct {
     __global const float* motion_rows;       // geometry/motion.h
     __global const uint* instance_motions;   // INSTANCE_MOTION_WORDS words an instance
 #endif
+#endif
+#ifdef CURVES
+    __global const float* curve_rows;
 #endif
 #ifdef HOLES
     __global const uint* hole_rows;          // of masked triangles (geometry/holes.h); of a tree over others 0

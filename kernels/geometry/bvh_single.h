@@ -192,6 +192,50 @@ static void single_triangles(SingleRays* rays, int ray, const Bvh* bvh, uint ref
                 any_hit);
 }
 
+#ifdef CURVES
+// Those of a pack's members that are curves; see packet_curve.
+static int8 single_curves(const SingleRays* rays, int ray, const Bvh* bvh, uint8 kind, __global const float* pack, uint members, int any_hit,
+                          float8* distance) {
+    const int8 curve = (kind >= ANALYTIC_CURVE) & ((int8)(0, 1, 2, 3, 4, 5, 6, 7) < (int)members);
+    if (!any_of_eight(curve)) return curve;
+    uint number[8];
+    float k[CURVE_WORDS][8], t[3][8];
+    vstore8(curve ? as_uint8(vload8(3, pack)) & ~BVH_NUMBER : (uint8)(0u), 0, number);
+    float8 row[CURVE_WORDS];
+    for (uint m = 0; m < 8; ++m) {
+        __global const float* own = bvh->curve_rows + (size_t)number[m] * CURVE_WORDS;
+        for (int i = 0; i < CURVE_WORDS; ++i) k[i][m] = own[i];
+    }
+    for (int i = 0; i < CURVE_WORDS; ++i) row[i] = vload8(0, k[i]);
+    CurveHit_pack found;
+    int8 hit = curve & curve_hit_pack(row, (float8)(rays->origin[0][ray]), (float8)(rays->origin[1][ray]), (float8)(rays->origin[2][ray]),
+                                      (float8)(rays->direction[0][ray]), (float8)(rays->direction[1][ray]), (float8)(rays->direction[2][ray]),
+                                      (float8)(rays->inverse2[ray]), single_after(rays, ray), &found);
+    *distance = found.distance;
+    if (BVH_PASSES_TARGET(any_hit)) {
+        const uint8 before = kind & ANALYTIC_CURVE_BEFORE, more = before + (kind >> 1 & 1u);
+        const uint8 primitive = (as_uint8(vload8(ANALYTIC_ID / 8, pack)) & ~BVH_NUMBER) + single_analytic_offset(rays, ray, (int8)(0));
+        hit &= rays->to[ray] - (primitive - before) > more;
+    }
+    const int8 begins = hit & (found.u <= 0.0f) & ((kind & ANALYTIC_CURVE_BEFORE) != 0u);
+    const int8 ends = hit & (found.u >= 1.0f) & ((kind & ANALYTIC_CURVE_AFTER) != 0u);
+    if (!any_of_eight(begins | ends)) return hit;
+    int before[8], after[8];
+    vstore8(begins, 0, before);
+    vstore8(ends, 0, after);
+    for (uint m = 0; m < 8; ++m) {
+        __global const float* own = bvh->curve_rows + (size_t)number[m] * CURVE_WORDS;
+        for (int i = 0; i < 3; ++i) {
+            t[i][m] = 0.0f;
+            if (before[m]) t[i][m] = fma(own[i - 4], 3.0f, fma(own[i - 8], 2.0f, own[i - 12]));
+            if (after[m]) t[i][m] = own[CURVE_WORDS + 4 + i];
+        }
+    }
+    const float8 x = vload8(0, t[0]), y = vload8(0, t[1]), z = vload8(0, t[2]);
+    return hit & (!begins | curve_shows_pack(&found, x, y, z, 1.0f)) & (!ends | curve_shows_pack(&found, x, y, z, -1.0f));
+}
+#endif
+
 static void single_analytic(SingleRays* rays, int ray, const Bvh* bvh, uint reference, float entered, int any_hit) {
     __global const float* pack = bvh_pack(bvh->analytic_packs, ANALYTIC_BLOCK_WORDS, reference);
     const float8 from_x = rays->origin[0][ray] - vload8(0, pack), from_y = rays->origin[1][ray] - vload8(1, pack);
@@ -204,7 +248,7 @@ static void single_analytic(SingleRays* rays, int ray, const Bvh* bvh, uint refe
                                         single_after(rays, ray), &sphere_distance);
     const int8 flat = disk_hit_pack(-from_x, -from_y, -from_z, radius, nx, ny, nz, dx, dy, dz, &disk_distance);
     const uint8 kind = as_uint8(vload8(ANALYTIC_KIND / 8, pack)) & ~BVH_NUMBER;
-    const int8 disk = kind == ANALYTIC_DISK, rectangle = kind >= ANALYTIC_RECTANGLE;
+    const int8 disk = kind == ANALYTIC_DISK, rectangle = (kind >= ANALYTIC_RECTANGLE) & (kind < ANALYTIC_CURVE);
     const int8 x = kind == ANALYTIC_RECTANGLE, y = kind == ANALYTIC_RECTANGLE + 1u;
     const float8 minus_x = (float8)(rays->minus_inverse[0][ray]), minus_y = (float8)(rays->minus_inverse[1][ray]);
     const float8 minus_inverse = x ? minus_x : (y ? minus_y : (float8)(rays->minus_inverse[2][ray]));
@@ -213,7 +257,13 @@ static void single_analytic(SingleRays* rays, int ray, const Bvh* bvh, uint refe
                                             nx, &distance, &place_u, &place_v);
     const int8 second = rectangle & rectangle_second_pack(place_u, place_v, ny, nz);
     distance = rectangle ? distance : (disk ? disk_distance : sphere_distance);
-    const int8 met = rectangle ? upright : (disk ? flat : sphere);
+    int8 met = rectangle ? upright : (disk ? flat : sphere);
+#ifdef CURVES
+    float8 curve_distance = distance;
+    const int8 tube = single_curves(rays, ray, bvh, kind, pack, bvh_members(reference), any_hit, &curve_distance);
+    met = kind >= ANALYTIC_CURVE ? tube : met;
+    distance = kind >= ANALYTIC_CURVE ? curve_distance : distance;
+#endif
 #ifdef HOLES
     // Nothing is known of their holes
     if (any_hit && bvh->hole_rows != 0) {

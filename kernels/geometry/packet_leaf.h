@@ -111,6 +111,32 @@ static void packet_triangles(PacketRay* ray, const Bvh* bvh, uint reference, vfl
     ray->primitive = primitive;
 }
 
+#ifdef CURVES
+// A curve, from whose ends others go on as `joints` tells. A ray that is aimed at one of them, through the hair that it is, passes this one.
+static vmask packet_curve(const PacketRay* ray, const Bvh* bvh, uint joints, uint number, uint primitive, int any_hit, vfloat* distance) {
+    __global const float* row = bvh->curve_rows + (size_t)number * CURVE_WORDS;
+    vfloat k[CURVE_WORDS];
+    for (int i = 0; i < CURVE_WORDS; ++i) k[i] = splat(row[i]);
+    const vec3 o = ray->origin, d = ray->direction;
+    CurveHit_lanes found;
+    vmask hit = curve_hit_lanes(k, o.x, o.y, o.z, d.x, d.y, d.z, ray->inverse2, packet_after(ray), &found);
+    *distance = found.distance;
+    const vmask begins = hit & (found.u <= 0.0f), ends = hit & (found.u >= 1.0f);
+    if ((joints & ANALYTIC_CURVE_BEFORE) && lane_any(begins)) {
+        __global const float* other = row - CURVE_WORDS;
+        vfloat t[3];
+        for (int i = 0; i < 3; ++i) t[i] = splat(fma(other[12 + i], 3.0f, fma(other[8 + i], 2.0f, other[4 + i])));
+        hit = hit & (!begins | curve_shows_lanes(&found, t[0], t[1], t[2], 1.0f));
+    }
+    if ((joints & ANALYTIC_CURVE_AFTER) && lane_any(ends)) {
+        __global const float* other = row + CURVE_WORDS;
+        hit = hit & (!ends | curve_shows_lanes(&found, splat(other[4]), splat(other[5]), splat(other[6]), -1.0f));
+    }
+    const uint before = joints & ANALYTIC_CURVE_BEFORE, more = before + (joints >> 1);
+    return BVH_PASSES_TARGET(any_hit) ? hit & (ray->to - (primitive - before) > splat_uint(more)) : hit;
+}
+#endif
+
 // The rectangle in the pack's first column, square to the axis `a`, with sides along `u` and `v`.
 #define PACKET_RECTANGLE(a, u, v)                                                                                           \
     rectangle_hit_lanes(from.a, -ray->inverse.a, from.u, from.v, ray->direction.u, ray->direction.v, splat(pack[24]),         \
@@ -125,6 +151,11 @@ static void packet_analytic(PacketRay* ray, const Bvh* bvh, uint reference, vflo
         vuint id = splat_uint(first);
         vfloat distance;
         vmask hit;
+#ifdef CURVES
+        if (kind >= ANALYTIC_CURVE)
+            hit = packet_curve(ray, bvh, kind - ANALYTIC_CURVE, as_uint(pack[24]) & ~BVH_NUMBER, first, any_hit, &distance);
+        else
+#endif
         if (kind >= ANALYTIC_RECTANGLE) {
             vfloat place_u, place_v;
             if (kind == ANALYTIC_RECTANGLE)

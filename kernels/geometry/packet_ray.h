@@ -76,7 +76,7 @@ static PacketRay packet_ray(const Ray* ray, vmask active) {
 static vfloat packet_begin(const PacketRay* ray) { return ray->start; }
 static uint packet_triangle_offset(const PacketRay* ray) { return ray->triangle_offset; }
 static uint packet_analytic_offset(const PacketRay* ray, uint kind) {
-    return kind >= ANALYTIC_RECTANGLE ? ray->triangle_offset : ray->analytic_offset;
+    return kind - ANALYTIC_RECTANGLE < 3u ? ray->triangle_offset : ray->analytic_offset;
 }
 #else
 static vfloat packet_begin(const PacketRay* ray) { return splat(BOX_START); }

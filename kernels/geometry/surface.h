@@ -5,6 +5,7 @@
 #include "core/frame.h"
 #include "core/lane.h"
 #include "core/sampler.h"
+#include "geometry/curve.h"
 #include "geometry/instance.h"
 #include "geometry/ray.h"
 #include "geometry/traverse.h"
@@ -46,6 +47,10 @@ typedef struct {
 #endif
 #ifdef MOTION
     vfloat time;         // of the ray that found it
+#endif
+#ifdef CURVES
+    vmask curve;
+    vec3 tangent;        // of a curve: unit, along it, square to the normal
 #endif
 } Surface;
 
@@ -94,6 +99,24 @@ static void surface_triangle(const Scene* scene, const Ray* ray, const Placed* p
         s->shading = choose(usable, unit(blend), s->normal);
     }
 }
+
+#ifdef CURVES
+static void surface_curve(const Scene* scene, const Ray* ray, const Placed* placed, Surface* s) {
+    const CurvePoint p = curve_point(scene, ray, placed, s->curve);
+    s->point = choose(s->curve, p.point, s->point);
+    s->error = choose(s->curve, p.error, s->error);
+    s->normal = choose(s->curve, p.normal, s->normal);
+    s->shading = choose(s->curve, p.normal, s->shading);
+    s->tangent = p.tangent;
+    s->from = s->curve ? splat_uint(NONE) : s->from;     // a curve that bends can be hit again
+#ifdef TEXTURES
+    s->attributes.weight_b = s->curve ? p.along : s->attributes.weight_b;
+    s->attributes.weight_c = s->curve ? splat(0.5f) : s->attributes.weight_c;
+    s->attributes.ab = choose(s->curve, p.tangent, s->attributes.ab);
+    s->attributes.ac = choose(s->curve, outer(p.normal, p.tangent), s->attributes.ac);
+#endif
+}
+#endif
 
 static void surface_round(const Ray* ray, vfloat distance, const vfloat row[16], vmask round, Surface* s) {
     const vec3 center = vec3_row(row, PRIMITIVE_ROW_CENTER), disk_normal = vec3_row(row, PRIMITIVE_ROW_NORMAL);
@@ -180,7 +203,17 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
 #endif
 #endif
     surface_triangle(scene, ray, &placed, row, smooth, &s);
-    if (lane_any(round)) surface_round(ray, hit.distance, row, round, &s);
+#ifdef CURVES
+    s.curve = active & curve_is(row, round);
+    s.tangent = vec3_all(0.0f);
+    const vmask plain = round & !s.curve;
+#else
+    const vmask plain = round;
+#endif
+    if (lane_any(plain)) surface_round(ray, hit.distance, row, plain, &s);
+#ifdef CURVES
+    if (lane_any(s.curve)) surface_curve(scene, ray, &placed, &s);
+#endif
     s.error = placed_error(&placed, s.point, s.error);
     s.clearance = ray_clearance(s.normal, s.error);
     s.front = inner(s.normal, ray->direction) < 0.0f;

@@ -9,8 +9,12 @@
 #include "geometry/triangle.h"
 #include "types.h"
 
+// Over all members.
+static int any_of_eight(int8 m) { return as_long(convert_char8(m)) != 0; }
+
 #define F vfloat
 #define I vmask
+#define ANY(m) lane_any(m)
 #define BITS(x) vfloat_bits(x)
 #define FROM_BITS(x) vfloat_from_bits(x)
 #define WIDE(name) name##_lanes
@@ -25,10 +29,14 @@
 #endif
 #include "geometry/sphere.inc"
 #include "geometry/rectangle.inc"
+#ifdef CURVES
+#include "geometry/curve.inc"
+#endif
 #undef F
 #undef I
 #undef BITS
 #undef FROM_BITS
+#undef ANY
 #undef WIDE
 
 #define F float
@@ -48,6 +56,7 @@
 
 #define F float8
 #define I int8
+#define ANY(m) any_of_eight(m)
 #define BITS(x) as_uint8(x)
 #define FROM_BITS(x) as_float8(x)
 #define WIDE(name) name##_pack
@@ -58,14 +67,16 @@
 #endif
 #include "geometry/sphere.inc"
 #include "geometry/rectangle.inc"
+#ifdef CURVES
+#include "geometry/curve.inc"
+#endif
 #undef F
 #undef I
 #undef BITS
 #undef FROM_BITS
+#undef ANY
 #undef WIDE
 
-// Over all members.
-static int any_of_eight(int8 m) { return as_long(convert_char8(m)) != 0; }
 static int count_of_eight(int8 m) { return (int)(popcount(as_ulong(convert_char8(m))) >> 3); }
 static float least_of_eight(float8 x) {
     const float4 h = x.lo < x.hi ? x.lo : x.hi;

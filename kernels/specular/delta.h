@@ -28,6 +28,9 @@ static vmask delta_in_chain(const Surface* s, const Bsdf* b, vec3 direction) {
 #ifdef MATERIALS
     fixed = fixed & !b->mixed;       // which of mixed materials is met changes from point to point
 #endif
+#ifdef CURVES
+    fixed = fixed & !s->curve;       // how their normals change is not known
+#endif
     return b->specular & own & fixed & (inner(direction, normal) < -1.0e-6f);
 }
 

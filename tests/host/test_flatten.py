@@ -60,6 +60,7 @@ def test_arrays_are_what_the_kernels_expect() -> None:
     assert set(scene.arrays) == {
         *kinds,
         "vertices",
+        "curve_rows",
         "grid_rows",
         "grid_words",
         "normals",

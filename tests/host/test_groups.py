@@ -144,7 +144,7 @@ def test_faults_in_groups_are_told_with_their_place(tmp_path: Path, shapes: list
 
 def test_spheres_are_not_stretched() -> None:
     flatten(of({"transform": {"scale": -2.0}}, BALL), 8, 8)
-    with pytest.raises(SceneError, match=r"shapes\[0\]\.transform stretches a sphere or disk of the group .one."):
+    with pytest.raises(SceneError, match=r"shapes\[0\]\.transform stretches a .* curve of the group .one."):
         flatten(of({"transform": {"scale": [1.0, 2.0, 1.0]}}, CUBE, BALL), 8, 8)
     several = [np.eye(4).tolist(), np.diag([1.0, 1.0, 1.1, 1.0]).tolist()]
     with pytest.raises(SceneError, match=r"shapes\[0\]\.transforms\[1\] stretches"):

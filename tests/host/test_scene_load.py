@@ -151,7 +151,7 @@ def test_schema_describes_the_file() -> None:
     }
     assert schema["additionalProperties"] is False and schema["required"] == ["camera"]
     kinds = schema["properties"]["shapes"]["items"]["discriminator"]["mapping"]
-    assert set(kinds) == {"sphere", "quad", "triangle", "box", "tetrahedron", "disk", "mesh", "instance"}
+    assert set(kinds) == {"sphere", "quad", "triangle", "box", "tetrahedron", "disk", "mesh", "curves", "instance"}
     json.dumps(schema)
 
 

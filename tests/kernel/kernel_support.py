@@ -136,6 +136,7 @@ def flat_scene(
         "material_rows": np.zeros((1, 16), np.float32),
         "albedo_tables": np.zeros(1, np.float32),
         "media_rows": np.zeros((1, 16), np.float32),
+        "curve_rows": np.zeros((1, 16), np.float32),
         "grid_rows": np.zeros((1, 16), np.float32),
         "grid_words": np.zeros(1, np.float32),
         "hole_rows": np.zeros((1, 64), np.uint32),
@@ -177,6 +178,8 @@ class Tree:
 
     device: Device
     bvh: Bvh
+    curve_rows: Buffer
+    defines: Mapping[str, int]
 
     @property
     def buffers(self) -> list[Buffer]:
@@ -186,15 +189,15 @@ class Tree:
 @contextmanager
 def tree_on(device: Device, scene: FlatScene) -> Iterator[Tree]:
     """Build a scene's tree, and give its memory back at the end."""
-    names = ("vertices", "triangles", "analytic_shapes", "primitive_shape", "shapes")
+    names = ("vertices", "triangles", "analytic_shapes", "primitive_shape", "shapes", "curve_rows")
     arrays = [device.upload(scene.arrays[name]) for name in names]
-    vertices, triangles, analytic_shapes, shape_of, shapes = arrays
+    vertices, triangles, analytic_shapes, shape_of, shapes, curve_rows = arrays
     source = SourceArrays(
         vertices, triangles, analytic_shapes, shape_of, shapes, scene.triangle_count, scene.analytic_count
     )
     bvh = build(device, source)
     try:
-        yield Tree(device, bvh)
+        yield Tree(device, bvh, curve_rows, {"CURVES": 1} if scene.features.curves else {})
     finally:
         for buffer in (*arrays, bvh.nodes, bvh.triangle_packs, bvh.analytic_packs):
             device.release(buffer)
@@ -253,9 +256,9 @@ def _launch(tree: Tree, rays: Rays, kernel: str, defines: Mapping[str, int | str
     ends = np.full((2, count), layout.NONE, np.uint32)
     ends[0, : len(rays)], ends[1, : len(rays)] = rays.starts, rays.ends
     buffers = [device.upload(numbers), device.upload(ends), device.empty(4 * count), device.empty(8 * count)]
-    program = device.program(FOLDER / "trace.cl", defines)
+    program = device.program(FOLDER / "trace.cl", {**defines, **tree.defines})
     size = -(-count // lanes // WORK_GROUP) * WORK_GROUP
-    arguments: list[Any] = [*tree.buffers, *extra, *buffers[:2], np.uint32(count), *buffers[2:]]
+    arguments: list[Any] = [*tree.buffers, tree.curve_rows, *extra, *buffers[:2], np.uint32(count), *buffers[2:]]
     device.launch(program, kernel, size, WORK_GROUP, arguments)
     distances, hits = np.empty(count, np.float32), np.zeros((2, count), np.uint32)
     device.read(buffers[2], distances)

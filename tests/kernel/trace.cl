@@ -45,12 +45,16 @@ static Ray trace_load(__global const float* rays, __global const uint* ends, uin
     return ray;
 }
 
-static Bvh trace_tree(__global const float* nodes, __global const float* triangle_packs, __global const float* analytic_packs) {
+static Bvh trace_tree(__global const float* nodes, __global const float* triangle_packs, __global const float* analytic_packs,
+                     __global const float* curve_rows) {
     Bvh bvh;
     bvh.nodes = nodes;
     bvh.triangle_packs = triangle_packs;
     bvh.analytic_packs = analytic_packs;
     bvh.root = 0;
+#ifdef CURVES
+    bvh.curve_rows = curve_rows;
+#endif
     return bvh;
 }
 
@@ -58,11 +62,11 @@ static Bvh trace_tree(__global const float* nodes, __global const float* triangl
 // distances: float [count]. hits: uint [2][count], the primitive, and whether anything but `to` is in the way. count: a multiple
 // of LANES.
 __kernel void trace(__global const float* nodes, __global const float* triangle_packs, __global const float* analytic_packs,
-                    __global const float* rays, __global const uint* ends, uint count, __global float* distances,
+                    __global const float* curve_rows, __global const float* rays, __global const uint* ends, uint count, __global float* distances,
                     __global uint* hits) {
     const size_t at = get_global_id(0) * LANES;
     if (at >= count) return;
-    const Bvh bvh = trace_tree(nodes, triangle_packs, analytic_packs);
+    const Bvh bvh = trace_tree(nodes, triangle_packs, analytic_packs, curve_rows);
     Ray ray = trace_load(rays, ends, count, at);
     const vmask active = ray.limit >= 0.0f;
     const Hit hit = traverse_nearest(&bvh, &ray, active);
@@ -75,12 +79,12 @@ __kernel void trace(__global const float* nodes, __global const float* triangle_
 
 // The same by the reference. For LANES = 1.
 __kernel void trace_by_reference(__global const float* nodes, __global const float* triangle_packs,
-                                 __global const float* analytic_packs, __global const float* rays, __global const uint* ends,
-                                 uint count, __global float* distances, __global uint* hits) {
+                                 __global const float* analytic_packs, __global const float* curve_rows, __global const float* rays,
+                                 __global const uint* ends, uint count, __global float* distances, __global uint* hits) {
 #if LANES == 1
     const size_t at = get_global_id(0);
     if (at >= count) return;
-    const Bvh bvh = trace_tree(nodes, triangle_packs, analytic_packs);
+    const Bvh bvh = trace_tree(nodes, triangle_packs, analytic_packs, curve_rows);
     Ray ray = trace_load(rays, ends, count, at);
     PacketRay nearest = packet_ray(&ray, ray.limit >= 0.0f);
     bvh_reference(&bvh, &nearest, 0);
@@ -95,14 +99,14 @@ __kernel void trace_by_reference(__global const float* nodes, __global const flo
 
 // The definition, without a tree: every primitive of every leaf whose box the ray enters (geometry/box.h). For LANES = 1.
 __kernel void trace_every_leaf(__global const float* nodes, __global const float* triangle_packs,
-                               __global const float* analytic_packs, uint node_count, __global const float* rays,
-                               __global const uint* ends, uint count, __global float* distances, __global uint* hits) {
+                               __global const float* analytic_packs, __global const float* curve_rows, uint node_count,
+                               __global const float* rays, __global const uint* ends, uint count, __global float* distances, __global uint* hits) {
 #if LANES == 1
     const size_t at = get_global_id(0);
     if (at >= count) return;
     const Ray ray = trace_load(rays, ends, count, at);
     PacketRay one = packet_ray(&ray, 1);
-    const Bvh bvh = trace_tree(nodes, triangle_packs, analytic_packs);
+    const Bvh bvh = trace_tree(nodes, triangle_packs, analytic_packs, curve_rows);
     for (uint number = 0; number < node_count; ++number) {
         __global const float* node = nodes + (size_t)number * BVH_NODE_WORDS;
         for (int i = 0; i < 8; ++i) {

@@ -1,0 +1,239 @@
+"""Strands as the cubic polynomials that the kernels intersect, cut where they turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender import layout
+from clrender.errors import SceneError
+
+if TYPE_CHECKING:
+    from clrender.curves import CurveData
+    from clrender.scene.shapes import Curves
+    from clrender.scene.transforms import Affine
+
+__all__ = ["FlatCurves", "bezier_segments", "flat_curves", "strand_radii"]
+
+_Floats = NDArray[np.float64]
+_STRAIGHT: Final = 0.94
+"""Least cosine between legs of a control polygon: of more the four steps of kernels/geometry/curve.inc would not do."""
+_MOST_CUTS: Final = 5
+_ROUNDING: Final = 2.0**-24
+_SMALLEST: Final = 1e-18
+
+
+@dataclass(frozen=True)
+class FlatCurves:
+    """The curves of a shape.
+
+    Attributes
+    ----------
+    shapes : (R,) `AnalyticShape`
+        Bounding boxes, and which curves go on from each other.
+    rows : (R, 16) float32
+        See ``CURVE_ROW_*`` of ``kernels/types.h``.
+    along : (R, 2) float32
+        Where each begins and ends along its strand, from 0 at the root to 1 at the tip.
+    """
+
+    shapes: NDArray[np.void]
+    rows: NDArray[np.float32]
+    along: NDArray[np.float32]
+
+
+def strand_radii(shape: Curves, data: CurveData, place: str) -> _Floats:
+    """Radius at each control point, metres, before the shape's transform.
+
+    Parameters
+    ----------
+    shape : Curves
+    data : CurveData
+        Its strands.
+    place : str
+        Beginning of error messages.
+
+    Returns
+    -------
+    (N,) float64
+
+    Raises
+    ------
+    SceneError
+        It is not known, or has another length.
+    """
+    count = len(data.points)
+    if not shape.radius:
+        if data.radii is None:
+            raise SceneError(f"{place}.radius is missing, and its file has none; give a number of metres")
+        if not data.radii.any():
+            raise SceneError(f"{place}: all radii of its file are 0, so that nothing can be seen of it; give a radius")
+        return data.radii
+    if len(shape.radius) == 1:
+        return np.full(count, shape.radius[0])
+    if len(shape.radius) == count:
+        return np.array(shape.radius)
+    if len(shape.radius) != 2:
+        text = f"has {len(shape.radius)} entries; give one, two for roots and tips, or {count}"
+        raise SceneError(f"{place}.radius {text}")
+    root, tip = shape.radius
+    first = np.repeat(np.cumsum(data.counts) - data.counts, data.counts)
+    share = (np.arange(count) - first) / np.maximum(np.repeat(data.counts, data.counts) - 1, 1)
+    return np.asarray(root + (tip - root) * share)
+
+
+def bezier_segments(
+    points: _Floats, counts: NDArray[np.int64], basis: str, place: str
+) -> tuple[_Floats, NDArray[np.int64]]:
+    """Cubic Bezier curves of strands.
+
+    Parameters
+    ----------
+    points : (N, 4) float64
+        Control points and radii.
+    counts : (S,) int64
+        Control points of each strand.
+    basis : str
+        See `clrender.scene.shapes.Curves`.
+    place : str
+        Beginning of error messages.
+
+    Returns
+    -------
+    controls : (K, 4, 4) float64
+        Four control points of each curve: x, y, z and the radius.
+    strand : (K,) int64
+        Strand of each; its curves come in the order of its points.
+
+    Raises
+    ------
+    SceneError
+        A strand has too few points, or not as many as its basis needs.
+    """
+    least, step, unused = {"bspline": (4, 1, 3), "bezier": (4, 3, 1), "catmull-rom": (2, 1, 1), "linear": (2, 1, 1)}[
+        basis
+    ]
+    wrong = (counts < least) | ((counts - unused) % step != 0)
+    if wrong.any():
+        number = int(np.argmax(wrong))
+        needs = "4, 7, 10 and so on" if basis == "bezier" else f"at least {least}"
+        text = f"strand {number} has {counts[number]} control points, but curves of the basis {basis} need {needs}"
+        raise SceneError(f"{place}: {text}")
+    firsts = np.cumsum(counts) - counts
+    each = (counts - unused) // step
+    strand = np.repeat(np.arange(len(counts)), each)
+    within = np.arange(len(strand)) - np.repeat(np.cumsum(each) - each, each)
+    first = np.repeat(firsts, each) + step * within
+    if basis == "bezier":
+        return points[first[:, None] + np.arange(4)], strand
+    if basis == "linear":
+        a, b = points[first], points[first + 1]
+        return np.stack([a, a + (b - a) / 3.0, b - (b - a) / 3.0, b], axis=1), strand
+    if basis == "bspline":
+        a, b, c, d = (points[first + k] for k in range(4))
+        return np.stack(
+            [(a + 4.0 * b + c) / 6.0, (2.0 * b + c) / 3.0, (b + 2.0 * c) / 3.0, (b + 4.0 * c + d) / 6.0], 1
+        ), strand
+    a, b = points[first], points[first + 1]
+    last = first + 2 == np.repeat(firsts + counts, each)
+    before = np.where((within == 0)[:, None], 2.0 * a - b, points[np.maximum(first - 1, 0)])
+    after = np.where(last[:, None], 2.0 * b - a, points[np.minimum(first + 2, len(points) - 1)])
+    controls = np.stack([a, a + (b - before) / 6.0, b - (after - a) / 6.0, b], axis=1)
+    controls[..., 3] = np.maximum(controls[..., 3], 0.0)
+    return controls, strand
+
+
+def flat_curves(shape: Curves, data: CurveData, transform: Affine, place: str) -> FlatCurves:
+    """The curves of a shape in the coordinates of the device.
+
+    Parameters
+    ----------
+    shape : Curves
+    data : CurveData
+    transform : Affine
+        A similarity.
+    place : str
+        Beginning of error messages.
+
+    Raises
+    ------
+    SceneError
+        A strand has too few points, or a radius is missing or too small for single precision.
+    """
+    radii = strand_radii(shape, data, place) * transform.scale
+    if float(radii.max()) < _SMALLEST:
+        raise SceneError(f"{place}.radius is {radii.max():g} metres in the world, too small for single precision")
+    x, y, z = data.points.T
+    placed = np.stack(
+        [(a * x + b * y) + c * z + o for (a, b, c), o in zip(transform.linear, transform.offset, strict=True)]
+    )
+    controls, strand = bezier_segments(np.concatenate([placed, radii[None]]).T, data.counts, shape.basis, place)
+    each = np.bincount(strand, minlength=len(data.counts))
+    within = np.arange(len(strand)) - (np.cumsum(each) - each)[strand]
+    begin, end = within / each[strand], (within + 1) / each[strand]
+    controls, strand, begin, end = _cut(controls, strand, begin, end)
+    rows = np.zeros((len(controls), 4, 4), np.float32)
+    a, b, c, d = (controls[:, k] for k in range(4))
+    rows[:, 0], rows[:, 1], rows[:, 2] = a, 3.0 * (b - a), 3.0 * ((a - b) + (c - b))
+    rows[:, 3] = (d - a) + 3.0 * (b - c)
+    goes_on = strand[1:] == strand[:-1]
+    before, after = np.concatenate([[False], goes_on]), np.concatenate([goes_on, [False]])
+    shapes = np.zeros(len(controls), layout.dtype("AnalyticShape"))
+    shapes["normal"][:, 3] = layout.ANALYTIC_SHAPE_CURVE + before + 2 * after
+    _write_boxes(shapes, controls)
+    return FlatCurves(shapes, rows.reshape(-1, 16), np.stack([begin, end], axis=1).astype(np.float32))
+
+
+def _cut(
+    controls: _Floats, strand: NDArray[np.int64], begin: _Floats, end: _Floats
+) -> tuple[_Floats, NDArray[np.int64], _Floats, _Floats]:
+    """Halve curves that turn too much (de Casteljau), a few times."""
+    for _ in range(_MOST_CUTS):
+        turns = _turns(controls)
+        if not turns.any():
+            break
+        parts = np.where(turns, 2, 1)
+        at = np.repeat(np.arange(len(controls)), parts)
+        second = np.concatenate([[False], at[1:] == at[:-1]])
+        first = np.concatenate([second[1:], [False]])
+        a, b, c, d = (controls[:, k] for k in range(4))
+        ab, bc, cd = (a + b) / 2.0, (b + c) / 2.0, (c + d) / 2.0
+        abc, bcd = (ab + bc) / 2.0, (bc + cd) / 2.0
+        middle = (abc + bcd) / 2.0
+        halves = np.stack([a, ab, abc, middle], axis=1), np.stack([middle, bcd, cd, d], axis=1)
+        half = (begin + end) / 2.0
+        controls = np.where(
+            first[:, None, None], halves[0][at], np.where(second[:, None, None], halves[1][at], controls[at])
+        )
+        begin, end = np.where(second, half[at], begin[at]), np.where(first, half[at], end[at])
+        strand = strand[at]
+    return controls, strand, begin, end
+
+
+def _turns(controls: _Floats) -> NDArray[np.bool_]:
+    """Whether the legs of control polygons, or these and the chord, differ too much in direction."""
+    legs = np.diff(controls[:, :, :3], axis=1)
+    turns = np.zeros(len(controls), bool)
+    for a, b in ((legs[:, 0], legs[:, 1]), (legs[:, 1], legs[:, 2])):
+        dot = (a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]) + a[:, 2] * b[:, 2]
+        sizes = [(e[:, 0] * e[:, 0] + e[:, 1] * e[:, 1]) + e[:, 2] * e[:, 2] for e in (a, b)]
+        turns |= (dot < 0.0) | (dot * dot < _STRAIGHT * _STRAIGHT * (sizes[0] * sizes[1]))
+    return turns
+
+
+def _write_boxes(shapes: NDArray[np.void], controls: _Floats) -> None:
+    """Boxes around control points, which curves stay within, and spheres around those."""
+    radius = controls[:, :, 3].max(axis=1)[:, None]
+    low, high = controls[:, :, :3].min(axis=1) - radius, controls[:, :, :3].max(axis=1) + radius
+    # What the device computes of the polynomials, and the middle in single precision
+    more = 16.0 * _ROUNDING * (np.maximum(np.abs(low), np.abs(high)) + (high - low))
+    center = ((low + high) / 2.0).astype(np.float32)
+    extent = np.maximum(high - center, center - low) + more
+    shapes["center_radius"][:, :3] = center
+    shapes["normal"][:, :3] = np.nextafter(extent.astype(np.float32), np.float32(np.inf))
+    extent = shapes["normal"][:, :3].astype(np.float64)
+    around = np.sqrt((extent[:, 0] * extent[:, 0] + extent[:, 1] * extent[:, 1]) + extent[:, 2] * extent[:, 2])
+    shapes["center_radius"][:, 3] = np.nextafter(around.astype(np.float32), np.float32(np.inf))
