@@ -40,6 +40,7 @@ MATERIAL_BY_ROW: Final = 7
 MATERIAL_MEDIUM: Final = 8
 MATERIAL_SUBSURFACE: Final = 9
 MATERIAL_PLUGIN: Final = 10
+MATERIAL_HAIR: Final = 11
 """Kinds of a primitive's material. A material with rows of its own has its kind in the first of them."""
 
 MATERIAL_FLAG_THIN: Final = 1
@@ -474,6 +475,9 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("FIRST", 2, 1, "mix, bits: row of the first"),
         ("SECOND", 3, 1, "mix, bits: row of the second"),
         ("PLUGIN", 5, 1, "plugin, bits: its number among those of the scene"),
+        ("HAIR_VARIANCE", 5, 1, "hair: of its first lobe along the fibre"),
+        ("HAIR_SPREAD", 7, 1, "hair: scale of its lobes around the fibre"),
+        ("HAIR_PER_LOGARITHM", 8, 1, "hair: root of the absorption, over log2 of the reflectance"),
         ("NUMBERS", 7, 8, "plugin: what its parameters are, the first half"),
     ),
     "LAYER": (
@@ -486,6 +490,9 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("FRESNEL", 12, 3, "and the cosine-weighted average of its Fresnel term"),
         ("DIFFUSE_TRANSMISSION", 6, 1, "principled: share of the diffuse light that leaves on the other side"),
         ("DIFFUSE_TRANSMISSION_COLOR", 7, 3, "and its colour"),
+        ("HAIR_ETA", 9, 1, "hair: index of refraction"),
+        ("HAIR_TILT_SINE", 10, 1, "hair: of the tilt of its scales"),
+        ("HAIR_TILT_COSINE", 11, 1, ""),
         ("MORE_NUMBERS", 6, 8, "plugin: the second half of what its parameters are"),
         ("OPACITY", 15, 1, "or, where it is a texture, the value below which that is a hole; 0: it counts as it is"),
     ),

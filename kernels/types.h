@@ -15,6 +15,7 @@
 #define MATERIAL_MEDIUM 8u
 #define MATERIAL_SUBSURFACE 9u
 #define MATERIAL_PLUGIN 10u
+#define MATERIAL_HAIR 11u
 #define MATERIAL_FLAG_THIN 1u
 #define MATERIAL_FLAG_ONE_SIDED 2u
 #define MATERIAL_FLAG_SCHLICK 4u
@@ -344,6 +345,9 @@ typedef struct {
 #define MATERIAL_ROW_FIRST 2            // mix, bits: row of the first
 #define MATERIAL_ROW_SECOND 3           // mix, bits: row of the second
 #define MATERIAL_ROW_PLUGIN 5           // plugin, bits: its number among those of the scene
+#define MATERIAL_ROW_HAIR_VARIANCE 5    // hair: of its first lobe along the fibre
+#define MATERIAL_ROW_HAIR_SPREAD 7      // hair: scale of its lobes around the fibre
+#define MATERIAL_ROW_HAIR_PER_LOGARITHM 8// hair: root of the absorption, over log2 of the reflectance
 #define MATERIAL_ROW_NUMBERS 7          // plugin: what its parameters are, the first half
 
 #define LAYER_ROW_SHEEN_COLOR 0         // second row of a material
@@ -355,6 +359,9 @@ typedef struct {
 #define LAYER_ROW_FRESNEL 12            // and the cosine-weighted average of its Fresnel term
 #define LAYER_ROW_DIFFUSE_TRANSMISSION 6// principled: share of the diffuse light that leaves on the other side
 #define LAYER_ROW_DIFFUSE_TRANSMISSION_COLOR 7// and its colour
+#define LAYER_ROW_HAIR_ETA 9            // hair: index of refraction
+#define LAYER_ROW_HAIR_TILT_SINE 10     // hair: of the tilt of its scales
+#define LAYER_ROW_HAIR_TILT_COSINE 11
 #define LAYER_ROW_MORE_NUMBERS 6        // plugin: the second half of what its parameters are
 #define LAYER_ROW_OPACITY 15            // or, where it is a texture, the value below which that is a hole; 0: it counts as it is
 

@@ -23,7 +23,9 @@ _FILE_LIMIT: Final = 2**32
 _ALLOWED: Final = re.compile(rb"[^0-9eE+\-. \t\r\n]")
 
 
-def read_curves(name: str, base_folder: Path, allow_paths: Sequence[Path], place: str) -> CurveData:
+def read_curves(
+    name: str, base_folder: Path, allow_paths: Sequence[Path], place: str, ending: str | None = None
+) -> CurveData:
     """Read strands named by a scene.
 
     Parameters
@@ -32,13 +34,15 @@ def read_curves(name: str, base_folder: Path, allow_paths: Sequence[Path], place
         See `clrender.files.named.allowed_file`.
     place : str
         Location of the name in the scene, for error messages.
+    ending : str, optional
+        Of `CURVE_ENDINGS`, what the file is whatever its name ends with.
 
     Raises
     ------
     SceneError
         If it may not be read, or holds no strands.
     """
-    label, ending = f"{place}: {quoted(name)}", Path(name).suffix.lower()
+    label, ending = f"{place}: {quoted(name)}", ending or Path(name).suffix.lower()
     if ending not in CURVE_ENDINGS:
         allowed_file(name, base_folder, allow_paths, label)
         raise SceneError(f"{label} is of no kind that can be read; curves may be {', '.join(CURVE_ENDINGS)}")

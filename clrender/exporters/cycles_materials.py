@@ -26,9 +26,11 @@ from clrender.exporters.surfaces import (
 from clrender.exporters.target import Target
 from clrender.exporters.triangles import At
 from clrender.flatten.emission import emits
+from clrender.flatten.hair import hair_color
 from clrender.scene.materials import (
     Conductor,
     Dielectric,
+    Hair,
     Lambert,
     Material,
     Mirror,
@@ -133,6 +135,10 @@ class MaterialWriter:
                 for name in material.materials
             )
             return tree.mixed(self._textures.number(tree, material.weight, (*at, "weight")), first, second)
+        if isinstance(material, Hair):
+            self._target.leave_out("hair, which is written as diffuse", *at)
+            color = self._textures.color(tree, hair_color(material), (*at, "reflectance"))
+            return tree.node("BsdfDiffuse", {"Color": color, "Roughness": 0.0})
         closure = self._both_sides(tree, material, at)
         if getattr(material, "two_sided", True):
             return closure

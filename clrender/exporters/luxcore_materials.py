@@ -23,9 +23,11 @@ from clrender.exporters.surfaces import (
 from clrender.exporters.target import Target
 from clrender.exporters.triangles import At
 from clrender.flatten.emission import emits
+from clrender.flatten.hair import hair_color
 from clrender.scene.materials import (
     Conductor,
     Dielectric,
+    Hair,
     Lambert,
     Material,
     Mirror,
@@ -140,7 +142,7 @@ class MaterialWriter:
         return {"transparency": self._textures.number(material.opacity, (*at, "opacity"), curve)}
 
     def _bumps(self, material: Material, at: At) -> Properties:
-        if isinstance(material, Mix):
+        if isinstance(material, Mix | Hair):
             return {}
         if material.normal_map is not None:
             if material.bump_map is not None:
@@ -170,6 +172,9 @@ class MaterialWriter:
                 return self._glass(material, at, 1.0, [1.0] * 3)
             self._target.leave_out("the inside of subsurface without an index, which is written as matte", *at)
             return {"type": "matte", "kd": color(material.albedo, (*at, "albedo"))}
+        if isinstance(material, Hair):
+            self._target.leave_out("hair, which is written as matte", *at)
+            return {"type": "matte", "kd": color(hair_color(material), (*at, "reflectance"))}
         if isinstance(material, Mix):
             first, second = map(self._part, material.materials)
             amount = self._textures.number(material.weight, (*at, "weight"))

@@ -11,9 +11,11 @@ from clrender.exporters.mitsuba_textures import TextureWriter
 from clrender.exporters.mitsuba_xml import Element, element, value
 from clrender.exporters.surfaces import ONCE, alphas_of, is_rough
 from clrender.exporters.target import Target
+from clrender.flatten.hair import hair_absorption
 from clrender.scene.materials import (
     Conductor,
     Dielectric,
+    Hair,
     Lambert,
     Material,
     Mirror,
@@ -107,7 +109,7 @@ class MaterialWriter:
 
     def _bumpy(self, material: Material, at: _At, around: float | None) -> Element:
         made = self._surface(material, at, around)
-        if isinstance(material, Mix):
+        if isinstance(material, Mix | Hair):
             return made
         if material.normal_map is not None:
             picture = self._textures.normal_map(material.normal_map, (*at, "normal_map"))
@@ -135,11 +137,24 @@ class MaterialWriter:
             return self._glass(material, at, material.ior, outside, material.roughness, material.multiple_scattering)
         if isinstance(material, Subsurface):
             return self._subsurface(material, at, around)
+        if isinstance(material, Hair):
+            return self._hair(material, at)
         if isinstance(material, Mix):
             weight = self._textures.number("weight", material.weight, (*at, "weight"))
             return element("bsdf", weight, *map(self.reference, material.materials), type="blendbsdf")
         assert isinstance(material, Principled)  # scenes with plugins are refused
         return self._principled(material, at)
+
+    def _hair(self, material: Hair, at: _At) -> Element:
+        if isinstance(material.reflectance, Texture):
+            self._target.leave_out("the texture of hair, which is written as one colour", *at, "reflectance")
+        index = [value("float", "int_ior", material.ior), value("float", "ext_ior", 1.0)]
+        rough = [
+            value("float", "longitudinal_roughness", material.roughness),
+            value("float", "azimuthal_roughness", material.azimuthal_roughness),
+            value("float", "scale_tilt", material.tilt_degrees),
+        ]
+        return element("bsdf", value("rgb", "sigma_a", hair_absorption(material)), *index, *rough, type="hair")
 
     def _diffuse(self, reflectance: Any, at: _At) -> Element:
         return element("bsdf", self._textures.color("reflectance", reflectance, at), type="diffuse")

@@ -24,7 +24,7 @@ __all__ = ["Features"]
 _CALIBRATED: Final = (layout.CAMERA_BROWN_CONRADY, layout.CAMERA_KANNALA_BRANDT)
 
 
-_RARE: Final = ("motion", "deformation", "grids", "glowing_media", "curves")
+_RARE: Final = ("motion", "deformation", "grids", "glowing_media", "curves", "hair")
 """Features that no program for any scene has."""
 
 
@@ -72,8 +72,8 @@ class Features:
         The density of some medium is a grid.
     glowing_media : bool
         Some medium shines.
-    curves : bool
-        Some shapes are curves.
+    curves, hair : bool
+        Some shapes are curves; some material is hair.
     plugins : tuple of (str, str)
         Names and texts of the kernel files that some materials' plugins make; see `clrender.plugins.kernel_files`.
     """
@@ -105,6 +105,7 @@ class Features:
     grids: bool = False
     glowing_media: bool = False
     curves: bool = False
+    hair: bool = False
     plugins: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -221,6 +222,13 @@ class Features:
             emission_textures=emission_textures,
             terminator_offset=bool((flags & layout.SHAPE_TERMINATOR_OFFSET).any()),
             curves=bool(arrays["curve_rows"].any()),
+            hair=len(arrays["albedo_tables"]) > 1 and bool((_kinds(arrays) == layout.MATERIAL_HAIR).any()),
             plugins=tuple(kernel_files(plugins).items()) if plugins else (),
         )
         return found.seen_by(camera, instances.moves)
+
+
+def _kinds(arrays: Mapping[str, NDArray[Any]]) -> NDArray[np.uint32]:
+    """Kind of each material that has rows."""
+    first: NDArray[np.float32] = arrays["material_rows"][::2, layout.columns("MATERIAL")["KIND"]]
+    return np.ascontiguousarray(first).view(np.uint32)

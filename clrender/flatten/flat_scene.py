@@ -141,6 +141,12 @@ class FlatScene:
         return self.instances.own_triangles + self.instances.own_analytic + self.instances.primitive_count
 
     @property
+    def curve_count(self) -> int:
+        """Number of curves among `analytic_shapes`; a strand is one or more."""
+        facing: NDArray[np.float32] = self.arrays["analytic_shapes"]["normal"][:, 3]
+        return int(np.count_nonzero(facing >= layout.ANALYTIC_SHAPE_CURVE))
+
+    @property
     def deforming_shapes(self) -> NDArray[np.bool_]:
         """(S,) whether each shape changes its form."""
         found = np.zeros(len(self.arrays["shapes"]), bool)

@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender import layout
+from clrender.flatten.hair import hair_color, hair_numbers
 from clrender.flatten.media import MATCHED_IOR, Solid, solid_of
 from clrender.flatten.microfacets import fresnel, fresnel_average
 from clrender.flatten.plugin_rows import parameter_numbers, plugin_number, used_plugins
 from clrender.scene.materials import (
     Conductor,
     Dielectric,
+    Hair,
     Lambert,
     Material,
     Mirror,
@@ -161,6 +163,7 @@ _KINDS: Final[dict[type, int]] = {
     OrenNayar: layout.MATERIAL_OREN_NAYAR,
     Conductor: layout.MATERIAL_CONDUCTOR,
     Principled: layout.MATERIAL_PRINCIPLED,
+    Hair: layout.MATERIAL_HAIR,
     PluginMaterial: layout.MATERIAL_PLUGIN,
     Mix: layout.MATERIAL_MIX,
 }
@@ -216,6 +219,8 @@ def _color(scene: Scene, material: Material) -> Vector:
         return (red, green, blue)
     if isinstance(material, PluginMaterial):
         return _plugin_color(scene, material)
+    if isinstance(material, Hair):
+        return hair_color(material)
     color = material.base_color if isinstance(material, Principled) else material.reflectance
     return color if isinstance(color, tuple) else (_UNKNOWN,) * 3
 
@@ -323,6 +328,21 @@ def _(material: Principled, row: _Row, _numbers: dict[str, int]) -> None:
         ROTATION=(material.anisotropy_rotation / 360.0) % 1.0,
         DIFFUSE_TRANSMISSION=material.diffuse_transmission,
         DIFFUSE_TRANSMISSION_COLOR=material.diffuse_transmission_color,
+    )
+
+
+@_fill.register
+def _(material: Hair, row: _Row, _numbers: dict[str, int]) -> None:
+    numbers = hair_numbers(material)
+    _put(
+        row,
+        HAIR_VARIANCE=numbers.variance,
+        HAIR_SPREAD=numbers.spread,
+        HAIR_PER_LOGARITHM=numbers.per_logarithm,
+        HAIR_ETA=material.ior,
+        HAIR_TILT_SINE=numbers.tilt[0],
+        HAIR_TILT_COSINE=numbers.tilt[1],
+        ROUGHNESS=1.0,
     )
 
 

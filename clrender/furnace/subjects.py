@@ -18,7 +18,7 @@ from clrender.importers import load
 from clrender.plugins import Plugin, as_plugins
 from clrender.scene import builtin_names
 from clrender.scene.description import MATERIAL_TYPES, Scene
-from clrender.scene.materials import Mix, PluginMaterial, material_textures
+from clrender.scene.materials import Hair, Mix, PluginMaterial, material_textures
 from clrender.scene.textures import PluginTexture
 from clrender.scene.validation_errors import scene_error
 from clrender.wording import quoted, suggestion
@@ -37,6 +37,7 @@ _NEEDED: Final[Mapping[str, Mapping[str, Any]]] = {
     "oren_nayar": {"reflectance": [1.0, 1.0, 1.0]},
     "conductor": {"metal": "Au"},
     "dielectric": {"ior": 1.5},
+    "hair": {"reflectance": [1.0, 1.0, 1.0]},
     "subsurface": {"albedo": 1.0, "radius": 0.01, "ior": 1.4},
 }
 """Required keys of types."""
@@ -253,14 +254,15 @@ def _claims(scene: Scene, name: str) -> frozenset[str]:
         return first & second
     if isinstance(material, PluginMaterial):
         return frozenset(next(each for each in scene.plugins if each.name == material.plugin).header.claims)
-    return frozenset(("reciprocal", "lossless"))
+    # How far from the axis of a fibre light arrives is told by the direction that it leaves in
+    return frozenset(("lossless",) if isinstance(material, Hair) else ("reciprocal", "lossless"))
 
 
 def _relative_index(scene: Scene, name: str, seen: set[str]) -> float:
     """Relative index of a material, or of the first of its parts that has one."""
     material: Any = scene.materials[name]
     seen.add(name)
-    index = getattr(material, "ior", None)
+    index = None if isinstance(material, Hair) else getattr(material, "ior", None)
     if isinstance(index, float | int):
         thin = any(getattr(material, key, False) is True for key in ("thin", "thin_walled"))
         return 1.0 if thin else float(index) / float(getattr(material, "exterior_ior", 1.0))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from clrender.curves import CurveData
 from clrender.errors import SceneError
 from clrender.grids import GridData
 from clrender.meshes.data import MeshData
@@ -43,6 +44,8 @@ class Draft:
         Transforms of instances, by their file name.
     grids : dict of str to GridData
         By the file name of the density of a medium.
+    curves : dict of str to CurveData
+        By the file name of curves.
     notes : list of str
         What is not supported and what was done instead; a sentence each, without the file's name.
     wants_light : bool
@@ -62,6 +65,7 @@ class Draft:
     profiles: dict[str, IesProfile] = field(default_factory=dict)
     places: dict[str, TransformArray] = field(default_factory=dict)
     grids: dict[str, GridData] = field(default_factory=dict)
+    curves: dict[str, CurveData] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     wants_light: bool = False
     wants_exposure: bool = False

@@ -79,9 +79,9 @@ def completed(draft: Draft, files: AssetFiles, up: str = "y", *, surrounded: boo
     scene = scene.placed(files.source, files.folder, files.allow_paths)
     held = {shape.asset for _, shape in scene.mesh_files() if shape.file in draft.meshes}
     meshes = {asset: frozen(draft.meshes[asset[0]]) for asset in held}
-    places, pictures, profiles, grids = (
+    places, pictures, profiles, grids, curves = (
         {name: frozen(content) for name, content in each.items()}
-        for each in (draft.places, draft.environments, draft.profiles, draft.grids)
+        for each in (draft.places, draft.environments, draft.profiles, draft.grids, draft.curves)
     )
     scene = scene.with_files(
         meshes=meshes,
@@ -90,6 +90,7 @@ def completed(draft: Draft, files: AssetFiles, up: str = "y", *, surrounded: boo
         environments=pictures,
         profiles=profiles,
         grids=grids,
+        curves=curves,
     )
     if framed:
         keys, side = _around(scene, up)

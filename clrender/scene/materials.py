@@ -46,6 +46,7 @@ __all__ = [
     "MIX_DEPTH",
     "Conductor",
     "Dielectric",
+    "Hair",
     "Lambert",
     "Material",
     "Mirror",
@@ -404,6 +405,51 @@ class Subsurface(_Bumpy):
         return not isinstance(self.roughness, float) or self.roughness * self.roughness >= SMOOTH_BELOW
 
 
+class Hair(_Surface):
+    """Fibres of hair or fur, for curves: rough dielectric cylinders with absorption (Chiang et al. 2016)."""
+
+    type: Literal["hair"]
+    reflectance: ReflectanceOrTexture | None = Field(
+        None, description="colour of many strands, seen from afar; default: by melanin"
+    )
+    absorption_coefficient: tuple[Extinction, Extinction, Extinction] | None = Field(
+        None, description="absorption along a radius of the fibre, instead"
+    )
+    eumelanin: Annotated[Finite, Field(ge=0.0, le=100.0)] | None = Field(
+        None, description="concentration of black and brown pigment (default: 1.3, or 0 beside pheomelanin)"
+    )
+    pheomelanin: Annotated[Finite, Field(ge=0.0, le=100.0)] | None = Field(
+        None, description="concentration of red and yellow pigment"
+    )
+    ior: Annotated[Finite, Field(ge=1.05, le=3.0)] = 1.55
+    roughness: Share = Field(0.3, description="along the fibre")
+    azimuthal_roughness: Share = Field(0.3, description="around the fibre")
+    tilt_degrees: Annotated[Finite, Field(ge=-20.0, le=20.0)] = Field(2.0, description="of its scales from the fibre")
+
+    @model_validator(mode="after")
+    def _has_one_color(self) -> Hair:
+        if self.reflectance is not None and self.absorption_coefficient is not None:
+            raise fault("material", "is given beside reflectance; keep one of them", "absorption_coefficient")
+        other = "reflectance" if self.reflectance is not None else "absorption_coefficient"
+        for key in ("eumelanin", "pheomelanin"):
+            if getattr(self, key) is not None and getattr(self, other) is not None:
+                raise fault("material", f"is given beside {other}; keep one of them", key)
+        return self
+
+    @property
+    def absorption_of(self) -> Vector | None:
+        """Absorption along a radius, by melanin or as it is given; None: the reflectance says it.
+
+        The coefficients of both pigments are those of d'Eon et al. 2011.
+        """
+        if self.absorption_coefficient is not None or self.reflectance is not None:
+            return self.absorption_coefficient
+        dark = self.eumelanin if self.eumelanin is not None else (1.3 if self.pheomelanin is None else 0.0)
+        red = self.pheomelanin or 0.0
+        x, y, z = (dark * a + red * b for a, b in zip((0.419, 0.697, 1.37), (0.187, 0.4, 1.05), strict=True))
+        return (x, y, z)
+
+
 class PluginMaterial(_Opaque):
     """BSDF of a plugin: a file in OpenCL C, which is given by `--plugin` or in Python, never by a scene."""
 
@@ -434,11 +480,12 @@ MATERIAL_TYPES: Final[Mapping[str, type[Part]]] = {
     "conductor": Conductor,
     "principled": Principled,
     "subsurface": Subsurface,
+    "hair": Hair,
     "plugin": PluginMaterial,
     "mix": Mix,
 }
 Material: TypeAlias = Annotated[
-    Lambert | Mirror | Dielectric | OrenNayar | Conductor | Principled | Subsurface | PluginMaterial | Mix,
+    Lambert | Mirror | Dielectric | OrenNayar | Conductor | Principled | Subsurface | Hair | PluginMaterial | Mix,
     Field(discriminator="type"),
 ]
 

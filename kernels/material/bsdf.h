@@ -131,6 +131,15 @@ static void bsdf_read_rows(const Scene* scene, const Surface* s, vec3 direction,
         b->frame.bitangent = choose(anisotropic, turned.bitangent, b->frame.bitangent);
         b->wo = choose(anisotropic, bsdf_wo(b->frame, direction), b->wo);
     }
+#if defined(HAIR) && defined(CURVES)
+    // Along the curve
+    const vmask fibre = (p->kind == MATERIAL_HAIR) & s->curve;
+    if (lane_any(fibre)) {
+        b->frame.tangent = choose(fibre, s->tangent, b->frame.tangent);
+        b->frame.bitangent = choose(fibre, outer(b->frame.normal, s->tangent), b->frame.bitangent);
+        b->wo = choose(fibre, bsdf_wo(b->frame, direction), b->wo);
+    }
+#endif
     const vmask by_row = s->kind == MATERIAL_BY_ROW, black = parameters_flag(p, MATERIAL_FLAG_ONE_SIDED) & !s->front;
     closure_at(scene, p, b->wo, s->front, &b->closure);
     b->color = choose(black, vec3_all(0.0f), p->color);
@@ -147,6 +156,9 @@ static void bsdf_read_rows(const Scene* scene, const Surface* s, vec3 direction,
 static void bsdf_no_rows(Bsdf* b) {
 #ifdef SPECULAR_CHAINS
     b->mixed = mask_none();
+#endif
+#ifdef HAIR
+    b->closure.hair.present = mask_none();
 #endif
     b->closure.present = b->closure.glass.present = b->closure.glass.thin = b->closure.diffuse.present = b->thin = mask_none();
     b->closure.diffuse.transmission = splat(0.0f);

@@ -19,6 +19,9 @@
 #include "material/lobe/covered.h"
 #include "material/lobe/diffuse.h"
 #include "material/lobe/glass.h"
+#ifdef HAIR
+#include "material/lobe/hair.h"
+#endif
 #include "material/lobe/reflection.h"
 #include "material/lobe/sheen.h"
 #include "plugin/given.h"
@@ -46,6 +49,9 @@ typedef struct {
     vec3 albedo;             // about the share of light along `wo` that is reflected or transmitted
     LobeProbabilities probability;
     vfloat low2, octaves;    // of warp_low_hemisphere, for what more than one facet scatters
+#ifdef HAIR
+    Hair hair;               // scatters in the place of all lobes, where it is present
+#endif
 #ifdef PLUGIN_BSDFS
     vuint plugin;            // what scatters in the place of all lobes; 0: nothing does
     vfloat numbers[PLUGIN_NUMBERS];
@@ -54,11 +60,15 @@ typedef struct {
 
 // Where light goes to the other side, or comes from there.
 static vmask closure_passes(const Closure* c) {
+    vmask passes = c->present & (c->glass.present | (c->diffuse.present & (c->diffuse.transmission > 0.0f)));
+#ifdef HAIR
+    passes = passes | c->hair.present;
+#endif
 #ifdef PLUGIN_BSDFS
     const vmask given = plugin_transmits(c->plugin);
-    if (lane_any(given)) return given | (c->present & (c->glass.present | (c->diffuse.present & (c->diffuse.transmission > 0.0f))));
+    if (lane_any(given)) passes = passes | given;
 #endif
-    return c->present & (c->glass.present | (c->diffuse.present & (c->diffuse.transmission > 0.0f)));
+    return passes;
 }
 
 // T(μ) of coat and sheen.
@@ -142,6 +152,13 @@ static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
         const vec3 diffuse = diffuse_eval(&c->diffuse, c->tables, wo, up, above, albedo, grazing, c->inside ? splat(1.0f) : transmittance);
         f = choose(above | (c->diffuse.transmission > 0.0f), add(f, diffuse), f);
     }
+#ifdef HAIR
+    if (lane_any(c->hair.present)) {
+        vfloat its;
+        f = choose(c->hair.present, hair_eval(&c->hair, wo, vec3_of(wi.x, wi.y, above ? cosine : -cosine), &its), f);
+        density = c->hair.present ? its : density;
+    }
+#endif
 #ifdef PLUGIN_BSDFS
     const vmask given = c->plugin != 0u;
     if (lane_any(given)) {
@@ -192,6 +209,10 @@ static vec3 closure_sample(const Closure* c, vec3 wo, vfloat u, vfloat v, vfloat
         const vec3 around = warp_sphere(u * 0.5f, v);
         wi = choose(uniform, vec3_of(around.x, around.y, greater(around.z, splat(1.0e-7f))), wi);
     }
+#ifdef HAIR
+    // Its way is that of the diffuse lobe, with probability 1, so `u` is still what it was
+    if (lane_any(c->hair.present)) wi = choose(c->hair.present, hair_sample(&c->hair, wo, u, v, w), wi);
+#endif
 #ifdef PLUGIN_BSDFS
     // Its way is that of the diffuse lobe, with probability 1, so `u` is still what it was
     const vmask given = c->plugin != 0u;

@@ -100,6 +100,10 @@ static void layering_lobes(const Scene* scene, const Parameters* p, vmask front,
     c->coated.present = c->clothed.present = mask_none();
     c->metal = vec3_all(0.0f);
     c->present = c->reflection.present | c->diffuse.present | c->glass.present | c->sheen.present | c->coat.present;
+#ifdef HAIR
+    c->hair.present = p->kind == MATERIAL_HAIR;
+    c->present = c->present | c->hair.present;
+#endif
 #ifdef PLUGIN_BSDFS
     c->plugin = lit ? p->plugin : splat_uint(0u);
     for (int i = 0; i < PLUGIN_NUMBERS; ++i) c->numbers[i] = p->numbers[i];
@@ -225,6 +229,12 @@ static void closure_at(const Scene* scene, const Parameters* p, vec3 wo, vmask f
     const vec3 base = add(add(e.reflection, add(e.multiple_reflection, e.diffuse)), add(e.glass, e.diffuse_transmission));
     const vec3 albedo = add(add(vec3_of(coat, coat, coat), scale(c->sheen.color, sheen)), scale(base, c->transmittance));
     c->albedo = choose(c->present, albedo, vec3_all(0.0f));
+#ifdef HAIR
+    if (lane_any(c->hair.present)) {
+        hair_prepare(&p->hair, p->color, wo, c->hair.present, &c->hair);
+        c->albedo = choose(c->hair.present, hair_albedo(&c->hair), c->albedo);
+    }
+#endif
 #ifdef PLUGIN_BSDFS
     const vmask given = c->plugin != 0u;
     if (lane_any(given)) c->albedo = choose(given, plugin_albedo(c->plugin, c->numbers, wo), c->albedo);

@@ -5,6 +5,9 @@
 
 #include "core/sampler.h"
 #include "geometry/surface.h"
+#ifdef HAIR
+#include "material/lobe/hair.h"
+#endif
 #include "plugin/given.h"
 #ifdef TEXTURES
 #include "plugin/textured.h"
@@ -28,6 +31,9 @@ typedef struct {
 #endif
 #ifdef TEXTURES
     vec3 shading;                  // the shading normal, on the front side
+#endif
+#ifdef HAIR
+    HairNumbers hair;              // of kind MATERIAL_HAIR
 #endif
 #ifdef PLUGIN_BSDFS
     vuint plugin;                  // its number; 0: none
@@ -138,6 +144,13 @@ static Parameters material_at(const Scene* scene, const Surface* s, vec3 directi
     p.fresnel = vec3_row(b, LAYER_ROW_FRESNEL);
     p.diffuse_transmission = p.kind == MATERIAL_PRINCIPLED ? b[LAYER_ROW_DIFFUSE_TRANSMISSION] : splat(0.0f);
     p.diffuse_transmission_color = vec3_row(b, LAYER_ROW_DIFFUSE_TRANSMISSION_COLOR);
+#ifdef HAIR
+    p.hair.variance = a[MATERIAL_ROW_HAIR_VARIANCE];
+    p.hair.spread = a[MATERIAL_ROW_HAIR_SPREAD];
+    p.hair.per_logarithm = a[MATERIAL_ROW_HAIR_PER_LOGARITHM];
+    p.hair.eta = b[LAYER_ROW_HAIR_ETA];
+    p.hair.tilt_sine = b[LAYER_ROW_HAIR_TILT_SINE], p.hair.tilt_cosine = b[LAYER_ROW_HAIR_TILT_COSINE];
+#endif
 #ifdef PLUGIN_BSDFS
     p.plugin = p.kind == MATERIAL_PLUGIN ? vfloat_bits(a[MATERIAL_ROW_PLUGIN]) : splat_uint(0u);
     for (int i = 0; i < PLUGIN_NUMBERS / 2; ++i) {

@@ -106,7 +106,7 @@ def test_moving_lamps_shine(tmp_path: Path) -> None:
     [
         (
             f'<shape type="sphere">{animated((0, "<scale value=$1$/>"), (1, "<scale z=$2$/>"))}</shape>',
-            "stretches a sphere or disk: what moves like that stands",
+            "stretches a sphere, disk or curve: what moves like that stands",
         ),
         (
             f'<shape type="cube">{animated((0, "<scale value=$1$/>"), (1, "<scale x=$-1$/>"))}</shape>',

@@ -447,7 +447,7 @@ Translate 0 1 0
 @for_each(
     ("world", "words"),
     [
-        (MOVING.format("Scale 1 1 2") + BALL, "stretches a sphere or disk: what moves like that stands"),
+        (MOVING.format("Scale 1 1 2") + BALL, "stretches a sphere, disk or curve: what moves like that stands"),
         (MOVING.format("Scale -1 1 1") + BALL, "makes a shape flat on its way"),
         (MOVING.format("Scale 0 1 1") + BALL, "makes a shape flat on its way"),
         (MOVING.format("Translate 1 0 0") + 'LightSource "point"\n' + BALL, "lights that are no shapes do not move"),

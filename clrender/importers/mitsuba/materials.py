@@ -88,6 +88,7 @@ class MaterialReader:
             "roughplastic": surfaces.plastic,
             "principled": surfaces.principled,
             "principledthin": surfaces.principled,
+            "hair": surfaces.hair,
             "twosided": self._twosided,
             "mask": self._mask,
             "bumpmap": self._bumpy,

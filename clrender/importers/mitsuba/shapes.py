@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from clrender.curves import CurveData
 from clrender.errors import SceneError
 from clrender.exact.matrices import length, product
 from clrender.importers.mitsuba.materials import MaterialReader
@@ -20,6 +21,9 @@ from clrender.importers.shared.matrices import (
     frame_along,
     handedness,
     identity,
+    inverse,
+    is_affine,
+    is_similarity,
     scaling,
     translation,
 )
@@ -34,6 +38,7 @@ from clrender.importers.shared.meshes import (
 )
 from clrender.importers.shared.motions import fault_of_motion, motion_keys
 from clrender.importers.shared.staging import Staging
+from clrender.importers.shared.strands import placed_rows
 from clrender.meshes.data import MeshData
 from clrender.meshes.read import read_mesh, read_serialized_mesh
 from clrender.scene.values import NAME_LIMIT, SHAPE_LIMIT
@@ -155,6 +160,8 @@ class ShapeReader:
             "obj": self._file,
             "ply": self._file,
             "serialized": self._file,
+            "bsplinecurve": self._curves,
+            "linearcurve": self._curves,
         }
         if plugin.type not in known:
             self._staging.note(f"{plugin.label} is not known and left out")
@@ -273,6 +280,49 @@ class ShapeReader:
         # Unlike spheres, mirrored cylinders keep their front outside
         described = {**described, **_flipped(flip)}
         self._staging.mesh(described, "cylinder", lambda: cylinder_mesh(1.0, 0.0, 1.0), matrix, plugin.line)
+
+    def _curves(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
+        """Strands of a text file. Their own transform does not scale their radii, but that of an instance does."""
+        file = plugin.text("filename")
+        if not file:
+            raise plugin.fault(f'{plugin.label} has no "filename"; give it')
+        if "emission" in described:
+            self._staging.note("curves do not shine here: their light is left out")
+            described.pop("emission")
+        if described.pop("interior", None) is not None or not self._may_be_a_curve(described.get("material")):
+            self._staging.note("curves of what has an inside are left out: they have none here")
+            return
+        own = plugin.matrix()
+        if not is_affine(own):
+            raise plugin.fault("the shape's transform is no affine one that can be inverted; give it another")
+        data = self._staging.curves_of_file(file, plugin.line)
+        if data is None:
+            return
+        if data.radii is None:
+            raise plugin.fault(f"{quoted(file)} has no radii; give them as the fourth number of each line")
+        draft = self._staging.draft
+        rows = placed_rows(draft, np.column_stack([data.points, data.radii]), own, scaled=False)
+        outer = product(matrix, inverse(own))
+        if not is_similarity(outer):
+            rows, outer = placed_rows(draft, rows, outer), np.eye(4)
+        made = CurveData.checked(rows, data.counts, quoted(file))
+        name = f"{file} {len(draft.curves) + 1}"
+        same = (each for each, held in draft.curves.items() if held.sha256() == made.sha256())
+        name = next(same, name)
+        draft.curves[name] = made
+        basis = "linear" if plugin.type == "linearcurve" else "bspline"
+        shape = {"type": "curves", "file": name, "basis": basis, **described}
+        self._staging.shape(shape, outer, plugin.line)
+
+    def _may_be_a_curve(self, material: str | None) -> bool:
+        parts = [material] if material is not None else []
+        while parts:
+            described = self._staging.draft.description["materials"][parts.pop()]
+            filled = described["type"] in ("dielectric", "subsurface") or described.get("transmission", 0.0) != 0.0
+            if filled and not described.get("thin"):
+                return False
+            parts += described.get("materials", [])
+        return True
 
     def _file(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
         file = plugin.text("filename")

@@ -103,6 +103,25 @@ class SurfaceReader:
             made |= self._microfacets(plugin)
         return made
 
+    def hair(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
+        """Fibres of hair."""
+        index = self._index(plugin, "int_ior", "amber") / self._index(plugin, "ext_ior", "air")
+        made: dict[str, Any] = {"type": "hair", "ior": min(max(index, 1.05), 3.0)}
+        for key, name in (("roughness", "longitudinal_roughness"), ("azimuthal_roughness", "azimuthal_roughness")):
+            made[key] = self._staging.share(plugin.number(name, 0.3), name)
+        made["tilt_degrees"] = min(max(plugin.number("scale_tilt", 2.0), -20.0), 20.0)
+        if plugin.child("sigma_a") is not None:
+            self._staging.note("a texture of the absorption of hair is left out: it is that of its default")
+        elif plugin.has("sigma_a"):
+            scale = plugin.number("scale", 1.0)
+            absorbed = self._textures.surface_of(plugin.spectrum("sigma_a"), 1.0)
+            made["absorption_coefficient"] = [min(max(scale * x, 0.0), 1000.0) for x in absorbed]
+        else:
+            for name in ("eumelanin", "pheomelanin"):
+                if plugin.has(name):
+                    made[name] = min(max(plugin.number(name, 0.0), 0.0), 100.0)
+        return made
+
     def _metal(self, plugin: Plugin) -> tuple[Color, Color]:
         """Complex index of refraction, relative to the exterior."""
         name = plugin.text("material", "Cu" if self._old else "none")

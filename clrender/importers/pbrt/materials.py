@@ -84,6 +84,7 @@ class MaterialReader:
             "dielectric": self._dielectric,
             "thindielectric": self._dielectric,
             "diffusetransmission": self._diffuse_transmission,
+            "hair": self._hair,
             "mix": self._mix,
         }
         parameters.ignore("type")
@@ -115,7 +116,7 @@ class MaterialReader:
     def _add_maps(self, described: dict[str, Any], parameters: Parameters) -> None:
         normals = parameters.text("normalmap")
         heights = self._textures.share(parameters, "displacement", 0.0) if parameters.get("displacement") else 0.0
-        if described["type"] == "mix":
+        if described["type"] in ("mix", "hair"):
             return
         if normals:
             described["normal_map"] = {"texture": self._staging.files.name(normals, f"line {parameters.line}")}
@@ -125,6 +126,27 @@ class MaterialReader:
             described["bump_map"] = {**kept, "scale": scale[0]}
         elif isinstance(heights, dict):
             self._staging.note("a displacement that is no picture is left out")
+
+    def _hair(self, parameters: Parameters) -> dict[str, Any]:
+        made: dict[str, Any] = {
+            "type": "hair",
+            "ior": min(max(self._textures.index(parameters, "eta", 1.55), 1.05), 3.0),
+        }
+        for key, name, default in (("roughness", "beta_m", 0.3), ("azimuthal_roughness", "beta_n", 0.3)):
+            made[key] = self._staging.share(parameters.number(name, default), name)
+        made["tilt_degrees"] = min(max(parameters.number("alpha", 2.0), -20.0), 20.0)
+        color = "color" if "color" in parameters.values else "reflectance"
+        if parameters.get("sigma_a") is not None:
+            absorbed = self._textures.coefficients(parameters, "sigma_a", (1.3, 1.3, 1.3))
+            made["absorption_coefficient"] = [min(max(x, 0.0), 1000.0) for x in absorbed]
+        elif parameters.get(color) is not None:
+            made["reflectance"] = self._textures.color(parameters, color, 0.5)
+        else:
+            for name in ("eumelanin", "pheomelanin"):
+                if parameters.get(name) is not None:
+                    made[name] = min(max(parameters.number(name, 0.0), 0.0), 100.0)
+        parameters.ignore("sigma_a", "color", "reflectance", "eumelanin", "pheomelanin")
+        return made
 
     def _diffuse(self, parameters: Parameters) -> dict[str, Any]:
         return {"type": "lambert", "reflectance": self._textures.color(parameters, "reflectance", 0.5)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
@@ -133,6 +133,7 @@ class _World:
 
     def finish(self) -> None:
         """Complete the scene after the last directive."""
+        self._shapes.finish()
         if self._stack:
             self.staging.note("blocks of attributes are left open at the end of the file")
         self._settings.finish(self._placer.times, self._placer.moves)
@@ -256,6 +257,9 @@ class _World:
         parameters = self._parameters(directive, "shape")
         state = self._state
         kind = directive.text(0, "type")
+        if kind == "curve":
+            self._curve(directive, parameters, state)
+            return
         for described in self._shapes.read(kind, parameters, state, interior):
             part = Part(described, state.emission, state.matrix, directive.line)
             if self._object is not None:
@@ -268,6 +272,22 @@ class _World:
                 self._placer.put(part, np.eye(4), (state.matrix, state.late))
             else:
                 self._placer.put(part, part.matrix)
+
+    def _curve(self, directive: Directive, parameters: Parameters, state: Graphics) -> None:
+        """A curve: those that do not move are collected in the space of the world, or of their object."""
+        moves = state.moves and self._object is None
+        group: Hashable = (id(self._object) if self._object is not None else None, directive.line if moves else None)
+        matrix = np.eye(4) if moves else state.matrix
+        described = self._shapes.curve(parameters, state, matrix, group)
+        if described is None:
+            return
+        part = Part(described, None, np.eye(4), directive.line)
+        if self._object is not None:
+            self._object.append(part)
+        elif moves:
+            self._placer.put(part, np.eye(4), (state.matrix, state.late))
+        else:
+            self._placer.put(part, np.eye(4))
 
     def _matrix(self, directive: Directive) -> Matrix:
         """The current transform, for what cannot do without its inverse."""

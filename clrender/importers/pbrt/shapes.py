@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.flatten.curves import bezier_segments
 from clrender.importers.pbrt.materials import MaterialReader
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.state import Graphics
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.shared.loop_subdivision import subdivided
+from clrender.importers.shared.matrices import Matrix
 from clrender.importers.shared.meshes import (
     cylinder_mesh,
     disk_part_mesh,
@@ -23,6 +26,7 @@ from clrender.importers.shared.meshes import (
     with_uvs,
 )
 from clrender.importers.shared.staging import Staging
+from clrender.importers.shared.strands import StrandCollector, placed_rows
 from clrender.meshes.data import MeshData
 from clrender.wording import quoted
 
@@ -48,6 +52,68 @@ class ShapeReader:
     def __init__(self, staging: Staging, textures: TextureReader, materials: MaterialReader) -> None:
         self._staging, self._textures, self._materials = staging, textures, materials
         self._count = 0
+        self._strands = StrandCollector(staging.draft)
+
+    def finish(self) -> None:
+        """Hand over what is collected until the end of the file."""
+        self._strands.finish()
+
+    def curve(self, parameters: Parameters, state: Graphics, matrix: Matrix, group: Hashable) -> dict[str, Any] | None:
+        """A curve, which goes into the shape of others of its material, if there is one.
+
+        Parameters
+        ----------
+        parameters : Parameters
+        state : Graphics
+        matrix : (4, 4) float64
+            Acts on it here.
+        group : hashable
+            What else sets its shape apart.
+
+        Returns
+        -------
+        dict or None
+            The description of a new shape.
+        """
+        rows = self._strand(parameters)
+        if state.emission is not None:
+            self._staging.note("curves do not shine here: their light is left out")
+        described = self._surface(parameters, replace(state, emission=None), None)
+        solid = self._staging.draft.description["materials"][described["material"]] if "material" in described else {}
+        if solid.get("type") in ("dielectric", "subsurface") and not solid.get("thin"):
+            self._staging.note("curves of what has an inside are left out: they have none here")
+            return None
+        parameters.ignore("alpha", "splitdepth", "type", "N", "width", "width0", "width1", "degree", "basis", "P")
+        for unknown in parameters.unused():
+            self._staging.note(f'{quoted(unknown)} of a shape of type "curve" is not understood and does nothing')
+        if not described:
+            return None
+        rows = placed_rows(self._staging.draft, rows, matrix)
+        made = self._strands.add((group, described.get("material")), rows, "bezier")
+        return None if made is None else {**made, **described}
+
+    def _strand(self, parameters: Parameters) -> NDArray[np.float64]:
+        """Control points of cubic Bezier curves, and radii, which are linear along all of them."""
+        points = parameters.numbers("P", 3)
+        degree, basis = parameters.whole("degree", 3), parameters.text("basis", "bezier").lower()
+        if degree not in (2, 3) or basis not in ("bezier", "bspline"):
+            raise parameters.fault(f"a curve is a bezier or bspline of degree 2 or 3, not a {basis} of {degree}")
+        count = 0 if points is None else len(points)
+        step = degree if basis == "bezier" else 1
+        if points is None or count <= degree or (count - degree - 1) % step:
+            text = f"a {basis} of degree {degree} cannot have {count} points"
+            raise parameters.fault(f'{text}; give {degree + 1}, {degree + 1 + step} and so on as "P"', "P")
+        controls = _cubics(points, degree, basis)
+        width = parameters.number("width", 1.0)
+        first, last = parameters.number("width0", width), parameters.number("width1", width)
+        if not (first >= 0.0 and last >= 0.0 and max(first, last) > 0.0):
+            raise parameters.fault("the curve has no width; give it a number above 0", "width")
+        kind = parameters.text("type", "flat")
+        if kind == "ribbon":
+            self._staging.note("ribbons are read as round curves")
+        joined = np.concatenate([controls[:1, 0], controls[:, 1:].reshape(-1, 3)])
+        radii = (first + (last - first) * np.arange(len(joined)) / (len(joined) - 1)) / 2.0
+        return np.column_stack([joined, radii])
 
     def read(self, kind: str, parameters: Parameters, state: Graphics, interior: str | None) -> list[dict[str, Any]]:
         """A shape as descriptions without a transform; several for a two-sided light, none for an omitted shape.
@@ -265,3 +331,16 @@ class ShapeReader:
         name = f"{kind} {self._count}"
         self._staging.draft.meshes[name] = mesh
         return {"type": "mesh", "file": name}
+
+
+def _cubics(points: NDArray[np.float64], degree: int, basis: str) -> NDArray[np.float64]:
+    """(K, 4, 3) control points of the same curves as cubic Bezier curves."""
+    if degree == 3:
+        counts = np.array([len(points)], np.int64)
+        rows = np.column_stack([points, np.zeros(len(points))])
+        return bezier_segments(rows, counts, basis, "curve")[0][..., :3]
+    if basis == "bezier":
+        a, b, c = points[:-1:2], points[1::2], points[2::2]
+    else:
+        a, b, c = (points[:-2] + points[1:-1]) / 2.0, points[1:-1], (points[1:-1] + points[2:]) / 2.0
+    return np.stack([a, a + (b - a) * (2.0 / 3.0), c + (b - c) * (2.0 / 3.0), c], axis=1)

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from clrender.curves import CurveData, read_curves
 from clrender.errors import OutOfMemory, SceneError
 from clrender.exact.matrices import inner, length, product, times
 from clrender.files.named import allowed_file
@@ -247,6 +248,18 @@ class Staging:
                 self.draft.leave_out(fault, self.files.source, self.files.strict)
                 return None
         return name
+
+    def curves_of_file(self, uri: str, line: int) -> CurveData | None:
+        """Strands of a text file; one that is missing or damaged is left out, with a note. See `grid_of_file`."""
+        place = f"line {line}"
+        name = self.files.name(uri, place)
+        label = f"{self.files.source}: {place}"
+        allowed_file(name, self.files.folder, self.files.allow_paths, f"{label}: {quoted(name)}")
+        try:
+            return read_curves(name, self.files.folder, self.files.allow_paths, label, ".txt")
+        except SceneError as fault:
+            self.draft.leave_out(fault, self.files.source, self.files.strict)
+            return None
 
     def reflectance(self, color: Color, of: str) -> list[float]:
         """A reflectance: clamped to 0 to 1, with a note if it was outside."""

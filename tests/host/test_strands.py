@@ -1,0 +1,238 @@
+"""Curves and hair of other formats: what pbrt and Mitsuba mean by them, and what is left out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cases import for_each
+
+import clrender
+from clrender.errors import SceneError
+from clrender.exporters import exported_to_mitsuba
+from clrender.flatten.hair import hair_absorption, hair_color, hair_numbers
+from clrender.scene import Curves
+from clrender.scene.materials import Hair
+
+PBRT = 'LookAt 0 0 5  0 0 0  0 1 0\nCamera "perspective"\nWorldBegin\nLightSource "infinite" "rgb L" [1 1 1]\n'
+POINTS = "-1 0 0  -0.3 1 0  0.3 -1 0  1 0 0"
+MITSUBA = '<scene version="3.0.0"><sensor type="perspective"/><emitter type="constant"/>{}</scene>'
+
+
+def pbrt(folder: Path, world: str) -> clrender.Scene:
+    (folder / "a.pbrt").write_text(PBRT + world)
+    return clrender.load(folder / "a.pbrt")
+
+
+def mitsuba(folder: Path, shapes: str) -> clrender.Scene:
+    (folder / "a.xml").write_text(MITSUBA.format(shapes))
+    return clrender.load(folder / "a.xml")
+
+
+def strands(scene: clrender.Scene) -> list[tuple[Curves, Any]]:
+    found = [(at, shape) for at, shape in scene.all_shapes() if isinstance(shape, Curves)]
+    return [(shape, scene.strands(at, shape)) for at, shape in found]
+
+
+def hair_of(scene: clrender.Scene) -> Hair:
+    (found,) = (each for each in scene.materials.values() if isinstance(each, Hair))
+    return found
+
+
+def test_pbrt_curves_of_a_material_become_one_shape(tmp_path: Path) -> None:
+    curve = f'Shape "curve" "point3 P" [{POINTS}] "float width0" 0.2 "float width1" 0.05\n'
+    scene = pbrt(
+        tmp_path, f'Translate 0 1 0\n{curve}Scale 2 2 2\n{curve}Material "diffuse" "rgb reflectance" [1 0 0]\n{curve}'
+    )
+    assert not scene.notes
+    (first, data), (second, its) = strands(scene)
+    assert first.basis == "bezier" and data.counts.tolist() == [4, 4] and its.counts.tolist() == [4]
+    assert first.material != second.material
+    assert data.points[:4, 1] == pytest.approx([1.0, 2.0, 0.0, 1.0])
+    assert data.points[4:, 1] == pytest.approx([1.0, 3.0, -1.0, 1.0])
+    assert data.radii[:4] == pytest.approx([0.1, 0.075, 0.05, 0.025])
+    assert data.radii[4:] == pytest.approx([0.2, 0.15, 0.1, 0.05])
+
+
+@pytest.mark.parametrize(("basis", "degree", "count"), [("bspline", 3, 6), ("bspline", 2, 5), ("bezier", 2, 5)])
+def test_pbrt_curves_of_other_bases(tmp_path: Path, basis: str, degree: int, count: int) -> None:
+    """Against the polynomials of their basis, in the middle of each segment."""
+    points = np.random.RandomState(count).uniform(-1.0, 1.0, (count, 3))
+    text = " ".join(f"{x:.17g}" for x in points.ravel())
+    words = f'"string basis" "{basis}" "integer degree" {degree} "float width" 0.1'
+    ((shape, data),) = strands(pbrt(tmp_path, f'Shape "curve" "point3 P" [{text}] {words}'))
+    assert shape.basis == "bezier"
+    cubics = data.points[np.arange(0, len(data.points) - 1, 3)[:, None] + np.arange(4)]
+    middles = np.einsum("k,nkj->nj", np.array([1.0, 3.0, 3.0, 1.0]) / 8.0, cubics)
+    if basis == "bezier":
+        weights, starts = np.array([1.0, 2.0, 1.0]) / 4.0, np.arange(0, count - 2, 2)
+    elif degree == 2:
+        weights, starts = np.array([1.0, 6.0, 1.0]) / 8.0, np.arange(count - 2)
+    else:
+        weights, starts = np.array([1.0, 23.0, 23.0, 1.0]) / 48.0, np.arange(count - 3)
+    expected = [weights @ points[start : start + len(weights)] for start in starts]
+    assert middles == pytest.approx(np.array(expected))
+
+
+@for_each(
+    "words, text",
+    [
+        (f'"point3 P" [{POINTS} 1 1 1]', "line 5: a bezier of degree 3 cannot have 5 points"),
+        (f'"point3 P" [{POINTS}] "string basis" "nurbs"', "not a nurbs of 3"),
+        (f'"point3 P" [{POINTS}] "integer degree" 4', "of 4"),
+        (f'"point3 P" [{POINTS}] "float width" 0', "the curve has no width"),
+        ('"float width" 1', "cannot have 0 points"),
+    ],
+)
+def test_pbrt_curves_that_are_none_are_refused(tmp_path: Path, words: str, text: str) -> None:
+    with pytest.raises(SceneError, match=text):
+        pbrt(tmp_path, f'Shape "curve" {words}')
+
+
+def test_what_pbrt_curves_lose_is_noted(tmp_path: Path) -> None:
+    curve = f'Shape "curve" "point3 P" [{POINTS}] "float width" 0.1'
+    ribbon = f'{curve} "string type" "ribbon" "normal N" [0 0 1 0 0 1]\n'
+    glass = f'AttributeBegin\nMaterial "dielectric"\n{curve}\nAttributeEnd\n'
+    scene = pbrt(tmp_path, f'AreaLightSource "diffuse"\n{ribbon}{glass}Scale 1 2 1\n{curve}')
+    said = " ".join(scene.notes)
+    for text in (
+        "curves do not shine here",
+        "ribbons are read as round",
+        "what has an inside are left out",
+        "keep round",
+    ):
+        assert text in said, text
+    assert len(strands(scene)) == 1
+
+
+def test_pbrt_curves_in_objects_and_in_motion(tmp_path: Path) -> None:
+    curve = f'Shape "curve" "point3 P" [{POINTS}] "float width" 0.1\n'
+    twice = 'Translate 0 2 0\nObjectInstance "tuft"\nTranslate 1 0 0\nObjectInstance "tuft"\n'
+    world = f'ObjectBegin "tuft"\n{curve}{curve}ObjectEnd\n{twice}'
+    scene = pbrt(tmp_path, world)
+    assert [data.counts.tolist() for _, data in strands(scene)] == [[4, 4]] * 2
+    assert not scene.notes
+
+
+def test_pbrt_hair(tmp_path: Path) -> None:
+    curve = f'Shape "curve" "point3 P" [{POINTS}] "float width" 0.1'
+    plain = hair_of(pbrt(tmp_path, f'Material "hair"\n{curve}'))
+    assert plain == Hair(type="hair") and plain.absorption_of == pytest.approx((0.5447, 0.9061, 1.781))
+    words = '"float eumelanin" 0.3 "float pheomelanin" 0.5 "float beta_m" 0.2 "float beta_n" 0.4 '
+    words += '"float alpha" 3 "float eta" 1.6'
+    made = hair_of(pbrt(tmp_path, f'Material "hair" {words}\n{curve}'))
+    assert made == Hair(
+        type="hair", eumelanin=0.3, pheomelanin=0.5, roughness=0.2, azimuthal_roughness=0.4, tilt_degrees=3.0, ior=1.6
+    )
+    assert hair_of(pbrt(tmp_path, f'Material "hair" "rgb sigma_a" [1 2 3]\n{curve}')).absorption_of == (1.0, 2.0, 3.0)
+    colored = hair_of(pbrt(tmp_path, f'Material "hair" "rgb reflectance" [0.1 0.2 0.3]\n{curve}'))
+    assert colored.reflectance == pytest.approx((0.1, 0.2, 0.3))
+
+
+TEXT = "0 0 0 0.1\n0 1 0 0.1\n0 2 0 0.05\n0 3 0 0.05\n\n1 0 0 0.1\n1 1 0 0.1\n1 2 0 0.1\n1 3 0 0.1\n"
+SHAPE = '<shape type="{}"><string name="filename" value="c.txt"/>{}</shape>'
+
+
+def test_mitsuba_curves(tmp_path: Path) -> None:
+    (tmp_path / "c.txt").write_text(TEXT)
+    scaled = '<transform name="to_world"><scale value="2"/></transform>'
+    hair = '<bsdf type="hair"><float name="eumelanin" value="0.2"/><float name="scale_tilt" value="3"/></bsdf>'
+    scene = mitsuba(tmp_path, SHAPE.format("bsplinecurve", scaled) + SHAPE.format("linearcurve", hair))
+    assert not scene.notes
+    (first, data), (second, its) = strands(scene)
+    assert first.basis == "bspline" and second.basis == "linear"
+    assert data.points[3].tolist() == [0.0, 6.0, 0.0] and its.points[3].tolist() == [0.0, 3.0, 0.0]
+    assert data.radii.tolist() == its.radii.tolist() and data.radii[0] == 0.1, "their own transform scales no radius"
+    assert hair_of(scene) == Hair(
+        type="hair", eumelanin=0.2, tilt_degrees=3.0, roughness=0.3, azimuthal_roughness=0.3, ior=hair_of(scene).ior
+    )
+    assert hair_of(scene).ior == pytest.approx(1.55, abs=1e-3)
+
+
+def test_mitsuba_instances_scale_radii(tmp_path: Path) -> None:
+    (tmp_path / "c.txt").write_text(TEXT)
+    group = f'<shape type="shapegroup" id="g">{SHAPE.format("bsplinecurve", "")}</shape>'
+    instance = '<shape type="instance"><ref id="g"/><transform name="to_world"><scale {}/></transform></shape>'
+    scene = mitsuba(tmp_path, group + instance.format('value="2"'))
+    ((shape, data),) = strands(scene)
+    assert data.radii[0] == 0.1 and shape.transform.is_similarity() and not scene.notes
+    uneven = mitsuba(tmp_path, group + instance.format('x="1" y="8" z="1"'))
+    ((_, data),) = strands(uneven)
+    assert data.radii[0] == pytest.approx(0.2) and "keep round cross sections" in " ".join(uneven.notes)
+
+
+@for_each(
+    "text, said",
+    [
+        ("0 0 0 0.1\n0 1\n", "line 2 has 2 numbers"),
+        ("0 0 0\n0 1 0\n0 2 0\n0 3 0\n", "has no radii"),
+        ("", "no control"),
+    ],
+)
+def test_damaged_mitsuba_curves_are_left_out_or_refused(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / "c.txt").write_text(text)
+    try:
+        scene = mitsuba(tmp_path, SHAPE.format("bsplinecurve", "") + '<shape type="sphere"/>')
+    except SceneError as error:
+        assert said in str(error)
+    else:
+        assert said in " ".join(scene.notes)
+
+
+def test_hair_goes_to_mitsuba_and_back(tmp_path: Path) -> None:
+    material = {"type": "hair", "reflectance": [0.6, 0.3, 0.1], "roughness": 0.2, "tilt_degrees": 3.0, "ior": 1.5}
+    camera = {"position": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0]}
+    shape = {"type": "curves", "points": [[0.0, y, 0.0] for y in range(5)], "radius": [0.2, 0.1], "material": "hair"}
+    scene = clrender.Scene(camera=camera, shapes=[shape], materials={"hair": material})
+    export = exported_to_mitsuba(scene, "files")
+    for name, write in export.files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        with (tmp_path / name).open("wb") as file:
+            write(file)
+    (tmp_path / "a.xml").write_bytes(export.text)
+    again = clrender.load(tmp_path / "a.xml")
+    ((_, data),) = strands(again)
+    assert data.points == pytest.approx(np.array(shape["points"])) and data.radii[0] == 0.2 and data.radii[4] == 0.1
+    own, read = scene.materials["hair"], hair_of(again)
+    assert isinstance(own, Hair)
+    assert read.absorption_of == pytest.approx(hair_absorption(own))
+    assert (read.roughness, read.tilt_degrees, read.ior) == pytest.approx((0.2, 3.0, 1.5))
+
+
+def test_colors_and_absorption_stand_for_each_other() -> None:
+    for color in ((0.9, 0.5, 0.05), (1.0, 1.0, 1.0), (0.3, 0.3, 0.3)):
+        given = Hair(type="hair", reflectance=color, azimuthal_roughness=0.6)
+        again = Hair(type="hair", absorption_coefficient=hair_absorption(given), azimuthal_roughness=0.6)
+        assert hair_color(again) == pytest.approx(color, rel=1e-12)
+    numbers = hair_numbers(Hair(type="hair", tilt_degrees=30.0 / 2))
+    assert numbers.tilt == pytest.approx((np.sin(np.pi / 12.0), np.cos(np.pi / 12.0)))
+    assert numbers.variance == pytest.approx((0.726 * 0.3 + 0.812 * 0.09 + 3.7 * 0.3**20) ** 2)
+    assert hair_numbers(Hair(type="hair", roughness=0.0, azimuthal_roughness=0.0)).variance > 0.0
+
+
+@for_each(
+    "keys, text",
+    [
+        ({"reflectance": [0.5] * 3, "absorption_coefficient": [1.0] * 3}, "given beside reflectance"),
+        ({"reflectance": [0.5] * 3, "eumelanin": 1.0}, "given beside reflectance"),
+        ({"absorption_coefficient": [1.0] * 3, "pheomelanin": 1.0}, "given beside absorption_coefficient"),
+        ({"tilt_degrees": 45.0}, "tilt_degrees"),
+        ({"ior": 1.0}, "ior"),
+    ],
+)
+def test_hair_has_one_color(keys: dict[str, Any], text: str) -> None:
+    with pytest.raises(SceneError, match=text):
+        Hair(type="hair", **keys)
+
+
+@pytest.mark.parametrize("integrator", ["bdpt", "photon"])
+def test_paths_from_lights_do_not_take_hair(integrator: str) -> None:
+    camera = {"position": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0]}
+    materials = {"h": {"type": "hair"}, "m": {"type": "mix", "materials": ["h", "g"]}, "g": {"type": "mirror"}}
+    scene = clrender.Scene(
+        camera=camera, shapes=[{"type": "sphere", "radius": 1.0, "material": "m"}], materials=materials
+    )
+    with pytest.raises(SceneError, match=rf"is of type hair, which the integrator {integrator} does not take"):
+        clrender.render(scene, integrator=integrator, spp=1, size=(8, 8), device="pocl")

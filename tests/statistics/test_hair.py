@@ -1,0 +1,200 @@
+"""Curves and hair in images: against triangles, in furnaces, by several strategies, with the same bits everywhere."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from render_support import Studio, hashes_by_lanes_and_cuts
+from stats_support import Evidence
+
+import clrender
+from clrender.flatten.tubes import curve_mesh
+from clrender.furnace import findings, measure, subjects_of
+from clrender.scene import Curves
+
+if TYPE_CHECKING:
+    from clrender.device import Device
+    from clrender.scene import Scene
+
+SKY = {"type": "environment", "radiance": [1.0, 1.0, 1.0]}
+SUN = {"type": "directional", "direction": [-1.0, -1.5, -0.6], "irradiance": [4.0, 4.0, 3.5]}
+CAMERA = {"position": [0.0, 0.6, 2.6], "target": [0.0, 0.15, 0.0]}
+CLAY = {"type": "lambert", "reflectance": [0.7, 0.4, 0.2]}
+GROUND = {"type": "quad", "origin": [-3.0, -0.5, 3.0], "edge_u": [6.0, 0.0, 0.0], "edge_v": [0.0, 0.0, -6.0]}
+
+
+def tuft(count: int = 300, radius: float = 0.01) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Strands that grow from a ball and hang down, (count, 6, 4)."""
+    dice = np.random.RandomState(2)
+    way = dice.normal(size=(count, 3))
+    way /= np.linalg.norm(way, axis=1)[:, None]
+    way[:, 1] = np.abs(way[:, 1])
+    place, rows = way * 0.4, np.zeros((count, 6, 4))
+    for number in range(6):
+        rows[:, number, :3], rows[:, number, 3] = place, radius * (1.0 - 0.14 * number)
+        way = way + dice.normal(size=(count, 3)) * 0.1 + (0.0, -0.25, 0.0)
+        way /= np.linalg.norm(way, axis=1)[:, None]
+        place = place + way * 0.12
+    return rows
+
+
+def with_strands(material: dict[str, Any], lights: list[Any], rows: Any = None, **curves: Any) -> Scene:
+    shapes = [
+        {"type": "curves", "file": "hair", "material": "hair", **curves},
+        {"type": "sphere", "radius": 0.4, "material": "ground"},
+        {**GROUND, "material": "ground"},
+    ]
+    scene = clrender.Scene(camera=CAMERA, shapes=shapes, lights=lights, materials={"hair": material, "ground": CLAY})
+    return scene.with_arrays(curves={"hair": tuft() if rows is None else rows})
+
+
+def arches() -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Bent strands of constant radius whose ends are out of sight, (6, 7, 4)."""
+    rows, t = np.zeros((6, 7, 4)), np.linspace(0.0, 1.0, 7)
+    for number in range(6):
+        rows[number, :, 0] = (number - 2.5) * 0.4 + 0.4 * t
+        rows[number, :, 1] = [-2.5, -1.7, -0.7, 0.9, -0.7, -1.7, -2.5]
+        rows[number, :, 2], rows[number, :, 3] = 0.1 * np.cos(4.0 * t + 2.0 * number), 0.08
+    return rows
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    "integrator", ["path", *(pytest.param(name, marks=pytest.mark.long) for name in ("bdpt", "photon"))]
+)
+def test_curves_are_what_their_triangles_are(evidence: Evidence, studio: Studio, integrator: str) -> None:
+    curves = with_strands(CLAY, [SKY, SUN], arches())
+    (strands,) = (shape for shape in curves.shapes if isinstance(shape, Curves))
+    mesh = curve_mesh(strands, curves.strands(("shapes", 0), strands), steps=24, around=64)
+    content = curves.model_dump(exclude_unset=True)
+    content["shapes"] = ({"type": "mesh", "file": "tubes", "material": "hair"}, *content["shapes"][1:])
+    arrays = {"vertices": mesh.vertices, "faces": mesh.triangles, "normals": mesh.normals}
+    triangles = clrender.Scene(**content).with_arrays(meshes={"tubes": arrays})
+    settings: dict[str, Any] = {"spp": 64, "integrator": integrator, "size": 32}
+    first, second = (studio.tiles(each, range(n, n + 8), **settings) for each, n in ((curves, 0), (triangles, 50)))
+    # Less than the chords of 64 edges leave out
+    evidence.equal("radiance", first, second, rounding=2e-3)
+
+
+@pytest.mark.thorough
+def test_white_hair_in_white_light_cannot_be_seen(evidence: Evidence, studio: Studio) -> None:
+    white = {"type": "hair", "reflectance": [1.0, 1.0, 1.0]}
+    scene = with_strands(white, [SKY])
+    content = scene.model_dump(exclude_unset=True)
+    content["shapes"] = content["shapes"][:1]
+    alone = clrender.Scene(**content).with_arrays(curves={"hair": tuft(400, 0.02)})
+    evidence.mean_is("radiance", studio.tiles(alone, spp=64, size=24), 1.0)
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {},
+        pytest.param({"roughness": 0.1, "azimuthal_roughness": 1.0, "tilt_degrees": 8.0}, marks=pytest.mark.long),
+        pytest.param({"roughness": 1.0, "azimuthal_roughness": 0.1, "ior": 1.3}, marks=pytest.mark.long),
+    ],
+)
+def test_hair_loses_no_light_and_is_sampled_by_its_density(device: Device, keys: dict[str, Any]) -> None:
+    table = ", ".join(f"{key} = {value}" for key, value in keys.items())
+    subject = subjects_of(f'{{type = "hair", reflectance = [1.0, 1.0, 1.0]{", " if table else ""}{table}}}')
+    (found,) = measure(subject, device, side=16)
+    assert [each.sentence for each in findings(found, 3) if each.fault] == []
+    assert found.transmits and not found.only_deltas
+    for energy in found.energies:
+        np.testing.assert_allclose(energy.sampled, 1.0, atol=1e-3)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"guiding": "on"},
+        {"sampling": "bsdf"},
+        {"sampling": "light"},
+        {"integrator": "reuse"},
+        {"kernels": "staged"},
+        {"specular_chains": "on"},
+        {"indirect_rays": 2, "shadow_rays": 2},
+    ],
+    ids=lambda given: "-".join(map(str, given.values())),
+)
+def test_strategies_see_the_same_hair(evidence: Evidence, studio: Studio, settings: dict[str, Any]) -> None:
+    hair = {"type": "hair", "reflectance": [0.8, 0.5, 0.2], "roughness": 0.5, "azimuthal_roughness": 0.6}
+    scene = with_strands(hair, [SKY, SUN])
+    first = studio.tiles(scene, range(10), size=16, tiles=2, spp=128)
+    second = studio.tiles(scene, range(50, 60), size=16, tiles=2, spp=128, **settings)
+    evidence.equal("radiance", first, second)
+
+
+@pytest.mark.long
+def test_the_colour_of_many_strands(studio: Studio) -> None:
+    """Hair of a reflectance is darker the more it absorbs, and of that hue."""
+    means = [
+        studio.image(with_strands({"type": "hair", "reflectance": color}, [SKY]), 24, spp=64)[4:12, 8:16].mean(
+            axis=(0, 1)
+        )
+        for color in ([0.8, 0.8, 0.8], [0.4, 0.4, 0.4], [0.8, 0.4, 0.1])
+    ]
+    assert (means[0] > means[1]).all() and means[2][0] > means[2][1] > means[2][2]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("material", ["hair", "clay", "fibre and holes"])
+def test_strands_have_the_same_bits_however_they_are_rendered(device: Device, material: str) -> None:
+    described: dict[str, Any] = {
+        "hair": {"type": "hair"},
+        "clay": CLAY,
+        "fibre and holes": {"type": "hair", "reflectance": [0.8, 0.5, 0.2], "opacity": 0.5},
+    }[material]
+    assert len(hashes_by_lanes_and_cuts(device, with_strands(described, [SKY, SUN]))) == 1
+
+
+@pytest.mark.long
+def test_instances_of_strands_are_strands(evidence: Evidence, studio: Studio) -> None:
+    """A group that is placed, turned and scaled, against the same strands written out; and one that moves."""
+    hair = {"type": "hair", "reflectance": [0.8, 0.5, 0.2]}
+    plain = with_strands(hair, [SKY, SUN])
+    content = plain.model_dump(exclude_unset=True)
+    half = {"scale": 0.5, "rotate_degrees": [0.0, 40.0, 0.0], "translate": [0.3, 0.0, 0.2]}
+    strands, *others = content["shapes"]
+    grouped = {**content, "groups": {"tuft": {"shapes": [strands]}}}
+    placed = [{"type": "instance", "group": "tuft", "transform": each} for each in (half, {})]
+    grouped["shapes"] = [*placed, *others]
+    written = {**content, "shapes": [{**strands, "transform": half}, strands, *others]}
+    first, second = (
+        studio.tiles(clrender.Scene(**each).with_arrays(curves={"hair": tuft()}), range(n, n + 8), spp=64)
+        for each, n in ((grouped, 0), (written, 20))
+    )
+    evidence.equal("radiance", first, second)
+    keys = [{"time": 0.0, **half}, {"time": 1.0, **half}]
+    moving = {**content, "camera": {**CAMERA, "shutter": [0.0, 1.0]}}
+    moving["shapes"] = [{**strands, "motion": [*keys[:1], {**keys[1], "translate": [0.31, 0.0, 0.2]}]}, *others]
+    still = {**content, "shapes": [{**strands, "transform": half}, *others]}
+    first, second = (
+        studio.tiles(clrender.Scene(**each).with_arrays(curves={"hair": tuft()}), range(n, n + 8), spp=64, tiles=2)
+        for each, n in ((moving, 40), (still, 60))
+    )
+    evidence.equal("in motion", first, second, rounding=2e-2)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["lambert", "hair"])
+def test_textures_run_along_strands(studio: Studio, kind: str) -> None:
+    """From the root, u = 0, to the tip, 1; a strand of two cut halves included."""
+    bent = [[-0.4, -1.0, 0.0], [-0.4, 0.0, 0.4], [-0.4, 0.0, -0.4], [-0.4, 1.0, 0.0]]
+    straight = [[x, y, 0.0] for x in (0.0,) for y in (-1.0, -1.0 / 3.0, 1.0 / 3.0, 1.0)]
+    rows = np.concatenate([np.array([bent, straight]), np.full((2, 4, 1), 0.12)], axis=2)
+    material = {"type": kind, "reflectance": {"ramp": [[0.05, 0.05, 0.05], [0.85, 0.85, 0.85]]}}
+    camera = {"type": "orthographic", "position": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0], "height": 2.0}
+    shapes = [{"type": "curves", "file": "hair", "material": "hair", "basis": "bezier"}]
+    scene = clrender.Scene(camera=camera, shapes=shapes, lights=[SKY], materials={"hair": material})
+    albedo = studio.layer(scene.with_arrays(curves={"hair": rows}), 32, "albedo")[:, :, 0]
+    middle = albedo[2:30, 16]
+    if kind == "lambert":
+        heights = (np.arange(32)[2:30] + 0.5) / 32.0
+        np.testing.assert_allclose(middle, 0.85 - 0.8 * heights, atol=0.03)
+    assert (np.diff(middle) < 0.02).all() and middle[0] > 1.2 * middle[-1]
+    at = albedo[2:30, 9]
+    assert (np.diff(at[at > 0.0]) < 0.05).all(), "and does not jump where a curve is cut"
