@@ -84,6 +84,7 @@ class SourceArrays:
     analytic_shapes: Buffer
     primitive_shape: Buffer
     shapes: Buffer
+    curve_rows: Buffer
     triangle_count: int
     analytic_count: int
 
@@ -381,7 +382,13 @@ def refit(device: Device, source: SourceArrays, tree: Bvh, instance_boxes: npt.N
         arguments: _Arguments = [_u(triangles), source.vertices, source.triangles, tree.triangle_packs, triangle_boxes]
         launch_each(device, program, "refit_triangle_columns", triangles, arguments)
     if others:
-        launch_each(device, program, "refit_analytic_columns", others, [_u(others), *geometry, tree.analytic_packs])
+        launch_each(
+            device,
+            program,
+            "refit_analytic_columns",
+            others,
+            [_u(others), *geometry, source.curve_rows, tree.analytic_packs],
+        )
     for level in reversed(tree.ranges):
         head: _Arguments = [_u(level.start), _u(len(level)), *geometry, boxes]
         arguments = [*head, triangle_boxes, tree.analytic_packs, tree.nodes]
@@ -610,7 +617,7 @@ class _Builder:
             _u(self._triangle_units),
             _u(source.triangle_count),
         ]
-        arguments += [source.vertices, source.triangles, source.analytic_shapes, others]
+        arguments += [source.vertices, source.triangles, source.analytic_shapes, source.curve_rows, others]
         if count:
             self._each("build_analytic_columns", count, arguments)
         return triangles, others

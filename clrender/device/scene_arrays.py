@@ -269,7 +269,8 @@ class SceneArrays:
         if self._own_trees is None or not _same_shapes(self._scene, scene):
             return False
         device = self._device
-        arrays = self._given(scene, [name for name in scene.arrays if name not in (*_SHARED, *_AS_THEY_ARE)])
+        kept = {*_SHARED, *_AS_THEY_ARE} - {"curve_rows"}
+        arrays = self._given(scene, [name for name in scene.arrays if name not in kept])
         try:
             source = _source(arrays, scene)
             broken = self._pairs[bvh.broken_pairs(device, source, self._pairs)]
@@ -389,10 +390,8 @@ def _with_first_rows(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _source(arrays: dict[str, Buffer], scene: FlatScene) -> bvh.SourceArrays:
-    vertices, triangles, analytic, shape, shapes = (
-        arrays[name] for name in ("vertices", "triangles", "analytic_shapes", "primitive_shape", "shapes")
-    )
-    return bvh.SourceArrays(vertices, triangles, analytic, shape, shapes, scene.triangle_count, scene.analytic_count)
+    names = ("vertices", "triangles", "analytic_shapes", "primitive_shape", "shapes", "curve_rows")
+    return bvh.SourceArrays(*(arrays[name] for name in names), scene.triangle_count, scene.analytic_count)
 
 
 def _same_shapes(old: FlatScene, new: FlatScene) -> bool:

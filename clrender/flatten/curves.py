@@ -22,6 +22,8 @@ _Floats = NDArray[np.float64]
 _STRAIGHT: Final = 0.94
 """Least cosine between legs of a control polygon: of more the four steps of kernels/geometry/curve.inc would not do."""
 _MOST_CUTS: Final = 5
+_EMPTY: Final = 80.0
+"""Curves are halved whose `_emptiness` is above this: measured with 300,000 thin ones (docs/notes/curves.md)."""
 _ROUNDING: Final = 2.0**-24
 _SMALLEST: Final = 1e-18
 
@@ -146,7 +148,7 @@ def bezier_segments(
     return controls, strand
 
 
-def flat_curves(shape: Curves, data: CurveData, transform: Affine, place: str) -> FlatCurves:
+def flat_curves(shape: Curves, data: CurveData, transform: Affine, place: str, most: int = 0) -> FlatCurves:
     """The curves of a shape in the coordinates of the device.
 
     Parameters
@@ -157,6 +159,8 @@ def flat_curves(shape: Curves, data: CurveData, transform: Affine, place: str) -
         A similarity.
     place : str
         Beginning of error messages.
+    most : int
+        Up to so many, curves that fill little of their boxes are cut, so that rays look into fewer.
 
     Raises
     ------
@@ -173,8 +177,8 @@ def flat_curves(shape: Curves, data: CurveData, transform: Affine, place: str) -
     controls, strand = bezier_segments(np.concatenate([placed, radii[None]]).T, data.counts, shape.basis, place)
     each = np.bincount(strand, minlength=len(data.counts))
     within = np.arange(len(strand)) - (np.cumsum(each) - each)[strand]
-    begin, end = within / each[strand], (within + 1) / each[strand]
-    controls, strand, begin, end = _cut(controls, strand, begin, end)
+    pieces = _cut(_Pieces(controls, strand, within / each[strand], (within + 1) / each[strand]), most)
+    controls, strand = pieces.controls, pieces.strand
     rows = np.zeros((len(controls), 4, 4), np.float32)
     a, b, c, d = (controls[:, k] for k in range(4))
     rows[:, 0], rows[:, 1], rows[:, 2] = a, 3.0 * (b - a), 3.0 * ((a - b) + (c - b))
@@ -184,33 +188,62 @@ def flat_curves(shape: Curves, data: CurveData, transform: Affine, place: str) -
     shapes = np.zeros(len(controls), layout.dtype("AnalyticShape"))
     shapes["normal"][:, 3] = layout.ANALYTIC_SHAPE_CURVE + before + 2 * after
     _write_boxes(shapes, controls)
-    return FlatCurves(shapes, rows.reshape(-1, 16), np.stack([begin, end], axis=1).astype(np.float32))
+    return FlatCurves(shapes, rows.reshape(-1, 16), np.stack([pieces.begin, pieces.end], axis=1).astype(np.float32))
 
 
-def _cut(
-    controls: _Floats, strand: NDArray[np.int64], begin: _Floats, end: _Floats
-) -> tuple[_Floats, NDArray[np.int64], _Floats, _Floats]:
-    """Halve curves that turn too much (de Casteljau), a few times."""
-    for _ in range(_MOST_CUTS):
-        turns = _turns(controls)
-        if not turns.any():
-            break
-        parts = np.where(turns, 2, 1)
-        at = np.repeat(np.arange(len(controls)), parts)
+@dataclass(frozen=True)
+class _Pieces:
+    """Curves under way: control points (K, 4, 4), strands (K,), and where they begin and end along these (K,)."""
+
+    controls: _Floats
+    strand: NDArray[np.int64]
+    begin: _Floats
+    end: _Floats
+
+    def halved(self, chosen: NDArray[np.bool_]) -> _Pieces:
+        """Some of them in two halves, in the same order (de Casteljau)."""
+        at = np.repeat(np.arange(len(self.controls)), np.where(chosen, 2, 1))
         second = np.concatenate([[False], at[1:] == at[:-1]])
         first = np.concatenate([second[1:], [False]])
-        a, b, c, d = (controls[:, k] for k in range(4))
+        a, b, c, d = (self.controls[chosen, k] for k in range(4))
         ab, bc, cd = (a + b) / 2.0, (b + c) / 2.0, (c + d) / 2.0
         abc, bcd = (ab + bc) / 2.0, (bc + cd) / 2.0
         middle = (abc + bcd) / 2.0
-        halves = np.stack([a, ab, abc, middle], axis=1), np.stack([middle, bcd, cd, d], axis=1)
-        half = (begin + end) / 2.0
-        controls = np.where(
-            first[:, None, None], halves[0][at], np.where(second[:, None, None], halves[1][at], controls[at])
+        controls, begin, end = self.controls[at], self.begin[at], self.end[at]
+        controls[first], controls[second] = (
+            np.stack([a, ab, abc, middle], axis=1),
+            np.stack([middle, bcd, cd, d], axis=1),
         )
-        begin, end = np.where(second, half[at], begin[at]), np.where(first, half[at], end[at])
-        strand = strand[at]
-    return controls, strand, begin, end
+        half = (self.begin[chosen] + self.end[chosen]) / 2.0
+        end[first], begin[second] = half, half
+        return _Pieces(controls, self.strand[at], begin, end)
+
+
+def _cut(pieces: _Pieces, most: int) -> _Pieces:
+    """Halve curves that turn too much; then, up to a number, those that fill little of their boxes."""
+    for _ in range(_MOST_CUTS):
+        turns = _turns(pieces.controls)
+        if not turns.any():
+            break
+        pieces = pieces.halved(turns)
+    for _ in range(_MOST_CUTS):
+        emptiness = _emptiness(pieces.controls)
+        count = min(int(np.count_nonzero(emptiness > _EMPTY)), most - len(pieces.controls))
+        if count <= 0:
+            break
+        chosen = np.zeros(len(emptiness), bool)
+        chosen[np.argsort(-emptiness, kind="stable")[:count]] = True
+        pieces = pieces.halved(chosen)
+    return pieces
+
+
+def _emptiness(controls: _Floats) -> _Floats:
+    """Area of the box around each curve, by that of its tube: what rays look into in vain."""
+    radius = controls[:, :, 3].max(axis=1)
+    x, y, z = (np.ptp(controls[:, :, axis], axis=1) + 2.0 * radius for axis in range(3))
+    chord = controls[:, 3, :3] - controls[:, 0, :3]
+    length = np.sqrt((chord[:, 0] * chord[:, 0] + chord[:, 1] * chord[:, 1]) + chord[:, 2] * chord[:, 2])
+    return np.asarray((x * y + (y * z + z * x)) / ((length + 2.0 * radius) * np.maximum(radius, 1e-30)))
 
 
 def _turns(controls: _Floats) -> NDArray[np.bool_]:

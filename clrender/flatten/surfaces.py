@@ -43,6 +43,8 @@ __all__ = ["SMALLEST", "flat_surfaces", "placed_normals", "triangle_areas", "tur
 
 _Rows: TypeAlias = NDArray[np.void]
 _CHUNK: Final = 2**18
+_MOST_CURVES: Final = 1_600_000
+"""Up to so many, curves are cut for speed: each takes 230 bytes on a device."""
 SMALLEST: Final = 1e-18
 """Lower bound of radii and of cross products of edges: their squares are then normal float32 numbers."""
 
@@ -341,7 +343,8 @@ def _analytic_rows(
     kinds = Sphere | Disk | Curves
     round_ = [i for i, shape in enumerate(scene.plain_shapes) if isinstance(shape, kinds)]
     indices = [i for i in round_ if not _is_left_out(scene.plain_shapes[i], no_boundary)]
-    strands = {i: _curves_of(scene, i, origin, own) for i in indices if isinstance(scene.plain_shapes[i], Curves)}
+    curved = [i for i in indices if isinstance(scene.plain_shapes[i], Curves)]
+    strands = {i: _curves_of(scene, i, origin, own, len(curved)) for i in curved}
     total = len(indices) + sum(len(each.rows) - 1 for each in strands.values())
     rows = np.zeros(total, dtype=layout.dtype("AnalyticShape"))
     coefficients = np.zeros((total if strands else 1, 16), np.float32)
@@ -380,8 +383,9 @@ def _analytic_rows(
     return rows, coefficients, attributes
 
 
-def _curves_of(scene: Scene, index: int, origin: Vector, own: int) -> FlatCurves:
+def _curves_of(scene: Scene, index: int, origin: Vector, own: int, shapes: int) -> FlatCurves:
     shape, at = scene.plain_shapes[index], scene.place_of(index)
     assert isinstance(shape, Curves)
     transform = _relative(affine(shape.transform), origin if index < own else (0.0, 0.0, 0.0))
-    return flat_curves(shape, scene.strands(at, shape), transform, f"{scene.source}: {place_in_file(at)}")
+    label = f"{scene.source}: {place_in_file(at)}"
+    return flat_curves(shape, scene.strands(at, shape), transform, label, _MOST_CURVES // shapes)

@@ -80,7 +80,10 @@ class Moving:
         self._device.write(self._place, np.concatenate([boxes.reshape(-1), at - self._begin, by]).astype(np.float32))
 
     def _build(self, scene: FlatScene, moving: bool, others: bool) -> bvh.Bvh:
-        device, names = self._device, ("vertices", "triangles", "analytic_shapes", "primitive_shape", "shapes")
+        device, names = (
+            self._device,
+            ("vertices", "triangles", "analytic_shapes", "primitive_shape", "shapes", "curve_rows"),
+        )
         arrays = {name: device.upload(scene.arrays[name]) for name in names}
         source = bvh.SourceArrays(**arrays, triangle_count=scene.triangle_count, analytic_count=scene.analytic_count)
         among = np.full(scene.triangle_count + scene.analytic_count, others)

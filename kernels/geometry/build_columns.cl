@@ -49,13 +49,27 @@ static void columns_put_rectangle(__global float* column, uint unit, __global co
     column[ANALYTIC_ID] = as_float(unit | BVH_NUMBER);
 }
 
+// The column of a curve, from whose ends others go on as `joints` tells.
+static void columns_put_curve(__global float* column, uint joints, uint number, __global const float* k) {
+    for (uint i = 0; i < 3; ++i) {
+        column[i * 8] = k[i];
+        column[32 + i * 8] = k[4 + i] + (k[8 + i] + k[12 + i]);
+    }
+    column[24] = as_float(number | BVH_NUMBER);
+    // u - u^2 is at most 1/4, and u - u^3 at most 0.385; the radius is at most that of a control point
+    const float bend = square_root_one(fma(k[8], k[8], fma(k[9], k[9], k[10] * k[10]))) * 0.26f +
+                       square_root_one(fma(k[12], k[12], fma(k[13], k[13], k[14] * k[14]))) * 0.4f;
+    const float first = k[3] + k[7] * 0.333334f, second = k[3] + k[7] * 0.666667f + k[11] * 0.333334f, last = k[3] + (k[7] + (k[11] + k[15]));
+    const float radius = max(max(fabs(k[3]), fabs(first)), max(fabs(second), fabs(last)));
+    const uint reach = (as_uint(fma(radius, 1.01f, bend * 1.01f)) >> 5) + 1u;
+    column[ANALYTIC_KIND] = as_float((ANALYTIC_CURVE + joints) | reach << ANALYTIC_CURVE_REACH | BVH_NUMBER);
+}
+
 // The column of a sphere, disk or curve, its number among them and as a primitive.
-static void columns_put_round(__global float* column, AnalyticShape r, uint number, uint primitive) {
+static void columns_put_round(__global float* column, AnalyticShape r, uint number, uint primitive, __global const float* curve_rows) {
     column[ANALYTIC_ID] = as_float(primitive | BVH_NUMBER);
     if (r.normal.w >= ANALYTIC_SHAPE_CURVE) {
-        for (uint k = 0; k < 7; ++k) column[k * 8] = 0.0f;
-        column[24] = as_float(number | BVH_NUMBER);
-        column[ANALYTIC_KIND] = as_float((ANALYTIC_CURVE + (uint)(r.normal.w - ANALYTIC_SHAPE_CURVE)) | BVH_NUMBER);
+        columns_put_curve(column, (uint)(r.normal.w - ANALYTIC_SHAPE_CURVE), number, curve_rows + (size_t)number * 16);
         return;
     }
     const int disk = r.normal.x != 0.0f || r.normal.y != 0.0f || r.normal.z != 0.0f;
@@ -80,7 +94,8 @@ __kernel void build_triangle_columns(__global const uint* columns, uint count, _
 __kernel void build_analytic_columns(__global const uint* columns, uint count, __global const uint* units,
                                      __global const uint* round_ones, uint triangle_units, uint triangle_count,
                                      __global const float* vertices, __global const uint* triangles,
-                                     __global const AnalyticShape* analytic_shapes, __global float* packs) {
+                                     __global const AnalyticShape* analytic_shapes, __global const float* curve_rows,
+                                     __global float* packs) {
     const uint i = (uint)get_global_id(0);
     if (i >= count) return;
     __global float* column = packs + (size_t)(i / 8u) * ANALYTIC_BLOCK_WORDS + i % 8u;
@@ -90,7 +105,7 @@ __kernel void build_analytic_columns(__global const uint* columns, uint count, _
         columns_put_rectangle(column, units[columns[i]] & ~BVH_RECTANGLE, vertices, triangles);
     } else {
         const uint number = round_ones[columns[i] - triangle_units];
-        columns_put_round(column, analytic_shapes[number], number, number + triangle_count);
+        columns_put_round(column, analytic_shapes[number], number, number + triangle_count, curve_rows);
     }
     if (i + 1u == count) columns_end(packs + (size_t)(count / 8u) * ANALYTIC_BLOCK_WORDS);
 }
@@ -108,7 +123,8 @@ __kernel void refit_triangle_columns(uint count, __global const float* vertices,
 }
 
 __kernel void refit_analytic_columns(uint count, uint triangle_count, __global const float* vertices, __global const uint* triangles,
-                                     __global const AnalyticShape* analytic_shapes, __global float* packs) {
+                                     __global const AnalyticShape* analytic_shapes, __global const float* curve_rows,
+                                     __global float* packs) {
     const uint i = (uint)get_global_id(0);
     if (i >= count) return;
     __global float* column = packs + (size_t)(i / 8u) * ANALYTIC_BLOCK_WORDS + i % 8u;
@@ -117,7 +133,7 @@ __kernel void refit_analytic_columns(uint count, uint triangle_count, __global c
     if (unit & BVH_PAIR)
         columns_put_rectangle(column, unit, vertices, triangles);
     else
-        columns_put_round(column, analytic_shapes[unit - triangle_count], unit - triangle_count, unit);
+        columns_put_round(column, analytic_shapes[unit - triangle_count], unit - triangle_count, unit, curve_rows);
 }
 
 static Box refit_box_of_node(__global const float* node) {

@@ -35,9 +35,13 @@
 #define ANALYTIC_SPHERE 0u
 #define ANALYTIC_DISK 1u
 #define ANALYTIC_RECTANGLE 2u    // square to x; then to y, to z
-#define ANALYTIC_CURVE 8u        // and these, if another curve goes on from its beginning, from its end
-#define ANALYTIC_CURVE_BEFORE 1u
+// A curve has where it begins, its number instead of a radius, and its chord; beside its kind the bits, but for the last five, of how far it
+// comes from its chord.
+#define ANALYTIC_CURVE 8u
+#define ANALYTIC_CURVE_BEFORE 1u  // and these, if another curve goes on from its beginning, from its end
 #define ANALYTIC_CURVE_AFTER 2u
+#define ANALYTIC_CURVE_REACH 4
+#define ANALYTIC_KINDS 15u
 // In a list of units, beside BVH_PAIR: the pair is a rectangle square to an axis.
 #define BVH_RECTANGLE 0x20000000u
 // Set in all numbers of primitives and kinds: as a float it is a normal number, which processors multiply as fast as any.

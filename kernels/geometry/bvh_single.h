@@ -193,24 +193,30 @@ static void single_triangles(SingleRays* rays, int ray, const Bvh* bvh, uint ref
 }
 
 #ifdef CURVES
-// Those of a pack's members that are curves; see packet_curve.
-static int8 single_curves(const SingleRays* rays, int ray, const Bvh* bvh, uint8 kind, __global const float* pack, uint members, int any_hit,
-                          float8* distance) {
-    const int8 curve = (kind >= ANALYTIC_CURVE) & ((int8)(0, 1, 2, 3, 4, 5, 6, 7) < (int)members);
+// Those of a pack's members that are curves; see packet_curve. `from`: from where each begins to the ray's origin.
+static int8 single_curves(const SingleRays* rays, int ray, const Bvh* bvh, uint8 kind, __global const float* pack, const float8 from[3],
+                          uint members, int any_hit, float8* distance) {
+    const float8 reach = as_float8(kind >> ANALYTIC_CURVE_REACH << 5), dx = (float8)(rays->direction[0][ray]);
+    const float8 dy = (float8)(rays->direction[1][ray]), dz = (float8)(rays->direction[2][ray]), inverse2 = (float8)(rays->inverse2[ray]);
+    const int8 curve = ((kind & ANALYTIC_CURVE) != 0u) & ((int8)(0, 1, 2, 3, 4, 5, 6, 7) < (int)members) &
+                       curve_near_pack(-from[0], -from[1], -from[2], vload8(4, pack), vload8(5, pack), vload8(6, pack), reach, dx, dy, dz, inverse2);
     if (!any_of_eight(curve)) return curve;
     uint number[8];
+    int wanted[8];
     float k[CURVE_WORDS][8], t[3][8];
-    vstore8(curve ? as_uint8(vload8(3, pack)) & ~BVH_NUMBER : (uint8)(0u), 0, number);
+    vstore8(as_uint8(vload8(3, pack)) & ~BVH_NUMBER, 0, number);
+    vstore8(curve, 0, wanted);
     float8 row[CURVE_WORDS];
+    uint some = 0;
+    for (uint m = 0; m < 8; ++m) some = wanted[m] ? number[m] : some;
     for (uint m = 0; m < 8; ++m) {
-        __global const float* own = bvh->curve_rows + (size_t)number[m] * CURVE_WORDS;
+        __global const float* own = bvh->curve_rows + (size_t)(wanted[m] ? number[m] : some) * CURVE_WORDS;
         for (int i = 0; i < CURVE_WORDS; ++i) k[i][m] = own[i];
     }
     for (int i = 0; i < CURVE_WORDS; ++i) row[i] = vload8(0, k[i]);
     CurveHit_pack found;
-    int8 hit = curve & curve_hit_pack(row, (float8)(rays->origin[0][ray]), (float8)(rays->origin[1][ray]), (float8)(rays->origin[2][ray]),
-                                      (float8)(rays->direction[0][ray]), (float8)(rays->direction[1][ray]), (float8)(rays->direction[2][ray]),
-                                      (float8)(rays->inverse2[ray]), single_after(rays, ray), &found);
+    int8 hit = curve & curve_hit_pack(row, (float8)(rays->origin[0][ray]), (float8)(rays->origin[1][ray]), (float8)(rays->origin[2][ray]), dx, dy, dz,
+                                      inverse2, single_after(rays, ray), &found);
     *distance = found.distance;
     if (BVH_PASSES_TARGET(any_hit)) {
         const uint8 before = kind & ANALYTIC_CURVE_BEFORE, more = before + (kind >> 1 & 1u);
@@ -224,7 +230,7 @@ static int8 single_curves(const SingleRays* rays, int ray, const Bvh* bvh, uint8
     vstore8(begins, 0, before);
     vstore8(ends, 0, after);
     for (uint m = 0; m < 8; ++m) {
-        __global const float* own = bvh->curve_rows + (size_t)number[m] * CURVE_WORDS;
+        __global const float* own = bvh->curve_rows + (size_t)(wanted[m] ? number[m] : some) * CURVE_WORDS;
         for (int i = 0; i < 3; ++i) {
             t[i][m] = 0.0f;
             if (before[m]) t[i][m] = fma(own[i - 4], 3.0f, fma(own[i - 8], 2.0f, own[i - 12]));
@@ -248,7 +254,7 @@ static void single_analytic(SingleRays* rays, int ray, const Bvh* bvh, uint refe
                                         single_after(rays, ray), &sphere_distance);
     const int8 flat = disk_hit_pack(-from_x, -from_y, -from_z, radius, nx, ny, nz, dx, dy, dz, &disk_distance);
     const uint8 kind = as_uint8(vload8(ANALYTIC_KIND / 8, pack)) & ~BVH_NUMBER;
-    const int8 disk = kind == ANALYTIC_DISK, rectangle = (kind >= ANALYTIC_RECTANGLE) & (kind < ANALYTIC_CURVE);
+    const int8 disk = kind == ANALYTIC_DISK, rectangle = kind - ANALYTIC_RECTANGLE < 3u;
     const int8 x = kind == ANALYTIC_RECTANGLE, y = kind == ANALYTIC_RECTANGLE + 1u;
     const float8 minus_x = (float8)(rays->minus_inverse[0][ray]), minus_y = (float8)(rays->minus_inverse[1][ray]);
     const float8 minus_inverse = x ? minus_x : (y ? minus_y : (float8)(rays->minus_inverse[2][ray]));
@@ -260,9 +266,11 @@ static void single_analytic(SingleRays* rays, int ray, const Bvh* bvh, uint refe
     int8 met = rectangle ? upright : (disk ? flat : sphere);
 #ifdef CURVES
     float8 curve_distance = distance;
-    const int8 tube = single_curves(rays, ray, bvh, kind, pack, bvh_members(reference), any_hit, &curve_distance);
-    met = kind >= ANALYTIC_CURVE ? tube : met;
-    distance = kind >= ANALYTIC_CURVE ? curve_distance : distance;
+    const int8 is_curve = (kind & ANALYTIC_CURVE) != 0u;
+    const float8 from[3] = {from_x, from_y, from_z};
+    const int8 tube = single_curves(rays, ray, bvh, kind, pack, from, bvh_members(reference), any_hit, &curve_distance);
+    met = is_curve ? tube : met;
+    distance = is_curve ? curve_distance : distance;
 #endif
 #ifdef HOLES
     // Nothing is known of their holes

@@ -113,13 +113,20 @@ static void packet_triangles(PacketRay* ray, const Bvh* bvh, uint reference, vfl
 
 #ifdef CURVES
 // A curve, from whose ends others go on as `joints` tells. A ray that is aimed at one of them, through the hair that it is, passes this one.
-static vmask packet_curve(const PacketRay* ray, const Bvh* bvh, uint joints, uint number, uint primitive, int any_hit, vfloat* distance) {
-    __global const float* row = bvh->curve_rows + (size_t)number * CURVE_WORDS;
+static vmask packet_curve(const PacketRay* ray, const Bvh* bvh, __global const float* pack, vec3 from, uint kind, uint primitive, int any_hit,
+                          vfloat* distance) {
+    const uint joints = kind & (ANALYTIC_CURVE_BEFORE | ANALYTIC_CURVE_AFTER);
+    const vfloat reach = splat(as_float(kind >> ANALYTIC_CURVE_REACH << 5));
+    const vec3 o = ray->origin, d = ray->direction;
+    const vmask near = curve_near_lanes(-from.x, -from.y, -from.z, splat(pack[32]), splat(pack[40]), splat(pack[48]), reach, d.x, d.y, d.z,
+                                        ray->inverse2);
+    *distance = splat(NEVER);
+    if (!lane_any(near)) return near;
+    __global const float* row = bvh->curve_rows + (size_t)(as_uint(pack[24]) & ~BVH_NUMBER) * CURVE_WORDS;
     vfloat k[CURVE_WORDS];
     for (int i = 0; i < CURVE_WORDS; ++i) k[i] = splat(row[i]);
-    const vec3 o = ray->origin, d = ray->direction;
     CurveHit_lanes found;
-    vmask hit = curve_hit_lanes(k, o.x, o.y, o.z, d.x, d.y, d.z, ray->inverse2, packet_after(ray), &found);
+    vmask hit = near & curve_hit_lanes(k, o.x, o.y, o.z, d.x, d.y, d.z, ray->inverse2, packet_after(ray), &found);
     *distance = found.distance;
     const vmask begins = hit & (found.u <= 0.0f), ends = hit & (found.u >= 1.0f);
     if ((joints & ANALYTIC_CURVE_BEFORE) && lane_any(begins)) {
@@ -152,8 +159,8 @@ static void packet_analytic(PacketRay* ray, const Bvh* bvh, uint reference, vflo
         vfloat distance;
         vmask hit;
 #ifdef CURVES
-        if (kind >= ANALYTIC_CURVE)
-            hit = packet_curve(ray, bvh, kind - ANALYTIC_CURVE, as_uint(pack[24]) & ~BVH_NUMBER, first, any_hit, &distance);
+        if (kind & ANALYTIC_CURVE)
+            hit = packet_curve(ray, bvh, pack, from, kind, first, any_hit, &distance);
         else
 #endif
         if (kind >= ANALYTIC_RECTANGLE) {

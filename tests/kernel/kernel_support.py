@@ -193,7 +193,7 @@ def tree_on(device: Device, scene: FlatScene) -> Iterator[Tree]:
     arrays = [device.upload(scene.arrays[name]) for name in names]
     vertices, triangles, analytic_shapes, shape_of, shapes, curve_rows = arrays
     source = SourceArrays(
-        vertices, triangles, analytic_shapes, shape_of, shapes, scene.triangle_count, scene.analytic_count
+        vertices, triangles, analytic_shapes, shape_of, shapes, curve_rows, scene.triangle_count, scene.analytic_count
     )
     bvh = build(device, source)
     try:
