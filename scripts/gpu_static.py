@@ -117,6 +117,8 @@ _TIERS: Final[Mapping[str, Mapping[str, int | str]]] = {
 _RARE: Final[Mapping[str, tuple[str, ...]]] = {
     "motion": ("motion", "deformation"),
     "grids": ("grids", "glowing_media"),
+    "curves": ("curves",),
+    "hair": ("curves", "hair"),
 }
 """Features that a program for any scene does not have."""
 _SCENELESS: Final = [
@@ -167,6 +169,8 @@ def _programs() -> dict[str, Program]:
             made[f"{name} with chains, {tier}"] = Program(f"{name}.cl", {**macros, "SPECULAR_CHAINS": 1})
     for name in ("integrator/path", "integrator/bdpt"):
         for which, rare in _RARE.items():
+            if which == "hair" and name.endswith("bdpt"):  # which does not take it
+                continue
             flags: dict[str, Any] = dict.fromkeys(rare, True)
             macros = {**unsplit, **replace(_EVERYTHING, **flags).macros}
             made[f"{name}, everything and {which}"] = Program(f"{name}.cl", macros)

@@ -23,7 +23,7 @@ _STRAIGHT: Final = 0.94
 """Least cosine between legs of a control polygon: of more the four steps of kernels/geometry/curve.inc would not do."""
 _MOST_CUTS: Final = 5
 _EMPTY: Final = 80.0
-"""Curves are halved whose `_emptiness` is above this: measured with 300,000 thin ones (docs/notes/curves.md)."""
+"""Curves are halved whose `_emptiness` is above this: measured with 300,000 thin ones."""
 _ROUNDING: Final = 2.0**-24
 _SMALLEST: Final = 1e-18
 

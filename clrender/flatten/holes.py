@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.flatten.texel_table import wrap_period
 from clrender.flatten.texture_means import TextureMeans
-from clrender.scene.shapes import Disk, Sphere
+from clrender.scene.shapes import Curves, Disk, Sphere
 
 if TYPE_CHECKING:
     from clrender.flatten.surface_arrays import FlatSurfaces
@@ -63,7 +63,7 @@ def hole_rows(scene: Scene, surfaces: FlatSurfaces, textures: FlatTextures) -> N
     slots = textures.slots.view(np.uint32)[:, layout.TEXTURE_SLOTS["OPACITY"]]
     shapes_of: dict[str, list[int]] = {}
     for index, shape in enumerate(scene.shapes):
-        if shape.material is not None and not isinstance(shape, Sphere | Disk):
+        if shape.material is not None and not isinstance(shape, Sphere | Disk | Curves):
             shapes_of.setdefault(shape.material, []).append(index)
     for name, indices in shapes_of.items():
         number = int(slots[numbers[name]])

@@ -137,7 +137,10 @@ def test_builtin_name_wins_over_a_file(tmp_path: Path, monkeypatch: pytest.Monke
     assert scenes.load("room").title == "The room"
 
 
-@pytest.mark.parametrize("name", ["make_meshes.py", "make_models.py", "make_sky.py", "make_lamps.py", "make_clouds.py"])
+@pytest.mark.parametrize(
+    "name",
+    ["make_meshes.py", "make_models.py", "make_sky.py", "make_lamps.py", "make_clouds.py", "make_strands.py"],
+)
 def test_files_are_the_ones_the_script_makes(name: str) -> None:
     script = scenes_folder().parent / "scripts" / name
     done = subprocess.run([sys.executable, str(script), "--check"], capture_output=True, text=True, check=False)

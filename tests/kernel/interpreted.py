@@ -117,6 +117,8 @@ class Run:
         With BSDFs and a texture of plugins.
     grids : bool
         With media whose density is a grid, and which shine.
+    strands : bool
+        With curves of hair and of the matt material.
     """
 
     kernel: str
@@ -141,6 +143,7 @@ class Run:
     motion: bool = False
     plugins: bool = False
     grids: bool = False
+    strands: bool = False
 
 
 RENDERS: Final = {
@@ -201,6 +204,10 @@ RENDERS: Final = {
     "path-4-grids": Run("path", 4, samples=2, media=True, grids=True),
     "path-1-grids": Run("path", 1, media=True, grids=True),
     "bdpt-1-grids": Run("bdpt", 1, media=True, grids=True),
+    "path-4-strands": Run("path", 4, samples=2, strands=True, instances=True),
+    "path-1-strands": Run("path", 1, strands=True, textured=True, opacity="veil"),
+    "path-8-single-strands": Run("path", 8, "single", strands=True),
+    "staged-1-strands": Run("staged", 1, strands=True),
     "path-1-motion": Run("path", 1, rough=True, media=True, motion=True),
     "staged-1-motion": Run("staged", 1, samples=2, motion=True),
     "bdpt-1-motion": Run("bdpt", 1, motion=True),
@@ -410,6 +417,14 @@ def scene(run: Run, folder: Path) -> FlatScene:
             around,
         ],
     }
+    if run.strands:
+        described["materials"]["hair"] = {"type": "hair", "eumelanin": 0.3, "opacity": 0.7 if run.opacity else 1.0}
+        points = [[0.05 * k * k - 0.5, 0.25 * k - 0.2, 0.5 - 0.1 * k] for k in range(5)]
+        strand: dict[str, Any] = {"type": "curves", "points": points, "radius": (0.12, 0.02), "material": "hair"}
+        shapes += [
+            strand,
+            {**strand, "basis": "linear", "transform": {"translate": (0.5, 0.1, 0.1)}, "material": "matt"},
+        ]
     if run.instances:
         floor, *others = shapes
         described["groups"] = {"others": {"shapes": others}}

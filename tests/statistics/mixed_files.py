@@ -68,6 +68,7 @@ def files() -> dict[str, bytes]:
         "block.stl": _stl(),
         "places.npy": _npy(),
         **_clouds(),
+        **_strands(),
     }
 
 
@@ -78,6 +79,17 @@ def _clouds() -> dict[str, bytes]:
     np.save(file, values)
     write_vol(other, GridData(values), [1.0])
     return {"cloud.npy": file.getvalue(), "cloud.vol": other.getvalue()}
+
+
+def _strands() -> dict[str, bytes]:
+    """B-splines in two formats, of two and three strands."""
+    dice = np.random.RandomState(41)
+    rows = np.cumsum(dice.uniform(-0.5, 0.6, (3, 6, 4)), axis=1)
+    rows[..., 3] = dice.uniform(0.02, 0.08, (3, 6))
+    file = io.BytesIO()
+    np.save(file, rows[:2].astype(np.float32))
+    lines = ["\n".join(" ".join(map(repr, row)) for row in strand) for strand in rows.round(4).tolist()]
+    return {"strands.npy": file.getvalue(), "strands.txt": "\n\n".join(lines).encode()}
 
 
 def _picture(pixels: Bytes, name: str = "PNG", **options: object) -> bytes:

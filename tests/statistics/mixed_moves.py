@@ -18,7 +18,7 @@ from clrender.flatten.features import Features
 
 __all__ = ["FAR_LAMP", "PLACES", "compiled_for_volumes", "moved", "with_all_features"]
 
-_POINTS: Final = ("center", "origin", "position", "target")
+_POINTS: Final = ("center", "origin", "position", "target", "points")
 _LENGTHS: Final = (
     "radius",
     "size",
@@ -31,7 +31,17 @@ _LENGTHS: Final = (
 )
 FAR_LAMP: Final = [1e-4, 1e-4, 1e-4]
 """Intensity of the lamp that is added for its features only, in a closed black box."""
-VOLUMES: Final = ("interiors", "media", "equiangular", "subsurface", "straight_shadows", "grids", "glowing_media")
+VOLUMES: Final = (
+    "interiors",
+    "media",
+    "equiangular",
+    "subsurface",
+    "straight_shadows",
+    "grids",
+    "glowing_media",
+    "curves",
+    "hair",
+)
 """Features of kernels that change no bit where a scene has no such thing."""
 _FAR: Final = 40.0
 """Distance of what is added for its features only; lens and view do not reach it."""
@@ -113,8 +123,9 @@ def _all_shapes(scene: Json) -> Iterator[Json]:
 
 
 def _enlarge(part: Json, factor: float) -> None:
+    by_transform = "file" in part and part["type"] == "curves"  # as below, of radii and all
     for key in (*_POINTS, *_LENGTHS, "vertices"):
-        if key in part:
+        if key in part and not by_transform:
             part[key] = _times(part[key], factor)
     for pose in part.get("poses", []):
         pose["vertices"] = _times(pose["vertices"], factor)
@@ -128,7 +139,7 @@ def _enlarge(part: Json, factor: float) -> None:
     for matrix in matrices:
         for row in matrix[:3]:
             row[3] *= factor
-    if "file" in part and part["type"] == "mesh":  # its vertices are what they are
+    if "file" in part and part["type"] in ("mesh", "curves"):  # its vertices are what they are
         part["transform"]["scale"] = _times(part["transform"].get("scale", 1.0), factor)
 
 

@@ -21,6 +21,7 @@ from mixed_files import files
 from mixed_parts import Draw, Json, emission_for_white, medium
 from mixed_plugins import PLUGINS, plugged
 from mixed_shapes import Things
+from mixed_strands import stranded
 
 from clrender.cameras.poses import CONVENTIONS, pose_matrix
 from clrender.exact.matrices import inverse
@@ -93,6 +94,7 @@ def mixed_scene(kind: str, number: int) -> Mixed:
     _moving(mixed)
     _uneven(mixed)
     _glowing(mixed)
+    stranded(mixed.name, mixed.content, kind == "white")
     plugged(mixed.name, mixed.content)
     return mixed
 

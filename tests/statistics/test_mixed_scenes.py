@@ -55,6 +55,7 @@ NEVER = {
     ("Camera", "flow_step"),  # of layers (tests/image/test_flow.py)
     ("Camera", "rolling_shutter"),  # refused by half of the integrators (tests/image/test_motion_blur.py)
     *((shape, "interior") for shape in ("Quad", "Disk", "Triangle")),  # of closed shapes
+    *(("Curves", key) for key in ("emission", "interior", "flip_normals")),  # refused
     ("MeshPose", "file"),  # (tests/image/test_deforming.py)
     *(("Subsurface", key) for key in ("opacity", "opacity_cutoff")),  # refused
 }
