@@ -133,11 +133,9 @@ class Tree:
 
     def __init__(self, device: Device, flat: FlatScene) -> None:
         self.device = device
-        names = ("vertices", "triangles", "analytic_shapes", "primitive_shape", "shapes")
-        self._arrays = [device.upload(flat.arrays[name]) for name in names]
-        vertices, triangles, round_shapes, shape_of, shapes = self._arrays
-        count = flat.triangle_count
-        source = bvh.SourceArrays(vertices, triangles, round_shapes, shape_of, shapes, count, 0)
+        arrays = {name: device.upload(flat.arrays[name]) for name in bvh.SOURCE_NAMES}
+        self._arrays = list(arrays.values())
+        source = bvh.SourceArrays.of(arrays, flat.triangle_count, 0)
         self.bvh = bvh.build(device, source)
         self.corners = flat.arrays["vertices"][flat.arrays["triangles"][: flat.triangle_count]]
 

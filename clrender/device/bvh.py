@@ -8,7 +8,7 @@ same hits, except for rounding of their distances: no hit is nearer than the ent
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, TypeAlias
 
@@ -27,6 +27,7 @@ __all__ = [
     "COST_ROOTS",
     "MERGE_CHUNK",
     "NODE_WORDS",
+    "SOURCE_NAMES",
     "STACK",
     "TRIANGLE_BLOCK_WORDS",
     "UNIT_NUMBER",
@@ -75,6 +76,10 @@ Numbers: TypeAlias = "npt.NDArray[np.uint32]"
 _Arguments: TypeAlias = "list[Argument]"
 
 
+SOURCE_NAMES: Final = ("vertices", "triangles", "analytic_shapes", "primitive_shape", "shapes", "curve_rows")
+"""Arrays of a scene that the builder reads."""
+
+
 @dataclass(frozen=True)
 class SourceArrays:
     """The scene's arrays on the device, as the builder reads them."""
@@ -87,6 +92,15 @@ class SourceArrays:
     curve_rows: Buffer
     triangle_count: int
     analytic_count: int
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, Buffer], triangle_count: int, analytic_count: int) -> SourceArrays:
+        """Those among others, by the names of `SOURCE_NAMES`."""
+        return cls(
+            **{name: arrays[name] for name in SOURCE_NAMES},
+            triangle_count=triangle_count,
+            analytic_count=analytic_count,
+        )
 
 
 @dataclass(frozen=True)

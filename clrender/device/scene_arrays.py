@@ -390,8 +390,7 @@ def _with_first_rows(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _source(arrays: dict[str, Buffer], scene: FlatScene) -> bvh.SourceArrays:
-    names = ("vertices", "triangles", "analytic_shapes", "primitive_shape", "shapes", "curve_rows")
-    return bvh.SourceArrays(*(arrays[name] for name in names), scene.triangle_count, scene.analytic_count)
+    return bvh.SourceArrays.of(arrays, scene.triangle_count, scene.analytic_count)
 
 
 def _same_shapes(old: FlatScene, new: FlatScene) -> bool:

@@ -80,12 +80,9 @@ class Moving:
         self._device.write(self._place, np.concatenate([boxes.reshape(-1), at - self._begin, by]).astype(np.float32))
 
     def _build(self, scene: FlatScene, moving: bool, others: bool) -> bvh.Bvh:
-        device, names = (
-            self._device,
-            ("vertices", "triangles", "analytic_shapes", "primitive_shape", "shapes", "curve_rows"),
-        )
-        arrays = {name: device.upload(scene.arrays[name]) for name in names}
-        source = bvh.SourceArrays(**arrays, triangle_count=scene.triangle_count, analytic_count=scene.analytic_count)
+        device = self._device
+        arrays = {name: device.upload(scene.arrays[name]) for name in bvh.SOURCE_NAMES}
+        source = bvh.SourceArrays.of(arrays, scene.triangle_count, scene.analytic_count)
         among = np.full(scene.triangle_count + scene.analytic_count, others)
         among[self._sides[0] // 2 : self._sides[1] // 2] = moving
         among[scene.triangle_count :] = True

@@ -419,8 +419,8 @@ def scene(run: Run, folder: Path) -> FlatScene:
     }
     if run.strands:
         described["materials"]["hair"] = {"type": "hair", "eumelanin": 0.3, "opacity": 0.7 if run.opacity else 1.0}
-        points = [[0.05 * k * k - 0.5, 0.25 * k - 0.2, 0.5 - 0.1 * k] for k in range(5)]
-        strand: dict[str, Any] = {"type": "curves", "points": points, "radius": (0.12, 0.02), "material": "hair"}
+        line = [[0.05 * k * k - 0.5, 0.25 * k - 0.2, 0.5 - 0.1 * k] for k in range(5)]
+        strand: dict[str, Any] = {"type": "curves", "points": line, "radius": (0.12, 0.02), "material": "hair"}
         shapes += [
             strand,
             {**strand, "basis": "linear", "transform": {"translate": (0.5, 0.1, 0.1)}, "material": "matt"},

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender import layout
-from clrender.device.bvh import STACK, Bvh, SourceArrays, build
+from clrender.device.bvh import SOURCE_NAMES, STACK, Bvh, SourceArrays, build
 from clrender.flatten.features import Features
 from clrender.flatten.flat_scene import FlatScene
 from clrender.flatten.instances import FlatInstances
@@ -189,17 +189,13 @@ class Tree:
 @contextmanager
 def tree_on(device: Device, scene: FlatScene) -> Iterator[Tree]:
     """Build a scene's tree, and give its memory back at the end."""
-    names = ("vertices", "triangles", "analytic_shapes", "primitive_shape", "shapes", "curve_rows")
-    arrays = [device.upload(scene.arrays[name]) for name in names]
-    vertices, triangles, analytic_shapes, shape_of, shapes, curve_rows = arrays
-    source = SourceArrays(
-        vertices, triangles, analytic_shapes, shape_of, shapes, curve_rows, scene.triangle_count, scene.analytic_count
-    )
+    arrays = {name: device.upload(scene.arrays[name]) for name in SOURCE_NAMES}
+    source = SourceArrays.of(arrays, scene.triangle_count, scene.analytic_count)
     bvh = build(device, source)
     try:
-        yield Tree(device, bvh, curve_rows, {"CURVES": 1} if scene.features.curves else {})
+        yield Tree(device, bvh, arrays["curve_rows"], {"CURVES": 1} if scene.features.curves else {})
     finally:
-        for buffer in (*arrays, bvh.nodes, bvh.triangle_packs, bvh.analytic_packs):
+        for buffer in (*arrays.values(), bvh.nodes, bvh.triangle_packs, bvh.analytic_packs):
             device.release(buffer)
 
 

@@ -33,12 +33,11 @@ Points = npt.NDArray[np.float64]
 @contextmanager
 def refitted(device: Device, before: FlatScene, after: FlatScene) -> Iterator[Tree]:
     """The tree over a scene, made to fit another."""
-    names = ("vertices", "triangles", "analytic_shapes", "primitive_shape", "shapes", "curve_rows")
-    arrays = [device.upload(after.arrays[name]) for name in names]
-    source = bvh.SourceArrays(*arrays, after.triangle_count, after.analytic_count)
+    arrays = {name: device.upload(after.arrays[name]) for name in bvh.SOURCE_NAMES}
+    source = bvh.SourceArrays.of(arrays, after.triangle_count, after.analytic_count)
     with tree_on(device, before) as tree:
         bvh.refit(device, source, tree.bvh, np.zeros((0, 6), np.float32))
-        for buffer in arrays:
+        for buffer in arrays.values():
             device.release(buffer)
         yield tree
 

@@ -143,12 +143,12 @@ def test_the_colour_of_many_strands(studio: Studio) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("material", ["hair", "clay", "fibre and holes"])
 def test_strands_have_the_same_bits_however_they_are_rendered(device: Device, material: str) -> None:
-    described: dict[str, Any] = {
+    kinds: dict[str, dict[str, Any]] = {
         "hair": {"type": "hair"},
         "clay": CLAY,
         "fibre and holes": {"type": "hair", "reflectance": [0.8, 0.5, 0.2], "opacity": 0.5},
-    }[material]
-    assert len(hashes_by_lanes_and_cuts(device, with_strands(described, [SKY, SUN]))) == 1
+    }
+    assert len(hashes_by_lanes_and_cuts(device, with_strands(kinds[material], [SKY, SUN]))) == 1
 
 
 @pytest.mark.long
