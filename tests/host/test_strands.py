@@ -84,6 +84,7 @@ def test_pbrt_curves_of_other_bases(tmp_path: Path, basis: str, degree: int, cou
         (f'"point3 P" [{POINTS}] "integer degree" 4', "of 4"),
         (f'"point3 P" [{POINTS}] "float width" 0', "the curve has no width"),
         ('"float width" 1', "cannot have 0 points"),
+        (f'"point3 P" [{POINTS}] "string type" "ribbon"', 'the ribbon has 0 normals; give 2 as "N"'),
     ],
 )
 def test_pbrt_curves_that_are_none_are_refused(tmp_path: Path, words: str, text: str) -> None:
@@ -93,18 +94,38 @@ def test_pbrt_curves_that_are_none_are_refused(tmp_path: Path, words: str, text:
 
 def test_what_pbrt_curves_lose_is_noted(tmp_path: Path) -> None:
     curve = f'Shape "curve" "point3 P" [{POINTS}] "float width" 0.1'
-    ribbon = f'{curve} "string type" "ribbon" "normal N" [0 0 1 0 0 1]\n'
     glass = f'AttributeBegin\nMaterial "dielectric"\n{curve}\nAttributeEnd\n'
-    scene = pbrt(tmp_path, f'AreaLightSource "diffuse"\n{ribbon}{glass}Scale 1 2 1\n{curve}')
+    scene = pbrt(tmp_path, f'AreaLightSource "diffuse"\n{curve}\n{glass}Scale 1 2 1\n{curve}')
     said = " ".join(scene.notes)
     for text in (
         "curves do not shine here",
-        "ribbons are read as round",
         "what has an inside are left out",
         "keep round",
     ):
         assert text in said, text
     assert len(strands(scene)) == 1
+
+
+def test_pbrt_ribbons_are_meshes_of_their_width(tmp_path: Path) -> None:
+    """All of a material one mesh, whose normals are the given ones, turned evenly."""
+    straight = "0 0 0  0 1 0  0 2 0  0 3 0"
+    words = '"string type" "ribbon" "float width0" 0.4 "float width1" 0.2 "normal N" [0 0 1 1 0 0]'
+    ribbon = f'Shape "curve" "point3 P" [{straight}] {words}\n'
+    scene = pbrt(tmp_path, f"{ribbon}Translate 5 0 0\nScale -1 1 1\n{ribbon}")
+    assert not scene.notes and not strands(scene)
+    (mesh,) = (scene.mesh_of(at, shape) for at, shape in scene.mesh_files())
+    assert mesh.normals is not None and mesh.uvs is not None
+    first, other = mesh.vertices[:18].reshape(9, 2, 3), mesh.vertices[18:].reshape(9, 2, 3)
+    assert np.sqrt(((first[:, 1] - first[:, 0]) ** 2).sum(axis=1)) == pytest.approx(np.linspace(0.4, 0.2, 9))
+    assert first.mean(axis=1)[:, 1] == pytest.approx(np.linspace(0.0, 3.0, 9))
+    assert other[..., 0].mean() == pytest.approx(5.0)
+    assert mesh.normals[0] == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)
+    assert mesh.normals[8] == pytest.approx([0.5**0.5, 0.0, 0.5**0.5], abs=1e-6)
+    assert mesh.normals[17] == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+    facing = (np.cross(b - a, c - a) * mesh.normals[mesh.triangles[:, 0]]).sum(axis=1)
+    assert (facing > 0.0).all()
+    assert mesh.uvs[:, :, 0].min() == 0.0 and mesh.uvs[:, :, 0].max() == 1.0
 
 
 def test_pbrt_curves_in_objects_and_in_motion(tmp_path: Path) -> None:

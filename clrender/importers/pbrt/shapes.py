@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -26,7 +26,7 @@ from clrender.importers.shared.meshes import (
     with_uvs,
 )
 from clrender.importers.shared.staging import Staging
-from clrender.importers.shared.strands import StrandCollector, placed_rows
+from clrender.importers.shared.strands import StrandCollector, placed_rows, ribbon_mesh
 from clrender.meshes.data import MeshData
 from clrender.wording import quoted
 
@@ -37,6 +37,23 @@ _CORNERS: Final = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
 
 _POLES: Final = np.array([[0.0, 0.0, -1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 """From our sphere to pbrt's: u runs from 0 at +x, v from 0 at -z."""
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """A strand of pbrt: (K, 4, 3) control points, widths at both ends, and of a ribbon (K + 1, 3) normals."""
+
+    controls: NDArray[np.float64]
+    widths: tuple[float, float]
+    normals: NDArray[np.float64] | None
+
+    @property
+    def rows(self) -> NDArray[np.float64]:
+        """(3 K + 1, 4) control points, and radii."""
+        joined = np.concatenate([self.controls[:1, 0], self.controls[:, 1:].reshape(-1, 3)])
+        first, last = self.widths
+        radii = (first + (last - first) * np.arange(len(joined)) / (len(joined) - 1)) / 2.0
+        return np.column_stack([joined, radii])
 
 
 class ShapeReader:
@@ -75,12 +92,12 @@ class ShapeReader:
         dict or None
             The description of a new shape.
         """
-        rows = self._strand(parameters)
+        curve = self._strand(parameters)
         if state.emission is not None:
             self._staging.note("curves do not shine here: their light is left out")
         described = self._surface(parameters, replace(state, emission=None), None)
-        solid = self._staging.draft.description["materials"][described["material"]] if "material" in described else {}
-        if solid.get("type") in ("dielectric", "subsurface") and not solid.get("thin"):
+        made_of = self._staging.draft.description["materials"].get(described.get("material"), {})
+        if made_of.get("type") in ("dielectric", "subsurface") and not made_of.get("thin"):
             self._staging.note("curves of what has an inside are left out: they have none here")
             return None
         parameters.ignore("alpha", "splitdepth", "type", "N", "width", "width0", "width1", "degree", "basis", "P")
@@ -88,12 +105,17 @@ class ShapeReader:
             self._staging.note(f'{quoted(unknown)} of a shape of type "curve" is not understood and does nothing')
         if not described:
             return None
-        rows = placed_rows(self._staging.draft, rows, matrix)
-        made = self._strands.add((group, described.get("material")), rows, "bezier")
+        key = group, described.get("material")
+        if curve.normals is None:
+            rows = placed_rows(self._staging.draft, curve.rows, matrix)
+            made = self._strands.add(key, rows, "bezier")
+        else:
+            mesh = ribbon_mesh(curve.controls, curve.widths, curve.normals, matrix)
+            made = self._strands.add_ribbon(key, mesh)
         return None if made is None else {**made, **described}
 
-    def _strand(self, parameters: Parameters) -> NDArray[np.float64]:
-        """Control points of cubic Bezier curves, and radii, which are linear along all of them."""
+    def _strand(self, parameters: Parameters) -> _Curve:
+        """Cubic Bezier curves, whose width is linear along all of them."""
         points = parameters.numbers("P", 3)
         degree, basis = parameters.whole("degree", 3), parameters.text("basis", "bezier").lower()
         if degree not in (2, 3) or basis not in ("bezier", "bspline"):
@@ -105,15 +127,14 @@ class ShapeReader:
             raise parameters.fault(f'{text}; give {degree + 1}, {degree + 1 + step} and so on as "P"', "P")
         controls = _cubics(points, degree, basis)
         width = parameters.number("width", 1.0)
-        first, last = parameters.number("width0", width), parameters.number("width1", width)
-        if not (first >= 0.0 and last >= 0.0 and max(first, last) > 0.0):
+        widths = parameters.number("width0", width), parameters.number("width1", width)
+        if not (min(widths) >= 0.0 and max(widths) > 0.0):
             raise parameters.fault("the curve has no width; give it a number above 0", "width")
-        kind = parameters.text("type", "flat")
-        if kind == "ribbon":
-            self._staging.note("ribbons are read as round curves")
-        joined = np.concatenate([controls[:1, 0], controls[:, 1:].reshape(-1, 3)])
-        radii = (first + (last - first) * np.arange(len(joined)) / (len(joined) - 1)) / 2.0
-        return np.column_stack([joined, radii])
+        normals = parameters.numbers("N", 3) if parameters.text("type", "flat") == "ribbon" else None
+        if parameters.text("type", "flat") == "ribbon" and (normals is None or len(normals) != len(controls) + 1):
+            found = 0 if normals is None else len(normals)
+            raise parameters.fault(f'the ribbon has {found} normals; give {len(controls) + 1} as "N"', "N")
+        return _Curve(controls, widths, normals)
 
     def read(self, kind: str, parameters: Parameters, state: Graphics, interior: str | None) -> list[dict[str, Any]]:
         """A shape as descriptions without a transform; several for a two-sided light, none for an omitted shape.

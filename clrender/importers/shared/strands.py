@@ -1,4 +1,4 @@
-"""Curves of other formats, collected: those of one material become one shape."""
+"""Curves of other formats, collected: those of one material become one shape, and ribbons one mesh."""
 
 from __future__ import annotations
 
@@ -10,13 +10,16 @@ from numpy.typing import NDArray
 
 from clrender.curves import CurveData
 from clrender.exact.angles import root
-from clrender.exact.matrices import determinant
+from clrender.exact.matrices import determinant, inverse, times
 from clrender.importers.draft import Draft
-from clrender.importers.shared.matrices import Matrix, is_similarity
+from clrender.importers.shared.matrices import Matrix, handedness, is_similarity
+from clrender.meshes.data import MeshData
 
-__all__ = ["StrandCollector", "placed_rows"]
+__all__ = ["StrandCollector", "placed_rows", "ribbon_mesh"]
 
 _Floats = NDArray[np.float64]
+_STEPS: Final = 8
+"""Pairs of triangles of a curve of a ribbon."""
 _UNEVEN: Final = "curves that a transform stretches unevenly keep round cross sections"
 
 
@@ -53,6 +56,7 @@ class StrandCollector:
     def __init__(self, draft: Draft) -> None:
         self._draft = draft
         self._collected: dict[Hashable, tuple[str, list[_Floats]]] = {}
+        self._ribbons: dict[Hashable, tuple[str, list[MeshData]]] = {}
 
     def add(self, key: Hashable, rows: _Floats, basis: str) -> dict[str, Any] | None:
         """Add a strand.
@@ -79,6 +83,15 @@ class StrandCollector:
         self._collected[key] = name, [rows]
         return {"type": "curves", "file": name, "basis": basis}
 
+    def add_ribbon(self, key: Hashable, ribbon: MeshData) -> dict[str, Any] | None:
+        """Add a ribbon; for the parameters see `add`."""
+        if key in self._ribbons:
+            self._ribbons[key][1].append(ribbon)
+            return None
+        name = f"ribbons {len(self._ribbons) + 1}"
+        self._ribbons[key] = name, [ribbon]
+        return {"type": "mesh", "file": name}
+
     def finish(self) -> None:
         """Write all strands to the draft.
 
@@ -90,3 +103,68 @@ class StrandCollector:
         for name, strands in self._collected.values():
             counts = np.array([len(each) for each in strands], np.int64)
             self._draft.curves[name] = CurveData.checked(np.concatenate(strands), counts, name)
+        for name, ribbons in self._ribbons.values():
+            self._draft.meshes[name] = _joined(ribbons)
+
+
+def ribbon_mesh(controls: _Floats, widths: tuple[float, float], normals: _Floats, matrix: Matrix) -> MeshData:
+    """A flat ribbon along cubic Bezier curves.
+
+    Parameters
+    ----------
+    controls : (K, 4, 3) float64
+        Their control points.
+    widths : (float, float)
+        At the beginning and the end, linear between them.
+    normals : (K + 1, 3) float64
+        At the ends of the curves; turned evenly between them.
+    matrix : (4, 4) float64
+        Acts on the ribbon.
+
+    Returns
+    -------
+    MeshData
+        With normals; u runs along the ribbon, v across it.
+    """
+    count = len(controls)
+    u = np.arange(count * _STEPS + 1) / _STEPS
+    segment = np.minimum(u.astype(np.int64), count - 1)
+    t = (u - segment)[:, None]
+    a, b, c, d = (controls[segment, k] for k in range(4))
+    v = 1.0 - t
+    middle = v * v * v * a + 3.0 * v * v * t * b + 3.0 * v * t * t * c + t * t * t * d
+    slope = v * v * (b - a) + 2.0 * v * t * (c - b) + t * t * (d - c)
+    slope = np.where((slope * slope).sum(axis=1, keepdims=True) > 0.0, slope, d - a)
+    first, second = _unit(normals[segment]), _unit(normals[segment + 1])
+    facing = _unit(first * v + second * t)
+    across = _unit(np.cross(facing, slope))
+    share = u / count
+    half = ((widths[0] + (widths[1] - widths[0]) * share) / 2.0)[:, None]
+    points = np.stack([middle - half * across, middle + half * across], axis=1).reshape(-1, 3)
+    normal = np.repeat(_unit(np.cross(slope, across)), 2, axis=0)
+    at = 2 * np.arange(len(u) - 1)[:, None]
+    triangles = np.concatenate([at + np.array([0, 3, 1]), at + np.array([0, 2, 3])]).astype(np.uint32)
+    uvs = np.stack([np.repeat(share, 2), np.tile([0.0, 1.0], len(u))], axis=1).astype(np.float32)
+    x, y, z = points.T
+    placed = np.stack([((p * x + q * y) + r * z) + o for p, q, r, o in matrix[:3].tolist()], axis=1)
+    turned = _unit(times(inverse(matrix)[:3, :3].T, normal)) * handedness(matrix)
+    return MeshData(placed, triangles, turned.astype(np.float32), uvs=uvs[triangles])
+
+
+def _unit(vectors: _Floats) -> _Floats:
+    size = np.sqrt((vectors * vectors).sum(axis=-1, keepdims=True))
+    return np.asarray(vectors / np.maximum(size, 1e-300))
+
+
+def _joined(parts: list[MeshData]) -> MeshData:
+    """Meshes as one; all have normals and texture coordinates."""
+    firsts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+    triangles = [part.triangles + np.uint32(first) for part, first in zip(parts, firsts.tolist(), strict=True)]
+    normals = [part.normals for part in parts if part.normals is not None]
+    uvs = [part.uvs for part in parts if part.uvs is not None]
+    return MeshData(
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate(triangles),
+        np.concatenate(normals),
+        uvs=np.concatenate(uvs),
+    )
