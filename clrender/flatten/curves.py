@@ -22,6 +22,12 @@ _Floats = NDArray[np.float64]
 _STRAIGHT: Final = 0.94
 """Least cosine between legs of a control polygon: of more the four steps of kernels/geometry/curve.inc would not do."""
 _MOST_CUTS: Final = 5
+_MOST_STOPS: Final = 3
+"""Most cuts for the sake of a curve's speed: what is left is an eighth of it, and very short."""
+_EVEN: Final = 0.05
+"""Largest second difference of the radius, by the length, that is not cut."""
+_ALIKE: Final = 0.01
+"""And by the radius."""
 _EMPTY: Final = 80.0
 """Curves are halved whose `_emptiness` is above this: measured with 300,000 thin ones."""
 _ROUNDING: Final = 2.0**-24
@@ -221,11 +227,13 @@ class _Pieces:
 
 def _cut(pieces: _Pieces, most: int) -> _Pieces:
     """Halve curves that turn too much; then, up to a number, those that fill little of their boxes."""
-    for _ in range(_MOST_CUTS):
-        turns = _turns(pieces.controls)
-        if not turns.any():
+    for number in range(_MOST_CUTS):
+        cut = _turns(pieces.controls) | _swells(pieces.controls)
+        if number < _MOST_STOPS:
+            cut |= _stops(pieces.controls)
+        if not cut.any():
             break
-        pieces = pieces.halved(turns)
+        pieces = pieces.halved(cut)
     for _ in range(_MOST_CUTS):
         emptiness = _emptiness(pieces.controls)
         count = min(int(np.count_nonzero(emptiness > _EMPTY)), most - len(pieces.controls))
@@ -255,6 +263,24 @@ def _turns(controls: _Floats) -> NDArray[np.bool_]:
         sizes = [(e[:, 0] * e[:, 0] + e[:, 1] * e[:, 1]) + e[:, 2] * e[:, 2] for e in (a, b)]
         turns |= (dot < 0.0) | (dot * dot < _STRAIGHT * _STRAIGHT * (sizes[0] * sizes[1]))
     return turns
+
+
+def _swells(controls: _Floats) -> NDArray[np.bool_]:
+    """Whether the radius changes by more and less, compared with the length: steps take it for a cone's."""
+    radii = controls[:, :, 3]
+    change = np.abs(np.diff(radii, n=2, axis=1)).max(axis=1)
+    legs = np.diff(controls[:, :, :3], axis=1)
+    length = np.sqrt((legs * legs).sum(axis=2)).sum(axis=1)
+    return np.asarray((change > _EVEN * length) & (change > _ALIKE * radii.max(axis=1)))
+
+
+def _stops(controls: _Floats) -> NDArray[np.bool_]:
+    """Whether the curve nearly stops on its way, as at doubled control points, and is longer than it is thick."""
+    legs = np.diff(controls[:, :, :3], axis=1)
+    sizes = (legs * legs).sum(axis=2)
+    longest, radius = sizes.max(axis=1), controls[:, :, 3].max(axis=1)
+    thin = 0.1 * radius
+    return np.asarray((sizes.min(axis=1) < longest / 16.0) & (longest > thin * thin))
 
 
 def _write_boxes(shapes: NDArray[np.void], controls: _Floats) -> None:

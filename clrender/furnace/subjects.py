@@ -52,6 +52,8 @@ _COLORS: Final = tuple(
 """Keys of colours, which do not absorb if they are 1."""
 _WHITE_METAL: Final = {"eta": (1e-3,) * 3, "k": (1000.0,) * 3}
 """A metal that reflects all but 4e-9 of the light."""
+_PIGMENTS: Final = ("absorption_coefficient", "eumelanin", "pheomelanin")
+"""Keys of what absorbs in hair."""
 _NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,100}\Z")
 
 
@@ -189,6 +191,8 @@ def _white(material: Any, plugins: Sequence[Plugin] = ()) -> Any:
     changes: dict[str, Any] = {key: (1.0, 1.0, 1.0) for key in _COLORS if _shown(material, key)}
     if {"metal", "eta", "k"} <= set(fields) and "f0" not in changes:
         changes |= {"metal": None, **_WHITE_METAL}
+    if isinstance(material, Hair):
+        changes = {"reflectance": (1.0, 1.0, 1.0), **dict.fromkeys(_PIGMENTS)}
     return material.changed(changes)
 
 

@@ -256,7 +256,9 @@ def _packed_curves(curves: CurveData) -> bytes:
 def _unpacked_curves(sha256: str, assets: Mapping[str, bytes], place: str) -> CurveData:
     def curves(archive: Any) -> CurveData:
         rows, counts = np.array(archive["rows"], np.float64), np.array(archive["counts"], np.int64)
-        if rows.ndim != 2 or rows.shape[1] not in (3, 4) or counts.sum() != len(rows):
+        if rows.ndim != 2 or rows.shape[1] not in (3, 4) or counts.ndim != 1:
+            raise ValueError("it has no list of points or of lengths")
+        if not ((counts > 0) & (counts <= len(rows))).all() or counts.sum() != len(rows):
             raise ValueError("its strands are not as long as it says")
         return CurveData.checked(rows, counts, f"the asset {sha256}")
 

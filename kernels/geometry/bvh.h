@@ -87,6 +87,19 @@ typedef struct {
 #endif
 } Bvh;
 
+#ifdef CURVES
+// The derivative of a curve at its beginning or end: of x, y, z and the radius. Where the place does not change, the radius counts as if it
+// did not, either.
+static void bvh_curve_slope(__global const float* row, int at_end, float slope[4]) {
+    float sizes = 0.0f, moves = 0.0f;
+    for (int i = 0; i < 4; ++i) {
+        slope[i] = at_end ? fma(row[12 + i], 3.0f, fma(row[8 + i], 2.0f, row[4 + i])) : row[4 + i];
+        if (i < 3) moves += fabs(slope[i]), sizes += fabs(row[4 + i]) + fabs(row[8 + i]) + fabs(row[12 + i]);
+    }
+    if (moves <= 1.0e-5f * sizes) slope[3] = 0.0f;
+}
+#endif
+
 // How many members the pack has that a reference leads to.
 static uint bvh_members(uint reference) { return (reference >> BVH_COUNT & 7u) + 1u; }
 

@@ -203,7 +203,7 @@ static int8 single_curves(const SingleRays* rays, int ray, const Bvh* bvh, uint8
     if (!any_of_eight(curve)) return curve;
     uint number[8];
     int wanted[8];
-    float k[CURVE_WORDS][8], t[3][8];
+    float k[CURVE_WORDS][8], t[4][8];
     vstore8(as_uint8(vload8(3, pack)) & ~BVH_NUMBER, 0, number);
     vstore8(curve, 0, wanted);
     float8 row[CURVE_WORDS];
@@ -231,14 +231,12 @@ static int8 single_curves(const SingleRays* rays, int ray, const Bvh* bvh, uint8
     vstore8(ends, 0, after);
     for (uint m = 0; m < 8; ++m) {
         __global const float* own = bvh->curve_rows + (size_t)(wanted[m] ? number[m] : some) * CURVE_WORDS;
-        for (int i = 0; i < 3; ++i) {
-            t[i][m] = 0.0f;
-            if (before[m]) t[i][m] = fma(own[i - 4], 3.0f, fma(own[i - 8], 2.0f, own[i - 12]));
-            if (after[m]) t[i][m] = own[CURVE_WORDS + 4 + i];
-        }
+        float slope[4] = {0.0f, 0.0f, 0.0f, 0.0f};
+        if (before[m] | after[m]) bvh_curve_slope(before[m] ? own - CURVE_WORDS : own + CURVE_WORDS, before[m] != 0, slope);
+        for (int i = 0; i < 4; ++i) t[i][m] = slope[i];
     }
-    const float8 x = vload8(0, t[0]), y = vload8(0, t[1]), z = vload8(0, t[2]);
-    return hit & (!begins | curve_shows_pack(&found, x, y, z, 1.0f)) & (!ends | curve_shows_pack(&found, x, y, z, -1.0f));
+    const float8 x = vload8(0, t[0]), y = vload8(0, t[1]), z = vload8(0, t[2]), widens = vload8(0, t[3]);
+    return hit & (!begins | curve_shows_pack(&found, x, y, z, widens, 1.0f)) & (!ends | curve_shows_pack(&found, x, y, z, widens, -1.0f));
 }
 #endif
 

@@ -129,15 +129,14 @@ static vmask packet_curve(const PacketRay* ray, const Bvh* bvh, __global const f
     vmask hit = near & curve_hit_lanes(k, o.x, o.y, o.z, d.x, d.y, d.z, ray->inverse2, packet_after(ray), &found);
     *distance = found.distance;
     const vmask begins = hit & (found.u <= 0.0f), ends = hit & (found.u >= 1.0f);
+    float t[4];
     if ((joints & ANALYTIC_CURVE_BEFORE) && lane_any(begins)) {
-        __global const float* other = row - CURVE_WORDS;
-        vfloat t[3];
-        for (int i = 0; i < 3; ++i) t[i] = splat(fma(other[12 + i], 3.0f, fma(other[8 + i], 2.0f, other[4 + i])));
-        hit = hit & (!begins | curve_shows_lanes(&found, t[0], t[1], t[2], 1.0f));
+        bvh_curve_slope(row - CURVE_WORDS, 1, t);
+        hit = hit & (!begins | curve_shows_lanes(&found, splat(t[0]), splat(t[1]), splat(t[2]), splat(t[3]), 1.0f));
     }
     if ((joints & ANALYTIC_CURVE_AFTER) && lane_any(ends)) {
-        __global const float* other = row + CURVE_WORDS;
-        hit = hit & (!ends | curve_shows_lanes(&found, splat(other[4]), splat(other[5]), splat(other[6]), -1.0f));
+        bvh_curve_slope(row + CURVE_WORDS, 0, t);
+        hit = hit & (!ends | curve_shows_lanes(&found, splat(t[0]), splat(t[1]), splat(t[2]), splat(t[3]), -1.0f));
     }
     const uint before = joints & ANALYTIC_CURVE_BEFORE, more = before + (joints >> 1);
     return BVH_PASSES_TARGET(any_hit) ? hit & (ray->to - (primitive - before) > splat_uint(more)) : hit;

@@ -55,7 +55,7 @@ def test_files_hold_strands(tmp_path: Path) -> None:
     assert whole.radii is not None and np.array_equal(whole.radii, ROWS[..., 3].ravel())
     bare = read(tmp_path, "b.npy", npy(ROWS[0, :, :3].astype(np.float32)))
     assert bare.radii is None and bare.counts.tolist() == [5]
-    parted = np.concatenate([ROWS[0], [[np.nan] * 4], ROWS[1, :2], [[0.0, np.nan, 0.0, 0.0]] * 2])
+    parted = np.concatenate([ROWS[0], [[np.nan] * 4], ROWS[1, :2], [[np.nan] * 4] * 2])
     assert read(tmp_path, "c.npy", npy(parted)).counts.tolist() == [5, 2]
     lines = ["\n".join(" ".join(map(repr, row)) for row in strand) for strand in ROWS.tolist()]
     text = read(tmp_path, "d.txt", ("\n\n" + "\n \n\r\n".join(lines) + "\n").encode())
@@ -70,6 +70,7 @@ def test_files_hold_strands(tmp_path: Path) -> None:
         ("a.npy", npy(np.zeros((2, 5))), "but must hold numbers of the shape"),
         ("a.npy", npy(np.zeros((0, 4))), "has no control points"),
         ("a.npy", npy(np.full((4, 3), np.inf)), "has inf in point 0"),
+        ("a.npy", npy(np.array([[0, 0, 0, 1], [0, np.nan, 0, 1.0]])), "has nan in point 1"),
         ("a.npy", npy(np.array([[0, 0, 0, 1], [0, 0, 0, -1.0]])), "has the radius -1 at point 1"),
         ("a.npy", b"no numbers", "is no readable .npy file"),
         ("a.txt", b"0 0 0 1\n0 0 1\n", "line 2 has 3 numbers"),
@@ -233,6 +234,17 @@ def test_strands_go_to_other_processes_and_files(tmp_path: Path) -> None:
     assert moved.sha256() != scene.sha256()
     with pytest.raises(SceneError, match=r"curves: .a.npy. holds float64 \(2,\), but must hold numbers"):
         scene.with_arrays(curves={"a.npy": [1.0, 2.0]})
+
+
+@for_each("counts", [[16, -1], [2**62, 2**62, 2**63 - 1], [0, 15], [5, 5], 15, [[5, 5, 5]], [], [-(2**63), 2**62]])
+def test_assets_of_wrong_lengths_are_refused(counts: Any) -> None:
+    scene = scene_of(file="a.npy", points=None, radius=None).with_arrays(curves={"a.npy": ROWS})
+    text, assets = scene_to_portable(scene)
+    (name,) = assets
+    archive = io.BytesIO()
+    np.savez(archive, rows=ROWS.reshape(-1, 4), counts=np.array(counts, np.int64))
+    with pytest.raises(SceneError, match="asset"):
+        scene_from_portable(text, {name: archive.getvalue()})
 
 
 def test_exporters_tell_of_curves() -> None:

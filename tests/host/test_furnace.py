@@ -147,6 +147,12 @@ def test_white_materials() -> None:
     assert gold.metal is None and max(gold.index[0]) < 0.01 and min(gold.index[1]) > 100.0  # type: ignore[union-attr, index]
 
 
+@for_each("color", ["eumelanin = 1.0", "pheomelanin = 2.0", "absorption_coefficient = [1, 2, 3]", "tilt_degrees = 1"])
+def test_white_hair_has_no_pigment(color: str) -> None:
+    (hair,) = whitened(subjects_of(f'{{type = "hair", {color}}}').scene).materials.values()
+    assert hair.reflectance == (1.0, 1.0, 1.0) and hair.absorption_of is None  # type: ignore[union-attr]
+
+
 @for_each(
     ("text", "expected"),
     [

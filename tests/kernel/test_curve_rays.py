@@ -72,7 +72,7 @@ def expected(rows: Floats, rays: Rays, basis: str = "bspline") -> tuple[Floats, 
         chord2 = some[:, 3] ** 2 - ((to * to).sum(axis=1) - middle * middle)
         near = np.where(chord2 > 0.0, middle - np.sqrt(np.maximum(chord2, 0.0)), np.inf)
         found[number] = near.min()
-        depth[number] = (chord2 / some[:, 3] ** 2).max()
+        depth[number] = (chord2 / np.maximum(some[:, 3] ** 2, 1e-12)).max()
     return found, depth
 
 
@@ -146,6 +146,48 @@ def test_rays_that_begin_inside_meet_no_surface_of_their_strand(device: Device) 
     off *= (RNG.uniform(0.0, 0.9, 4000) * places[:, 3] / np.linalg.norm(off, axis=1))[:, None]
     hits = found_on(device, flat_strands(rows), Rays.of(places[:, :3] + off, way))
     assert (hits.primitives == 0xFFFFFFFF).mean() > 0.999
+
+
+def odd_strand(kind: str) -> tuple[Floats, str]:
+    """One strand, (1, n, 4), whose spheres grow, swell or stop, and its basis."""
+    rows = np.zeros((6, 4))
+    rows[:, 2] = np.linspace(0.5, -0.5, 6)
+    rows[:, 3] = 0.05
+    if kind == "widens":
+        rows[:, 3] = np.linspace(0.01, 0.3, 6)
+    elif kind == "widens fast":
+        rows[:, 2], rows[:, 3] = np.linspace(0.05, -0.05, 6), np.linspace(0.01, 0.3, 6)
+    elif kind == "tip":
+        rows[:, 3] = np.linspace(0.2, 0.0, 6)
+    elif kind == "swells":
+        rows[:, 3] = (0.05, 0.05, 0.3, 0.3, 0.05, 0.05)
+    elif kind == "doubled":
+        return rows[[0, 0, 5, 5]][None], "bezier"
+    return rows[None], "bspline" if kind == "swells" else "linear"
+
+
+@pytest.mark.parametrize("kind", ["widens", "widens fast", "tip", "swells", "doubled"])
+@pytest.mark.parametrize("way", [(0.0, 0.0, -1.0), (0.0, 0.0, 1.0), (0.3, 0.1, -1.0), (0.1, 0.3, 1.0), (1.0, 0.2, 0.1)])
+def test_strands_that_swell_or_stop_from_all_sides(device: Device, kind: str, way: tuple[float, ...]) -> None:
+    """Also along the axis, where the nearest sphere may be an end or none of one that is thin."""
+    rows, basis = odd_strand(kind)
+    direction = np.array(way) / np.linalg.norm(way)
+    first = np.cross(direction, (0.37, 0.61, 0.7))
+    first /= np.linalg.norm(first)
+    second = np.cross(direction, first)
+    place = RNG.uniform(-0.7, 0.7, (1500, 2))
+    origins = place[:, :1] * first + place[:, 1:] * second - 3.0 * direction
+    rays = Rays.of(origins, np.broadcast_to(direction, origins.shape).copy())
+    flat = flat_strands(rows, basis)
+    hits = found_on(device, flat, rays)
+    distance, depth = expected(rows, rays, basis)
+    met, sure = hits.primitives != 0xFFFFFFFF, np.abs(depth) > 0.05
+    assert (met == (depth > 0.0))[sure].all()
+    off = np.abs(hits.distances - distance)[met & (depth > 0.05)]
+    assert off.max() < 0.02, off.max()
+    for how in ({"lanes": 1}, {"lanes": 8}, {"lanes": 8, "single": True}):
+        every = found_on(device, flat, rays, **how)
+        assert np.array_equal(hits.distances, every.distances) and np.array_equal(hits.primitives, every.primitives)
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1e3])
