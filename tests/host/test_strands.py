@@ -135,6 +135,25 @@ def test_pbrt_curves_in_objects_and_in_motion(tmp_path: Path) -> None:
     scene = pbrt(tmp_path, world)
     assert [data.counts.tolist() for _, data in strands(scene)] == [[4, 4]] * 2
     assert not scene.notes
+    times = "TransformTimes 0 1\nActiveTransform EndTime\nTranslate {} 0 0\nActiveTransform All\n"
+    both = "".join(f"AttributeBegin\n{times.format(by)}{curve}{curve}AttributeEnd\n" for by in (1, 2))
+    # Also if all are in one line of the file
+    for text in (both, both.replace("\n", " ")):
+        moving = pbrt(tmp_path, text)
+        assert [data.counts.tolist() for _, data in strands(moving)] == [[4, 4]] * 2
+        ways = {(shape.motion[-1].matrix or [[0.0]])[0][-1] for shape, _ in strands(moving) if shape.motion}
+        assert ways == {1.0, 2.0}
+    (note,) = pbrt(tmp_path, f'ObjectBegin "tuft"\n{times.format(1)}{curve}ObjectEnd\nObjectInstance "tuft"').notes
+    assert "inside of objects do not move" in note
+
+
+def test_pbrt_curves_of_glass_are_left_out(tmp_path: Path) -> None:
+    curve = f'Shape "curve" "point3 P" [{POINTS}] "float width" 0.1\nShape "sphere"\n'
+    parts = 'MakeNamedMaterial "glass" "string type" "dielectric"\nMakeNamedMaterial "red" "string type" "diffuse"\n'
+    mixed = 'Material "mix" "string materials" ["red" "glass"] "float amount" 0.5\n'
+    for world in (f'Material "dielectric"\n{curve}', f"{parts}{mixed}{curve}"):
+        scene = pbrt(tmp_path, world)
+        assert not strands(scene) and any("curves of what has an inside" in note for note in scene.notes)
 
 
 def test_pbrt_hair(tmp_path: Path) -> None:

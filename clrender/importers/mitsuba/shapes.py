@@ -38,7 +38,7 @@ from clrender.importers.shared.meshes import (
 )
 from clrender.importers.shared.motions import fault_of_motion, motion_keys
 from clrender.importers.shared.staging import Staging
-from clrender.importers.shared.strands import placed_rows
+from clrender.importers.shared.strands import has_inside, placed_rows
 from clrender.meshes.data import MeshData
 from clrender.meshes.read import read_mesh, read_serialized_mesh
 from clrender.scene.values import NAME_LIMIT, SHAPE_LIMIT
@@ -289,7 +289,7 @@ class ShapeReader:
         if "emission" in described:
             self._staging.note("curves do not shine here: their light is left out")
             described.pop("emission")
-        if described.pop("interior", None) is not None or not self._may_be_a_curve(described.get("material")):
+        if described.pop("interior", None) is not None or has_inside(self._staging.draft, described.get("material")):
             self._staging.note("curves of what has an inside are left out: they have none here")
             return
         own = plugin.matrix()
@@ -313,16 +313,6 @@ class ShapeReader:
         basis = "linear" if plugin.type == "linearcurve" else "bspline"
         shape = {"type": "curves", "file": name, "basis": basis, **described}
         self._staging.shape(shape, outer, plugin.line)
-
-    def _may_be_a_curve(self, material: str | None) -> bool:
-        parts = [material] if material is not None else []
-        while parts:
-            described = self._staging.draft.description["materials"][parts.pop()]
-            filled = described["type"] in ("dielectric", "subsurface") or described.get("transmission", 0.0) != 0.0
-            if filled and not described.get("thin"):
-                return False
-            parts += described.get("materials", [])
-        return True
 
     def _file(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
         file = plugin.text("filename")

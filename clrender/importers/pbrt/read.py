@@ -276,13 +276,16 @@ class _World:
     def _curve(self, directive: Directive, parameters: Parameters, state: Graphics) -> None:
         """A curve: those that do not move are collected in the space of the world, or of their object."""
         moves = state.moves and self._object is None
-        group: Hashable = (id(self._object) if self._object is not None else None, directive.line if moves else None)
+        moved = (state.matrix.tobytes(), state.late.tobytes()) if moves else None
+        group: Hashable = id(self._object) if self._object is not None else None, moved
         matrix = np.eye(4) if moves else state.matrix
         described = self._shapes.curve(parameters, state, matrix, group)
         if described is None:
             return
         part = Part(described, None, np.eye(4), directive.line)
         if self._object is not None:
+            if state.moves:
+                self.staging.note("shapes inside of objects do not move by themselves: they are as at first")
             self._object.append(part)
         elif moves:
             self._placer.put(part, np.eye(4), (state.matrix, state.late))

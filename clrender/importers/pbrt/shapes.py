@@ -26,7 +26,7 @@ from clrender.importers.shared.meshes import (
     with_uvs,
 )
 from clrender.importers.shared.staging import Staging
-from clrender.importers.shared.strands import StrandCollector, placed_rows, ribbon_mesh
+from clrender.importers.shared.strands import StrandCollector, has_inside, placed_rows, ribbon_mesh
 from clrender.meshes.data import MeshData
 from clrender.wording import quoted
 
@@ -96,8 +96,7 @@ class ShapeReader:
         if state.emission is not None:
             self._staging.note("curves do not shine here: their light is left out")
         described = self._surface(parameters, replace(state, emission=None), None)
-        made_of = self._staging.draft.description["materials"].get(described.get("material"), {})
-        if made_of.get("type") in ("dielectric", "subsurface") and not made_of.get("thin"):
+        if has_inside(self._staging.draft, described.get("material")):
             self._staging.note("curves of what has an inside are left out: they have none here")
             return None
         parameters.ignore("alpha", "splitdepth", "type", "N", "width", "width0", "width1", "degree", "basis", "P")

@@ -15,7 +15,7 @@ from clrender.importers.draft import Draft
 from clrender.importers.shared.matrices import Matrix, handedness, is_similarity
 from clrender.meshes.data import MeshData
 
-__all__ = ["StrandCollector", "placed_rows", "ribbon_mesh"]
+__all__ = ["StrandCollector", "has_inside", "placed_rows", "ribbon_mesh"]
 
 _Floats = NDArray[np.float64]
 _STEPS: Final = 8
@@ -43,6 +43,18 @@ def placed_rows(draft: Draft, rows: _Floats, matrix: Matrix, *, scaled: bool = T
             draft.note(_UNEVEN)
         radii = radii * root(abs(float(determinant(matrix[:3, :3]))), 3)
     return np.stack([*points, radii], axis=1)
+
+
+def has_inside(draft: Draft, material: str | None) -> bool:
+    """Whether light goes through a material, or through one that is mixed into it: curves have no inside."""
+    parts = [material] if material is not None else []
+    while parts:
+        described = draft.description["materials"][parts.pop()]
+        filled = described["type"] in ("dielectric", "subsurface") or described.get("transmission", 0.0) != 0.0
+        if filled and not described.get("thin"):
+            return True
+        parts += described.get("materials", [])
+    return False
 
 
 class StrandCollector:
