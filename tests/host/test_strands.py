@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import for_each
+from PIL import Image
 
 import clrender
 from clrender.errors import SceneError
@@ -189,6 +190,20 @@ def test_mitsuba_curves(tmp_path: Path) -> None:
         type="hair", eumelanin=0.2, tilt_degrees=3.0, roughness=0.3, azimuthal_roughness=0.3, ior=hair_of(scene).ior
     )
     assert hair_of(scene).ior == pytest.approx(1.55, abs=1e-3)
+
+
+def test_mitsuba_curves_of_what_they_cannot_follow(tmp_path: Path) -> None:
+    (tmp_path / "c.txt").write_text(TEXT)
+    Image.fromarray(np.full((2, 2, 3), 128, np.uint8)).save(tmp_path / "b.png")
+    bumps = '<texture type="bitmap"><string name="filename" value="b.png"/></texture>'
+    (note,) = mitsuba(
+        tmp_path, SHAPE.format("linearcurve", f'<bsdf type="bumpmap">{bumps}<bsdf type="hair"/></bsdf>')
+    ).notes
+    assert "of hair are left out" in note
+    keys = '<transform time="0"><scale x="2"/></transform><transform time="1"><scale x="3"/></transform>'
+    scene = mitsuba(tmp_path, SHAPE.format("bsplinecurve", f'<animation name="to_world">{keys}</animation>'))
+    ((shape, _),) = strands(scene)
+    assert not shape.motion and any("stretches a sphere, disk or curve" in note for note in scene.notes)
 
 
 def test_mitsuba_instances_scale_radii(tmp_path: Path) -> None:

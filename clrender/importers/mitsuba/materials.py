@@ -144,6 +144,9 @@ class MaterialReader:
         for each in pictures:
             plugin.ignore(each.name)
         picture = self._textures.picture(pictures[0])
+        if picture is not None and made["type"] == "hair":
+            self._staging.note("normal and bump maps of hair are left out")
+            return made
         if picture is None or made["type"] == "mix":
             if picture is not None:
                 self._staging.note("normal and bump maps of mixtures are left out; put them inside")

@@ -25,7 +25,7 @@ def fault_of_motion(shape: str, matrices: Sequence[Matrix]) -> str:
         handedness(a) != handedness(b) for a, b in itertools.pairwise(matrices)
     ):
         return "a motion makes a shape flat on its way"
-    if shape in ("sphere", "disk", "curves") and not all(map(is_similarity, matrices)):
+    if shape in ("sphere", "disk", "curves", "bsplinecurve", "linearcurve") and not all(map(is_similarity, matrices)):
         return "a motion stretches a sphere, disk or curve"
     return ""
 
