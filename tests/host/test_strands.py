@@ -172,6 +172,31 @@ def test_pbrt_hair(tmp_path: Path) -> None:
     assert colored.reflectance == pytest.approx((0.1, 0.2, 0.3))
 
 
+@for_each(
+    "words, note",
+    [
+        ('"texture beta_m" "t"', 'a texture as "beta_m" is left out: 0.3 in its place'),
+        ('"texture eumelanin" "t"', 'a texture as "eumelanin" is left out'),
+        ('"float alpha" 45', '"alpha" is 45, but must be from -20 to 20'),
+        ('"float eta" 9', '"eta" is 9, but must be from 1.05 to 3'),
+        ('"rgb sigma_a" [2000 1 1]', '"sigma_a" is 2000'),
+    ],
+)
+def test_what_pbrt_hair_cannot_be_here_is_told(tmp_path: Path, words: str, note: str) -> None:
+    texture = 'Texture "t" "float" "checkerboard" "float tex1" 0.1 "float tex2" 0.4\n'
+    curve = f'Shape "curve" "point3 P" [{POINTS}] "float width" 0.1'
+    scene = pbrt(tmp_path, f'{texture}Material "hair" {words}\n{curve}')
+    assert any(note in each for each in scene.notes) and hair_of(scene)
+
+
+def test_what_mitsuba_hair_cannot_be_here_is_told(tmp_path: Path) -> None:
+    (tmp_path / "c.txt").write_text(TEXT)
+    words = '<float name="scale_tilt" value="50"/><texture name="eumelanin" type="checkerboard"/>'
+    notes = mitsuba(tmp_path, SHAPE.format("linearcurve", f'<bsdf type="hair">{words}</bsdf>')).notes
+    assert any('"scale_tilt" is 50' in each for each in notes)
+    assert any('a texture as "eumelanin" of hair' in each for each in notes)
+
+
 TEXT = "0 0 0 0.1\n0 1 0 0.1\n0 2 0 0.05\n0 3 0 0.05\n\n1 0 0 0.1\n1 1 0 0.1\n1 2 0 0.1\n1 3 0 0.1\n"
 SHAPE = '<shape type="{}"><string name="filename" value="c.txt"/>{}</shape>'
 

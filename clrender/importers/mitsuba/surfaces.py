@@ -106,20 +106,23 @@ class SurfaceReader:
     def hair(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
         """Fibres of hair."""
         index = self._index(plugin, "int_ior", "amber") / self._index(plugin, "ext_ior", "air")
-        made: dict[str, Any] = {"type": "hair", "ior": min(max(index, 1.05), 3.0)}
+        made: dict[str, Any] = {"type": "hair", "ior": self._staging.within(index, 1.05, 3.0, "int_ior")}
+        for name in ("longitudinal_roughness", "azimuthal_roughness", "scale_tilt", "eumelanin", "pheomelanin"):
+            if plugin.child(name) is not None:
+                self._staging.note(f"a texture as {quoted(name)} of hair is left out: the default in its place")
         for key, name in (("roughness", "longitudinal_roughness"), ("azimuthal_roughness", "azimuthal_roughness")):
             made[key] = self._staging.share(plugin.number(name, 0.3), name)
-        made["tilt_degrees"] = min(max(plugin.number("scale_tilt", 2.0), -20.0), 20.0)
+        made["tilt_degrees"] = self._staging.within(plugin.number("scale_tilt", 2.0), -20.0, 20.0, "scale_tilt")
         if plugin.child("sigma_a") is not None:
             self._staging.note("a texture of the absorption of hair is left out: it is that of its default")
         elif plugin.has("sigma_a"):
             scale = plugin.number("scale", 1.0)
             absorbed = self._textures.surface_of(plugin.spectrum("sigma_a"), 1.0)
-            made["absorption_coefficient"] = [min(max(scale * x, 0.0), 1000.0) for x in absorbed]
+            made["absorption_coefficient"] = [self._staging.within(scale * x, 0.0, 1000.0, "sigma_a") for x in absorbed]
         else:
             for name in ("eumelanin", "pheomelanin"):
                 if plugin.has(name):
-                    made[name] = min(max(plugin.number(name, 0.0), 0.0), 100.0)
+                    made[name] = self._staging.within(plugin.number(name, 0.0), 0.0, 100.0, name)
         return made
 
     def _metal(self, plugin: Plugin) -> tuple[Color, Color]:

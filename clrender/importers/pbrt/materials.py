@@ -130,21 +130,23 @@ class MaterialReader:
     def _hair(self, parameters: Parameters) -> dict[str, Any]:
         made: dict[str, Any] = {
             "type": "hair",
-            "ior": min(max(self._textures.index(parameters, "eta", 1.55), 1.05), 3.0),
+            "ior": self._staging.within(self._textures.index(parameters, "eta", 1.55), 1.05, 3.0, "eta"),
         }
         for key, name, default in (("roughness", "beta_m", 0.3), ("azimuthal_roughness", "beta_n", 0.3)):
-            made[key] = self._staging.share(parameters.number(name, default), name)
-        made["tilt_degrees"] = min(max(parameters.number("alpha", 2.0), -20.0), 20.0)
+            made[key] = self._staging.share(self._textures.plain_number(parameters, name, default), name)
+        tilt = self._textures.plain_number(parameters, "alpha", 2.0)
+        made["tilt_degrees"] = self._staging.within(tilt, -20.0, 20.0, "alpha")
         color = "color" if "color" in parameters.values else "reflectance"
         if parameters.get("sigma_a") is not None:
             absorbed = self._textures.coefficients(parameters, "sigma_a", (1.3, 1.3, 1.3))
-            made["absorption_coefficient"] = [min(max(x, 0.0), 1000.0) for x in absorbed]
+            made["absorption_coefficient"] = [self._staging.within(x, 0.0, 1000.0, "sigma_a") for x in absorbed]
         elif parameters.get(color) is not None:
             made["reflectance"] = self._textures.color(parameters, color, 0.5)
         else:
             for name in ("eumelanin", "pheomelanin"):
                 if parameters.get(name) is not None:
-                    made[name] = min(max(parameters.number(name, 0.0), 0.0), 100.0)
+                    amount = self._textures.plain_number(parameters, name, 0.0)
+                    made[name] = self._staging.within(amount, 0.0, 100.0, name)
         parameters.ignore("sigma_a", "color", "reflectance", "eumelanin", "pheomelanin")
         return made
 

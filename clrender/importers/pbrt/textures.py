@@ -102,7 +102,7 @@ class TextureReader:
         if found is not None and found.kind == "rgb":
             return self._rgb(parameters, name, found)
         if found is not None and found.kind in ("float", "texture"):
-            return (self._one(parameters, name, 1.0),) * 3
+            return (self.plain_number(parameters, name, 1.0),) * 3
         if found is None or (isinstance(found.values, list) and found.values and "." not in found.values[0]):
             named = found.values[0] if found is not None else default
             symbol = named.removeprefix("metal-").rsplit("-", 1)[0]
@@ -122,9 +122,10 @@ class TextureReader:
             if isinstance(found.values, list) and found.values and found.values[0] in GLASSES:
                 return GLASSES[found.values[0]]
             return value_at(*self._spectrum(parameters, name, found), _SODIUM)
-        return self._one(parameters, name, default)
+        return self.plain_number(parameters, name, default)
 
-    def _one(self, parameters: Parameters, name: str, default: float) -> float:
+    def plain_number(self, parameters: Parameters, name: str, default: float) -> float:
+        """A number that cannot be a picture here: its default, with a note, in place of one."""
         found = parameters.get(name)
         if found is not None and found.kind == "texture":
             value = self._named(parameters, name, "float")
@@ -212,8 +213,8 @@ class TextureReader:
     def _alpha(self, parameters: Parameters, prefix: str = "", default: float = 0.0) -> float:
         """Alpha of a microfacet distribution: the square root of the roughness, unless remapping is off."""
         remapped = parameters.flag("remaproughness", True)
-        both = self._one(parameters, f"{prefix}roughness", default)
-        u, v = (self._one(parameters, f"{prefix}{axis}roughness", both) for axis in "uv")
+        both = self.plain_number(parameters, f"{prefix}roughness", default)
+        u, v = (self.plain_number(parameters, f"{prefix}{axis}roughness", both) for axis in "uv")
         if u != v:
             self._staging.note("roughness along u and along v is read as one: the root of their product")
         u, v = max(u, 0.0), max(v, 0.0)

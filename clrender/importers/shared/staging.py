@@ -268,6 +268,13 @@ class Staging:
         self.note(f"{of} goes beyond 0 to 1, which no surface does: clipped")
         return [min(max(x, 0.0), 1.0) if math.isfinite(x) else 0.0 for x in color]
 
+    def within(self, value: float, least: float, most: float, of: str) -> float:
+        """A number clamped to what is possible here, with a note if it was outside."""
+        inside = min(max(value, least), most)
+        if inside != value:
+            self.note(f"{quoted(of)} is {value:g}, but must be from {least:g} to {most:g}: {inside:g} in its place")
+        return inside
+
     def share(self, value: float, of: str) -> float:
         """A fraction: clamped to 0 to 1, with a note if it was outside."""
         return self.reflectance((value, value, value), of)[0]
