@@ -161,12 +161,15 @@ def odd_strand(kind: str) -> tuple[Floats, str]:
         rows[:, 3] = np.linspace(0.2, 0.0, 6)
     elif kind == "swells":
         rows[:, 3] = (0.05, 0.05, 0.3, 0.3, 0.05, 0.05)
+    elif kind == "peaks":
+        # At inner sides of bends both neighbours are narrower than the sphere where they meet
+        rows[:, 0], rows[:, 3] = (0.0, 0.0, 0.15, 0.0, 0.0, 0.0), (0.02, 0.02, 0.2, 0.02, 0.1, 0.02)
     elif kind == "doubled":
         return rows[[0, 0, 5, 5]][None], "bezier"
     return rows[None], "bspline" if kind == "swells" else "linear"
 
 
-@pytest.mark.parametrize("kind", ["widens", "widens fast", "tip", "swells", "doubled"])
+@pytest.mark.parametrize("kind", ["widens", "widens fast", "tip", "swells", "peaks", "doubled"])
 @pytest.mark.parametrize("way", [(0.0, 0.0, -1.0), (0.0, 0.0, 1.0), (0.3, 0.1, -1.0), (0.1, 0.3, 1.0), (1.0, 0.2, 0.1)])
 def test_strands_that_swell_or_stop_from_all_sides(device: Device, kind: str, way: tuple[float, ...]) -> None:
     """Also along the axis, where the nearest sphere may be an end or none of one that is thin."""
