@@ -41,6 +41,7 @@ MATERIAL_MEDIUM: Final = 8
 MATERIAL_SUBSURFACE: Final = 9
 MATERIAL_PLUGIN: Final = 10
 MATERIAL_HAIR: Final = 11
+MATERIAL_MEASURED: Final = 12
 """Kinds of a primitive's material. A material with rows of its own has its kind in the first of them."""
 
 MATERIAL_FLAG_THIN: Final = 1
@@ -49,6 +50,13 @@ MATERIAL_FLAG_SCHLICK: Final = 4
 MATERIAL_FLAG_BECKMANN: Final = 8
 MATERIAL_FLAG_SINGLE_SCATTERING: Final = 16
 """Flags of a material's row: a wall without thickness; black from behind; a metal by its colour, not by eta and k."""
+
+MEASURED_MERL: Final = 1
+MEASURED_JACOBIAN: Final = 2
+MEASURED_ISOTROPIC: Final = 4
+MEASURED_HALVES: Final = 8
+MEASURED_QUARTERS: Final = 16
+"""Flags of measured reflectance: a table of MERL; a Jacobian; which viewers see the same."""
 
 PLUGIN_NUMBERS: Final = 16
 """Most numbers that the parameters of a plugin are."""
@@ -478,6 +486,7 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("HAIR_VARIANCE", 5, 1, "hair: of its first lobe along the fibre"),
         ("HAIR_SPREAD", 7, 1, "hair: scale of its lobes around the fibre"),
         ("HAIR_PER_LOGARITHM", 8, 1, "hair: root of the absorption, over log2 of the reflectance"),
+        ("MEASURED", 5, 1, "measured, bits: the row of measured_rows where its head begins"),
         ("NUMBERS", 7, 8, "plugin: what its parameters are, the first half"),
     ),
     "LAYER": (
@@ -559,6 +568,34 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("BRICKS", 16, 3, "how many there are along each axis"),
         ("TABLE", 19, 1, "bits: word of the bricks' entries, each the word of its values, bits, and its majorant"),
         ("VALUES", 20, 1, "bits: word from which those words count"),
+    ),
+    "MEASURED": (
+        ("FLAGS", 0, 1, "head of measured reflectance, two rows, all bits: MEASURED_*; material/lobe/measured.h"),
+        ("THETAS", 1, 1, "numbers of polar angles and azimuths of viewers"),
+        ("PHIS", 2, 1, ""),
+        (
+            "NORMALS_WIDTH",
+            3,
+            1,
+            "sides of the densities of normals and luminance, of D and of σ",
+        ),
+        ("NORMALS_HEIGHT", 4, 1, ""),
+        ("SIDE", 5, 1, ""),
+        ("FACETS_WIDTH", 6, 1, ""),
+        ("FACETS_HEIGHT", 7, 1, ""),
+        ("PROJECTED_WIDTH", 8, 1, ""),
+        ("PROJECTED_HEIGHT", 9, 1, ""),
+        ("ANGLES", 16, 1, "words of measured_words where each begins: polar angles and then azimuths"),
+        ("NORMALS", 17, 1, "density, its integrals along each row, and over the rows"),
+        ("NORMALS_ROWS", 18, 1, ""),
+        ("NORMALS_COLUMN", 19, 1, ""),
+        ("LUMINANCE", 20, 1, "likewise"),
+        ("LUMINANCE_ROWS", 21, 1, ""),
+        ("LUMINANCE_COLUMN", 22, 1, ""),
+        ("VALUES", 23, 1, ""),
+        ("FACETS", 24, 1, ""),
+        ("PROJECTED", 25, 1, ""),
+        ("ALBEDO", 26, 1, "colour of the light that is reflected towards each viewer"),
     ),
     "NORMAL": (
         ("A", 0, 3, "unit normals at the vertices of a triangle of a smooth shape"),

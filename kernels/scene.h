@@ -18,6 +18,8 @@
     X(float, curve_rows)     /* of curves, the number of their row less that of the first sphere: geometry/curve.inc */         \
     X(float, grid_rows)      /* of media whose density varies, two each: medium/grid.h */                                   \
     X(float, grid_words)     /* and their densities, in bricks */                                                           \
+    X(float, measured_rows)  /* of measured reflectance, two each: material/lobe/measured.h */                               \
+    X(float, measured_words) /* and its tables */                                                                           \
     X(float, attribute_rows) /* of primitives with textures: texture coordinates, and which textures; else one row */          \
     X(float, texture_rows)   /* of each texture: which picture, and how it lies */                                             \
     X(float, texture_slots)  /* of each material: which textures stand for its parameters */                                   \

@@ -16,11 +16,17 @@
 #define MATERIAL_SUBSURFACE 9u
 #define MATERIAL_PLUGIN 10u
 #define MATERIAL_HAIR 11u
+#define MATERIAL_MEASURED 12u
 #define MATERIAL_FLAG_THIN 1u
 #define MATERIAL_FLAG_ONE_SIDED 2u
 #define MATERIAL_FLAG_SCHLICK 4u
 #define MATERIAL_FLAG_BECKMANN 8u
 #define MATERIAL_FLAG_SINGLE_SCATTERING 16u
+#define MEASURED_MERL 1u
+#define MEASURED_JACOBIAN 2u
+#define MEASURED_ISOTROPIC 4u
+#define MEASURED_HALVES 8u
+#define MEASURED_QUARTERS 16u
 #define PLUGIN_NUMBERS 16u
 #define MEDIUM_FLAG_SUBSURFACE 1u
 #define MEDIUM_FLAG_DARK 2u
@@ -348,6 +354,7 @@ typedef struct {
 #define MATERIAL_ROW_HAIR_VARIANCE 5    // hair: of its first lobe along the fibre
 #define MATERIAL_ROW_HAIR_SPREAD 7      // hair: scale of its lobes around the fibre
 #define MATERIAL_ROW_HAIR_PER_LOGARITHM 8// hair: root of the absorption, over log2 of the reflectance
+#define MATERIAL_ROW_MEASURED 5         // measured, bits: the row of measured_rows where its head begins
 #define MATERIAL_ROW_NUMBERS 7          // plugin: what its parameters are, the first half
 
 #define LAYER_ROW_SHEEN_COLOR 0         // second row of a material
@@ -414,6 +421,28 @@ typedef struct {
 #define GRID_ROW_BRICKS 16              // how many there are along each axis
 #define GRID_ROW_TABLE 19               // bits: word of the bricks' entries, each the word of its values, bits, and its majorant
 #define GRID_ROW_VALUES 20              // bits: word from which those words count
+
+#define MEASURED_ROW_FLAGS 0            // head of measured reflectance, two rows, all bits: MEASURED_*; material/lobe/measured.h
+#define MEASURED_ROW_THETAS 1           // numbers of polar angles and azimuths of viewers
+#define MEASURED_ROW_PHIS 2
+#define MEASURED_ROW_NORMALS_WIDTH 3    // sides of the densities of normals and luminance, of D and of σ
+#define MEASURED_ROW_NORMALS_HEIGHT 4
+#define MEASURED_ROW_SIDE 5
+#define MEASURED_ROW_FACETS_WIDTH 6
+#define MEASURED_ROW_FACETS_HEIGHT 7
+#define MEASURED_ROW_PROJECTED_WIDTH 8
+#define MEASURED_ROW_PROJECTED_HEIGHT 9
+#define MEASURED_ROW_ANGLES 16          // words of measured_words where each begins: polar angles and then azimuths
+#define MEASURED_ROW_NORMALS 17         // density, its integrals along each row, and over the rows
+#define MEASURED_ROW_NORMALS_ROWS 18
+#define MEASURED_ROW_NORMALS_COLUMN 19
+#define MEASURED_ROW_LUMINANCE 20       // likewise
+#define MEASURED_ROW_LUMINANCE_ROWS 21
+#define MEASURED_ROW_LUMINANCE_COLUMN 22
+#define MEASURED_ROW_VALUES 23
+#define MEASURED_ROW_FACETS 24
+#define MEASURED_ROW_PROJECTED 25
+#define MEASURED_ROW_ALBEDO 26          // colour of the light that is reflected towards each viewer
 
 #define NORMAL_ROW_A 0                  // unit normals at the vertices of a triangle of a smooth shape
 #define NORMAL_ROW_B 3

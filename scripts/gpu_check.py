@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "image"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "host"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "statistics"))
 
 from faulty_device import CALLS, Fault, FaultyDevice

@@ -119,6 +119,7 @@ _RARE: Final[Mapping[str, tuple[str, ...]]] = {
     "grids": ("grids", "glowing_media"),
     "curves": ("curves",),
     "hair": ("curves", "hair"),
+    "measured": ("measured",),
 }
 """Features that a program for any scene does not have."""
 _SCENELESS: Final = [

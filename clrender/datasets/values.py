@@ -13,8 +13,8 @@ from typing import Any, Final
 
 from clrender.exact.angles import exponential_of, logarithm_of, sin_cos
 from clrender.exact.counters import Draws
-from clrender.importers.shared.spectra import blackbody_color
 from clrender.scene.values import fault
+from clrender.spectra.colors import blackbody_color
 from clrender.wording import shown
 
 __all__ = ["DISTRIBUTIONS", "checked_value", "drawn", "named_in"]

@@ -33,12 +33,12 @@ LARGEST_PAGE = 1 << 34
 _PAGES = 4
 _AS_THEY_ARE = (
     *("material_rows", "media_rows", "albedo_tables", "light_nodes", "light_order", "environment_map"),
-    *("light_cones", "lamp_tables", "grid_rows", "curve_rows"),
+    *("light_cones", "lamp_tables", "grid_rows", "measured_rows", "curve_rows"),
     *("instance_rows", "instance_guides", "instance_motions", "motion_rows"),
     *("hole_rows", "attribute_rows", "texture_rows", "texture_slots", "texel_values"),
 )
 """Host arrays that the kernels read unchanged."""
-_SHARED = ("texels", "grid_words")
+_SHARED = ("texels", "grid_words", "measured_words")
 """Large ones among them, which a device that can access host memory need not copy."""
 _TREE = ("nodes", "triangle_packs", "analytic_packs")
 _MOST_COST = 1.5
@@ -91,7 +91,10 @@ def texel_pages(device: Device, texels: NDArray[np.uint8]) -> tuple[list[Buffer]
 
 
 _FEWER_TRIANGLES: Final = "take a scene of fewer triangles (groups that are placed many times take their memory once)"
-_CURES: Final = {"grid_words": "make the grids of its media coarser"}
+_CURES: Final = {
+    "grid_words": "make the grids of its media coarser",
+    "measured_words": "use fewer measured materials",
+}
 """What helps where an array is too large, if it is not fewer triangles."""
 _TREE_BYTES = 32
 """Least number of bytes per triangle in a BVH: half of a column of a pack, which two triangles may share."""
@@ -213,7 +216,7 @@ class SceneArrays:
             "light_alias": device.empty(8 * len(scene.arrays["lights"])),
             **{name: arrays.pop(name) for name in _AS_THEY_ARE},
             **{f"texels_{number}": page for number, page in enumerate(pages)},
-            "grid_words": device.share(_with_first_rows(scene.arrays["grid_words"])),
+            **{name: device.share(_with_first_rows(scene.arrays[name])) for name in _SHARED if name != "texels"},
             **dict(zip(_TREE, self.tree.buffers, strict=True)),
             **dict(zip((f"masked_{name}" for name in _TREE), (self.masked_tree or self.tree).buffers, strict=True)),
             "camera": device.upload(scene.camera),

@@ -22,6 +22,7 @@ from clrender.exporters.surfaces import (
     radiance_of,
     tell_of_glow,
     tell_of_grid,
+    without_measured,
 )
 from clrender.exporters.target import Target
 from clrender.exporters.triangles import At
@@ -129,6 +130,7 @@ class MaterialWriter:
         return {}
 
     def _surface(self, tree: NodeTree, material: Material, at: At) -> Socket:
+        material = without_measured(self._target, material, at, "diffuse")
         if isinstance(material, Mix):
             first, second = (
                 self._surface(tree, self._target.scene.materials[name], ("materials", name))

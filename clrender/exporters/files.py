@@ -12,11 +12,16 @@ from typing import IO, Final, TypeAlias
 from clrender.errors import UsageError
 from clrender.files.access import atomic_write
 
-__all__ = ["NamedFiles", "Write"]
+__all__ = ["NamedFiles", "Write", "write_bytes"]
 
 Write: TypeAlias = Callable[[IO[bytes]], None]
 """Writes the content of a file."""
 _HASHED: Final = re.compile(r"-[0-9a-f]{8}\Z")
+
+
+def write_bytes(file: IO[bytes], data: bytes) -> None:
+    """Write a whole file."""
+    file.write(data)
 
 
 @dataclass

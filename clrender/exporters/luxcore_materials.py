@@ -19,6 +19,7 @@ from clrender.exporters.surfaces import (
     radiance_of,
     tell_of_glow,
     tell_of_grid,
+    without_measured,
 )
 from clrender.exporters.target import Target
 from clrender.exporters.triangles import At
@@ -155,6 +156,7 @@ class MaterialWriter:
         return {}
 
     def _surface(self, material: Material, at: At) -> Properties:
+        material = without_measured(self._target, material, at, "matte")
         color = self._textures.color
         if isinstance(material, Lambert):
             return {"type": "matte", "kd": color(material.reflectance, (*at, "reflectance"))}

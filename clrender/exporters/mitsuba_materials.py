@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import math
+from functools import partial
+from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 
+from clrender.exporters.files import write_bytes
 from clrender.exporters.mitsuba_textures import TextureWriter
 from clrender.exporters.mitsuba_xml import Element, element, value
-from clrender.exporters.surfaces import ONCE, alphas_of, is_rough
+from clrender.exporters.surfaces import ONCE, alphas_of, is_rough, without_measured
 from clrender.exporters.target import Target
 from clrender.flatten.hair import hair_absorption
+from clrender.measured import MeasuredFile
 from clrender.scene.materials import (
     Conductor,
     Dielectric,
     Hair,
     Lambert,
     Material,
+    Measured,
     Mirror,
     Mix,
     OrenNayar,
@@ -99,7 +104,7 @@ class MaterialWriter:
 
     def _two_sided(self, material: Material, at: _At, around: float | None) -> Element:
         made = self._bumpy(material, at, around)
-        opaque = isinstance(material, Lambert | OrenNayar | Mirror | Conductor) or (
+        opaque = isinstance(material, Lambert | OrenNayar | Mirror | Conductor | Measured) or (
             isinstance(material, Principled) and material.transmission == 0.0 and material.diffuse_transmission == 0.0
         )
         flat = isinstance(material, Subsurface) and material.ior is None
@@ -122,6 +127,11 @@ class MaterialWriter:
         return made
 
     def _surface(self, material: Material, at: _At, around: float | None) -> Element:
+        if isinstance(material, Measured):
+            file = self._target.scene.measured(str(at[-1]), material)
+            if file.has_spectra:
+                return self._measured(material, file)
+            material = without_measured(self._target, material, at, "diffuse: Mitsuba reads files of RGL with spectra")
         if isinstance(material, Lambert):
             return self._diffuse(material.reflectance, (*at, "reflectance"))
         if isinstance(material, OrenNayar):
@@ -144,6 +154,11 @@ class MaterialWriter:
             return element("bsdf", weight, *map(self.reference, material.materials), type="blendbsdf")
         assert isinstance(material, Principled)  # scenes with plugins are refused
         return self._principled(material, at)
+
+    def _measured(self, material: Measured, file: MeasuredFile) -> Element:
+        write = partial(write_bytes, data=file.content.tobytes())
+        name = self._target.files.add(self._target.folder, Path(material.file).stem, file.ending, file.sha256(), write)
+        return element("bsdf", value("string", "filename", name), type="measured")
 
     def _hair(self, material: Hair, at: _At) -> Element:
         if isinstance(material.reflectance, Texture):

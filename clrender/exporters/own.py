@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from clrender.curves import CurveData
 from clrender.errors import SceneError
-from clrender.exporters.files import NamedFiles
+from clrender.exporters.files import NamedFiles, write_bytes
 from clrender.exporters.mesh_ply import write_ply
 from clrender.scene import Scene
 from clrender.scene.content_hash import put_at
@@ -93,6 +93,11 @@ def exported(scene: Scene, folder: str) -> Export:
         placed = [*density_placement(density, grid).tolist(), [0.0, 0.0, 0.0, 1.0]]
         table = {"file": name, "transform": {"matrix": placed}, "edges": density.edges}
         export.description["media"][medium]["density"] = table
+    for material, measured in scene.measured_materials():
+        file = scene.measured(material, measured)
+        write = partial(write_bytes, data=file.content.tobytes())
+        name = export.add(folder, Path(measured.file).stem, file.ending, file.sha256(), write)
+        put_at(export.description, ("materials", material, "file"), name)
     copied: dict[str, str] = {}
     named = [(at, texture.texture) for at, texture in scene.texture_files()]
     for index, pictured in scene.pictured_lights():
@@ -113,7 +118,7 @@ def exported(scene: Scene, folder: str) -> Export:
         at = ("lights", index, "file")
         data = _lamp(scene, light.file, place(at))
         digest = hashlib.sha256(data).hexdigest()
-        name = export.add(folder, Path(light.file).stem, ".ies", digest, partial(_write_bytes, data=data))
+        name = export.add(folder, Path(light.file).stem, ".ies", digest, partial(write_bytes, data=data))
         put_at(export.description, at, name)
     return export
 
@@ -187,10 +192,6 @@ def _write_radiance(file: IO[bytes], pixels: NDArray[np.float32]) -> None:
 
 def _write_array(file: IO[bytes], array: NDArray[Any]) -> None:
     np.lib.format.write_array(file, array, allow_pickle=False)
-
-
-def _write_bytes(file: IO[bytes], data: bytes) -> None:
-    file.write(data)
 
 
 def _parted(strands: CurveData) -> NDArray[np.float64]:

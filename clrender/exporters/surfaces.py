@@ -9,11 +9,21 @@ import numpy as np
 
 from clrender.exporters.target import Target
 from clrender.exporters.triangles import DISK_EDGES, SPHERE_STEPS, At, texture_sets
+from clrender.flatten.measured import measured_color
 from clrender.flatten.media import absorption_coefficients
 from clrender.flatten.subsurface import single_scattering
 from clrender.flatten.tubes import AROUND
 from clrender.scene import Curves, Disk, Mesh, Scene, Sphere
-from clrender.scene.materials import SMOOTH_BELOW, Conductor, Dielectric, Material, Principled, Subsurface
+from clrender.scene.materials import (
+    SMOOTH_BELOW,
+    Conductor,
+    Dielectric,
+    Lambert,
+    Material,
+    Measured,
+    Principled,
+    Subsurface,
+)
 from clrender.scene.medium import Density
 from clrender.scene.shapes import AnyShape
 from clrender.scene.textures import Texture
@@ -37,10 +47,31 @@ __all__ = [
     "tell_of_meshes",
     "tell_of_round",
     "texture_set",
+    "without_measured",
 ]
 
 ONCE: Final = "multiple scattering between microfacets, so that rough surfaces are darker"
 """What most programs leave out."""
+
+
+def without_measured(target: Target, material: Material, at: At, written_as: str) -> Material:
+    """A material, in whose place there is a diffuse one of its mean colour if its reflectance is measured.
+
+    Parameters
+    ----------
+    target : Target
+    material : Material
+    at : tuple of str or int
+        Its location.
+    written_as : str
+        What the program calls diffuse surfaces.
+    """
+    if not isinstance(material, Measured):
+        return material
+    target.leave_out(f"measured reflectance, which is written as {written_as}", *at)
+    kept = material.model_dump(exclude={"type", "file", "anisotropy_rotation"}, exclude_unset=True)
+    color = measured_color(target.scene, str(at[-1]), material)
+    return Lambert.model_validate({"type": "lambert", "reflectance": color, **kept})
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ __all__ = ["Features"]
 _CALIBRATED: Final = (layout.CAMERA_BROWN_CONRADY, layout.CAMERA_KANNALA_BRANDT)
 
 
-_RARE: Final = ("motion", "deformation", "grids", "glowing_media", "curves", "hair")
+_RARE: Final = ("motion", "deformation", "grids", "glowing_media", "curves", "hair", "measured")
 """Features that no program for any scene has."""
 
 
@@ -74,6 +74,8 @@ class Features:
         Some medium shines.
     curves, hair : bool
         Some shapes are curves; some material is hair.
+    measured : bool
+        Some material's reflectance is measured.
     plugins : tuple of (str, str)
         Names and texts of the kernel files that some materials' plugins make; see `clrender.plugins.kernel_files`.
     """
@@ -106,6 +108,7 @@ class Features:
     glowing_media: bool = False
     curves: bool = False
     hair: bool = False
+    measured: bool = False
     plugins: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -223,6 +226,7 @@ class Features:
             terminator_offset=bool((flags & layout.SHAPE_TERMINATOR_OFFSET).any()),
             curves=bool(arrays["curve_rows"].any()),
             hair=len(arrays["albedo_tables"]) > 1 and bool((_kinds(arrays) == layout.MATERIAL_HAIR).any()),
+            measured=bool(arrays["measured_rows"].any()),
             plugins=tuple(kernel_files(plugins).items()) if plugins else (),
         )
         return found.seen_by(camera, instances.moves)

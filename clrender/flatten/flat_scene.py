@@ -24,6 +24,7 @@ from clrender.flatten.interiors import media_with_lights, open_media
 from clrender.flatten.lamps import lamp_tables
 from clrender.flatten.lights import FlatLights, flat_environment, flat_lights
 from clrender.flatten.material_rows import flat_materials
+from clrender.flatten.measured import flat_measured
 from clrender.flatten.media import Media, Solid, scene_media, solid_of
 from clrender.flatten.microfacets import albedo_tables
 from clrender.flatten.motion import camera_knots, knot_rows
@@ -66,6 +67,7 @@ class FlatScene:
         ``material_rows`` (2 M, 16) float32, and ``albedo_tables`` (N,) float32, one zero where no material has rows;
         ``media_rows`` (N, 16) float32, zero if paths need not track the media that they are inside;
         ``grid_rows`` and ``grid_words``: see `clrender.flatten.grids.flat_grids`;
+        ``measured_rows`` and ``measured_words``: see `clrender.flatten.measured.MeasuredArrays`;
         ``attribute_rows`` (T + R, 16) float32, or one row where no shape is textured; ``texture_rows``,
         ``texture_slots``, ``texel_values`` and ``texels``: see `clrender.flatten.texture_rows.FlatTextures`;
         ``hole_rows`` (N, 64) uint32, see `clrender.flatten.holes`, one row if no opacity is textured; ``lights`` (L,)
@@ -225,7 +227,8 @@ def flatten(
     lights = flat_lights(scene, surfaces, instances, textures, around, lamps, light_sampler)
     tree = lights.tree
     triangle_count, analytic_count = len(surfaces.triangles), len(surfaces.analytic_shapes)
-    materials = flat_materials(scene, media.of_solid)
+    measured = flat_measured(scene)
+    materials = flat_materials(scene, media.of_solid, measured)
     grid_rows, grid_words = flat_grids(scene, media.densities, origin)
     arrays = {
         "vertices": _padded(surfaces.vertices),
@@ -243,6 +246,8 @@ def flatten(
         "media_rows": media.rows,
         "grid_rows": grid_rows,
         "grid_words": grid_words,
+        "measured_rows": measured.rows,
+        "measured_words": measured.words,
         "attribute_rows": _padded(surfaces.attributes),
         "texture_rows": textures.rows,
         "texture_slots": textures.slots,
@@ -267,6 +272,8 @@ def flatten(
     for name, array in arrays.items():
         if name.startswith("grid_") and not media.densities:
             continue  # hashes of scenes without grids are older than these
+        if name.startswith("measured_") and not measured.head_of:
+            continue  # likewise
         if name == "curve_rows" and not array.any():
             continue  # likewise
         digest.update(f"{name} {array.shape}".encode())
@@ -275,6 +282,9 @@ def flatten(
         elif name == "grid_words":  # likewise
             for medium, density in media.densities:
                 digest.update(f"{scene.grid(medium, density).sha256()} {density.edges}".encode())
+        elif name == "measured_words":  # likewise
+            for material, its in scene.measured_materials():
+                digest.update(scene.measured(material, its).sha256().encode())
         else:
             digest.update(array.reshape(-1).view(np.uint8).data)
     around_lights = (scene.environment, scene.sky)

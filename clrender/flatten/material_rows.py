@@ -12,15 +12,18 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.flatten.hair import hair_color, hair_numbers
+from clrender.flatten.measured import MeasuredArrays, measured_color
 from clrender.flatten.media import MATCHED_IOR, Solid, solid_of
 from clrender.flatten.microfacets import fresnel, fresnel_average
 from clrender.flatten.plugin_rows import parameter_numbers, plugin_number, used_plugins
+from clrender.measured import RglTables
 from clrender.scene.materials import (
     Conductor,
     Dielectric,
     Hair,
     Lambert,
     Material,
+    Measured,
     Mirror,
     Mix,
     OrenNayar,
@@ -96,7 +99,7 @@ def material_numbers(scene: Scene) -> dict[Solid, int]:
     return {solid: number for number, solid in enumerate(dict.fromkeys(solids))}
 
 
-def flat_materials(scene: Scene, medium_of: Mapping[Solid, int]) -> MaterialArrays:
+def flat_materials(scene: Scene, medium_of: Mapping[Solid, int], measured: MeasuredArrays) -> MaterialArrays:
     """Arrays of a scene's materials.
 
     Parameters
@@ -104,6 +107,8 @@ def flat_materials(scene: Scene, medium_of: Mapping[Solid, int]) -> MaterialArra
     scene : Scene
     medium_of : mapping of Solid to int
         See `clrender.flatten.media.Media.of_solid`.
+    measured : MeasuredArrays
+        Of its measured materials.
     """
     numbered = material_numbers(scene)
     materials = np.zeros(len(numbered), dtype=layout.dtype("Material"))
@@ -113,7 +118,7 @@ def flat_materials(scene: Scene, medium_of: Mapping[Solid, int]) -> MaterialArra
     for number, (name, material) in enumerate(scene.materials.items()):
         row = materials[number]
         row["medium"] = medium_of.get((name, None), 0)
-        color = _color(scene, material)
+        color = _color(scene, name, material)
         default = 0.0 if _passes_light(scene, material) else min(1.0 - max(color), _MOST_TERMINATION)
         row["color"] = (*color, default if material.termination is None else material.termination)
         row["kind"] = _kind(material)
@@ -127,6 +132,8 @@ def flat_materials(scene: Scene, medium_of: Mapping[Solid, int]) -> MaterialArra
             _fill(material, rows[number], numbers)
             if isinstance(material, PluginMaterial):
                 _fill_plugin(scene, material, rows[number])
+            if isinstance(material, Measured):
+                _fill_measured(scene, name, material, measured, rows[number])
         if has_row(material):
             row["kind"], row["row"] = layout.MATERIAL_BY_ROW, number
     for solid, number in list(numbered.items())[len(scene.materials) :]:
@@ -164,6 +171,7 @@ _KINDS: Final[dict[type, int]] = {
     Conductor: layout.MATERIAL_CONDUCTOR,
     Principled: layout.MATERIAL_PRINCIPLED,
     Hair: layout.MATERIAL_HAIR,
+    Measured: layout.MATERIAL_MEASURED,
     PluginMaterial: layout.MATERIAL_PLUGIN,
     Mix: layout.MATERIAL_MIX,
 }
@@ -203,12 +211,12 @@ def _index(material: Material) -> float:
     return material.ior if isinstance(material, Principled) else 1.0
 
 
-def _color(scene: Scene, material: Material) -> Vector:
+def _color(scene: Scene, name: str, material: Material) -> Vector:
     """Approximate reflectance as one colour; for a metal that at normal incidence."""
     if isinstance(material, Dielectric | Subsurface):
         return (1.0, 1.0, 1.0)
     if isinstance(material, Mix):
-        first, second = (_color(scene, scene.materials[name]) for name in material.materials)
+        first, second = (_color(scene, part, scene.materials[part]) for part in material.materials)
         weight = material.weight if isinstance(material.weight, float) else _UNKNOWN
         red, green, blue = (a + (b - a) * weight for a, b in zip(first, second, strict=True))
         return (red, green, blue)
@@ -221,6 +229,8 @@ def _color(scene: Scene, material: Material) -> Vector:
         return _plugin_color(scene, material)
     if isinstance(material, Hair):
         return hair_color(material)
+    if isinstance(material, Measured):
+        return measured_color(scene, name, material)
     color = material.base_color if isinstance(material, Principled) else material.reflectance
     return color if isinstance(color, tuple) else (_UNKNOWN,) * 3
 
@@ -258,6 +268,15 @@ def _fill_plugin(scene: Scene, material: PluginMaterial, row: _Row) -> None:
     _put(row, PLUGIN=_bits(plugin_number(scene, material.plugin)), NUMBERS=numbers[:half], MORE_NUMBERS=numbers[half:])
     turned = "tangents" in _plugin(scene, material).header.needs
     turn = (material.anisotropy_rotation / 360.0) % 1.0
+    _put(row, ROUGHNESS=1.0, ANISOTROPY=1.0 if turned else 0.0, ROTATION=turn)
+
+
+def _fill_measured(scene: Scene, name: str, material: Measured, measured: MeasuredArrays, row: _Row) -> None:
+    """Write where the tables of a material are. An isotropic one needs no tangents."""
+    tables = scene.measured(name, material).tables
+    turned = isinstance(tables, RglTables) and not tables.isotropic
+    turn = (material.anisotropy_rotation / 360.0) % 1.0
+    _put(row, MEASURED=_bits(measured.head_of[material.file]), FLAGS=_sides(material))
     _put(row, ROUGHNESS=1.0, ANISOTROPY=1.0 if turned else 0.0, ROTATION=turn)
 
 

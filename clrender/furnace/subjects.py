@@ -18,7 +18,7 @@ from clrender.importers import load
 from clrender.plugins import Plugin, as_plugins
 from clrender.scene import builtin_names
 from clrender.scene.description import MATERIAL_TYPES, Scene
-from clrender.scene.materials import Hair, Mix, PluginMaterial, material_textures
+from clrender.scene.materials import Hair, Measured, Mix, PluginMaterial, material_textures
 from clrender.scene.textures import PluginTexture
 from clrender.scene.validation_errors import scene_error
 from clrender.wording import quoted, suggestion
@@ -258,6 +258,8 @@ def _claims(scene: Scene, name: str) -> frozenset[str]:
         return first & second
     if isinstance(material, PluginMaterial):
         return frozenset(next(each for each in scene.plugins if each.name == material.plugin).header.claims)
+    if isinstance(material, Measured):
+        return frozenset()  # nothing measured is exactly reciprocal, and there is no white version of it
     # How far from the axis of a fibre light arrives is told by the direction that it leaves in
     return frozenset(("lossless",) if isinstance(material, Hair) else ("reciprocal", "lossless"))
 

@@ -8,6 +8,7 @@ from typing import Any, Final
 from clrender.curves import CurveData
 from clrender.errors import SceneError
 from clrender.grids import GridData
+from clrender.measured import MeasuredFile
 from clrender.meshes.data import MeshData
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.groups import TransformArray
@@ -46,6 +47,8 @@ class Draft:
         By the file name of the density of a medium.
     curves : dict of str to CurveData
         By the file name of curves.
+    measured : dict of str to MeasuredFile
+        By the file name of measured materials.
     notes : list of str
         What is not supported and what was done instead; a sentence each, without the file's name.
     wants_light : bool
@@ -66,6 +69,7 @@ class Draft:
     places: dict[str, TransformArray] = field(default_factory=dict)
     grids: dict[str, GridData] = field(default_factory=dict)
     curves: dict[str, CurveData] = field(default_factory=dict)
+    measured: dict[str, MeasuredFile] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     wants_light: bool = False
     wants_exposure: bool = False

@@ -79,9 +79,9 @@ def completed(draft: Draft, files: AssetFiles, up: str = "y", *, surrounded: boo
     scene = scene.placed(files.source, files.folder, files.allow_paths)
     held = {shape.asset for _, shape in scene.mesh_files() if shape.file in draft.meshes}
     meshes = {asset: frozen(draft.meshes[asset[0]]) for asset in held}
-    places, pictures, profiles, grids, curves = (
+    places, pictures, profiles, grids, curves, measured = (
         {name: frozen(content) for name, content in each.items()}
-        for each in (draft.places, draft.environments, draft.profiles, draft.grids, draft.curves)
+        for each in (draft.places, draft.environments, draft.profiles, draft.grids, draft.curves, draft.measured)
     )
     scene = scene.with_files(
         meshes=meshes,
@@ -91,6 +91,7 @@ def completed(draft: Draft, files: AssetFiles, up: str = "y", *, surrounded: boo
         profiles=profiles,
         grids=grids,
         curves=curves,
+        measured=measured,
     )
     if framed:
         keys, side = _around(scene, up)

@@ -92,6 +92,8 @@ def _contents(scene: SceneContents) -> dict[str, bytes]:
         grid = scene.grid(name, density)
         placed = density_placement(density, grid).tolist()
         content["media"][name]["density"] = {"grid": grid.sha256(), "placement": placed, "edges": density.edges}
+    for name, material in scene.measured_materials():
+        content["materials"][name]["file"] = scene.measured(name, material).sha256()
     if named := scene.texture_files():
         store = scene.textures()
         for at, texture in named:

@@ -11,6 +11,7 @@ from pydantic import AfterValidator, FailFast, Field, PrivateAttr
 
 from clrender.curves import CurveData
 from clrender.grids import GridData
+from clrender.measured import MeasuredFile
 from clrender.meshes.data import MeshData, inline_mesh
 from clrender.plugins import Plugin
 from clrender.scene.camera import Camera
@@ -29,6 +30,7 @@ from clrender.scene.light_kinds import (
 )
 from clrender.scene.materials import (
     Material,
+    Measured,
 )
 from clrender.scene.medium import Density, Medium
 from clrender.scene.pictures import TexelStore
@@ -361,6 +363,28 @@ class SceneContents(Head):
         assert isinstance(light, IesLight)
         return self._files.profile(light.file, f"lights[{index}].file")
 
+    def measured_materials(self) -> Iterator[tuple[str, Measured]]:
+        """Its measured materials, each with its name."""
+        for name, material in self.materials.items():
+            if isinstance(material, Measured):
+                yield name, material
+
+    def measured(self, name: str, material: Measured) -> MeasuredFile:
+        """The reflectance that a material names; its file is read once and cached.
+
+        Parameters
+        ----------
+        name : str
+            Name of the material, for error messages.
+        material : Measured
+
+        Raises
+        ------
+        SceneError
+            If the file cannot be read or holds no measured reflectance.
+        """
+        return self._files.measured_file(material.file, place(("materials", name, "file")))
+
     def used_media(self) -> set[str]:
         """Names of the media that shapes or the fog are of."""
         names = {shape.interior for _, shape in self.all_shapes()} | {self.fog}
@@ -400,8 +424,12 @@ class SceneContents(Head):
             self.transforms(index)
         if self.texture_files():
             self.textures()
+        for at, curves in self.curve_files():
+            self.strands(at, curves)
         for name, density in self.densities():
             self.grid(name, density)
+        for name, material in self.measured_materials():
+            self.measured(name, material)
         self.read_lights()
 
     def read_lights(self) -> None:

@@ -25,6 +25,7 @@ from clrender.scene.values import (
     NUMBER_OR_TRIPLE,
     POWER_LIMIT,
     Extinction,
+    FileName,
     Finite,
     Flag,
     Index,
@@ -49,6 +50,7 @@ __all__ = [
     "Hair",
     "Lambert",
     "Material",
+    "Measured",
     "Mirror",
     "Mix",
     "OrenNayar",
@@ -450,6 +452,14 @@ class Hair(_Surface):
         return (x, y, z)
 
 
+class Measured(_Opaque):
+    """Reflectance that was measured: a file of the RGL database (Dupuy and Jakob 2018) or of MERL (Matusik 2003)."""
+
+    type: Literal["measured"]
+    file: FileName = Field(description="name of a file `.bsdf` (RGL, of spectra or of RGB) or `.binary` (MERL)")
+    anisotropy_rotation: _Degrees = Field(0.0, description="rotation of the sample's x axis, degrees, about the normal")
+
+
 class PluginMaterial(_Opaque):
     """BSDF of a plugin: a file in OpenCL C, which is given by `--plugin` or in Python, never by a scene."""
 
@@ -481,11 +491,22 @@ MATERIAL_TYPES: Final[Mapping[str, type[Part]]] = {
     "principled": Principled,
     "subsurface": Subsurface,
     "hair": Hair,
+    "measured": Measured,
     "plugin": PluginMaterial,
     "mix": Mix,
 }
 Material: TypeAlias = Annotated[
-    Lambert | Mirror | Dielectric | OrenNayar | Conductor | Principled | Subsurface | Hair | PluginMaterial | Mix,
+    Lambert
+    | Mirror
+    | Dielectric
+    | OrenNayar
+    | Conductor
+    | Principled
+    | Subsurface
+    | Hair
+    | Measured
+    | PluginMaterial
+    | Mix,
     Field(discriminator="type"),
 ]
 

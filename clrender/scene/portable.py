@@ -15,6 +15,7 @@ from clrender.curves import CurveData
 from clrender.errors import SceneError
 from clrender.grids import GridData
 from clrender.image.texel_tiles import TILE_BYTES, StoredPicture, picture_sha256, tile_shape
+from clrender.measured import MeasuredFile
 from clrender.meshes.data import CORNER_ARRAYS, MeshData
 from clrender.meshes.vertex_colors import VertexColors
 from clrender.scene.content_hash import put_at
@@ -30,7 +31,15 @@ __all__ = ["scene_from_portable", "scene_to_portable"]
 
 _PREFIX: Final = "sha256:"
 _Asset = TypeVar(
-    "_Asset", CurveData, GridData, MeshData, EnvironmentPicture, IesProfile, TransformArray, "_TexturePicture"
+    "_Asset",
+    CurveData,
+    GridData,
+    MeasuredFile,
+    MeshData,
+    EnvironmentPicture,
+    IesProfile,
+    TransformArray,
+    "_TexturePicture",
 )
 
 
@@ -86,6 +95,11 @@ def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
         put_at(description, (*at, "file"), _PREFIX + strands.sha256())
         if strands.sha256() not in assets:
             assets[strands.sha256()] = _packed_curves(strands)
+    for name, material in scene.measured_materials():
+        measured = scene.measured(name, material)
+        put_at(description, ("materials", name, "file"), _PREFIX + measured.sha256())
+        if measured.sha256() not in assets:
+            assets[measured.sha256()] = _zipped(content=measured.content)
     return description, assets
 
 
@@ -137,8 +151,14 @@ def scene_from_portable(description: Mapping[str, Any], assets: Mapping[str, byt
         if strands.file is not None and strands.file not in curves:
             place = f"{source}: {place_in_file((*at, 'file'))}"
             curves[strands.file] = _unpacked_curves(_hash_in(strands.file, place), assets, place)
+    measured: dict[str, MeasuredFile] = {}
+    for name, material in scene.measured_materials():
+        if material.file not in measured:
+            place = f"{source}: {place_in_file(('materials', name, 'file'))}"
+            measured[material.file] = _unpacked_measured(_hash_in(material.file, place), assets, place)
     return scene.with_files(
         curves=curves,
+        measured=measured,
         grids=grids,
         textures=textures,
         profiles=profiles,
@@ -232,6 +252,13 @@ def _unpacked_grid(sha256: str, assets: Mapping[str, bytes], place: str) -> Grid
         return GridData.checked(archive["values"], f"the asset {sha256}", placement)
 
     return _asset(sha256, assets, place, grid)
+
+
+def _unpacked_measured(sha256: str, assets: Mapping[str, bytes], place: str) -> MeasuredFile:
+    def measured(archive: Any) -> MeasuredFile:
+        return MeasuredFile.checked(np.array(archive["content"]), f"the asset {sha256}")
+
+    return _asset(sha256, assets, place, measured)
 
 
 def _asset(sha256: str, assets: Mapping[str, bytes], place: str, made: Callable[[Any], _Asset]) -> _Asset:

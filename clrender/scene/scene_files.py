@@ -17,6 +17,7 @@ from clrender.errors import SceneError
 from clrender.files.named import open_named_file
 from clrender.grids import GridData, read_grid
 from clrender.image.texel_tiles import StoredPicture
+from clrender.measured import MeasuredFile, read_measured
 from clrender.meshes.data import MeshData
 from clrender.meshes.read import read_mesh
 from clrender.meshes.vertex_colors import VertexColors
@@ -37,6 +38,7 @@ _KINDS: Final[Mapping[str, type]] = {
     "profiles": IesProfile,
     "grids": GridData,
     "curves": CurveData,
+    "measured": MeasuredFile,
     "textures": tuple,
     "encoded": tuple,
 }
@@ -69,6 +71,7 @@ class SceneFiles:
     profiles : dict of str to IesProfile
     grids : dict of str to GridData
     curves : dict of str to CurveData
+    measured : dict of str to MeasuredFile
     textures : dict of str to (StoredPicture, (tiles, 64) uint8)
     encoded : dict of str to (bytes, str)
         Encoded images: file content, and the format's extension such as ``.png``.
@@ -83,6 +86,7 @@ class SceneFiles:
     profiles: dict[str, IesProfile] = field(default_factory=FrozenDict)
     grids: dict[str, GridData] = field(default_factory=FrozenDict)
     curves: dict[str, CurveData] = field(default_factory=FrozenDict)
+    measured: dict[str, MeasuredFile] = field(default_factory=FrozenDict)
     textures: dict[str, tuple[StoredPicture, NDArray[uint8]]] = field(default_factory=FrozenDict)
     encoded: dict[str, tuple[bytes, str]] = field(default_factory=FrozenDict)
 
@@ -172,6 +176,13 @@ class SceneFiles:
             curves = read_curves(name, self.base_folder, self.allow_paths, f"{self.source}: {where}")
             self._read("curves", name, curves)
         return self.curves[name]
+
+    def measured_file(self, name: str, where: str) -> MeasuredFile:
+        """Content of a file of reflectance; `where` is the location of the name, for messages. Raises like `mesh`."""
+        if name not in self.measured:
+            measured = read_measured(name, self.base_folder, self.allow_paths, f"{self.source}: {where}")
+            self._read("measured", name, measured)
+        return self.measured[name]
 
     @contextmanager
     def opened(self, name: str, where: str) -> Iterator[tuple[BinaryIO, str]]:

@@ -160,6 +160,9 @@ static void bsdf_no_rows(Bsdf* b) {
 #ifdef HAIR
     b->closure.hair.present = mask_none();
 #endif
+#ifdef MEASURED
+    b->closure.measured.present = mask_none();
+#endif
     b->closure.present = b->closure.glass.present = b->closure.glass.thin = b->closure.diffuse.present = b->thin = mask_none();
     b->closure.diffuse.transmission = splat(0.0f);
     b->closure.glass.eta = splat(1.0f);

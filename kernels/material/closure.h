@@ -22,6 +22,9 @@
 #ifdef HAIR
 #include "material/lobe/hair.h"
 #endif
+#ifdef MEASURED
+#include "material/lobe/measured.h"
+#endif
 #include "material/lobe/reflection.h"
 #include "material/lobe/sheen.h"
 #include "plugin/given.h"
@@ -51,6 +54,9 @@ typedef struct {
     vfloat low2, octaves;    // of warp_low_hemisphere, for what more than one facet scatters
 #ifdef HAIR
     Hair hair;               // scatters in the place of all lobes, where it is present
+#endif
+#ifdef MEASURED
+    Measured measured;       // likewise
 #endif
 #ifdef PLUGIN_BSDFS
     vuint plugin;            // what scatters in the place of all lobes; 0: nothing does
@@ -159,6 +165,13 @@ static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
         density = c->hair.present ? its : density;
     }
 #endif
+#ifdef MEASURED
+    if (lane_any(c->measured.present)) {
+        vfloat its;
+        f = choose(c->measured.present, measured_eval(&c->measured, up, cosine, &its), f);
+        density = c->measured.present ? its : density;
+    }
+#endif
 #ifdef PLUGIN_BSDFS
     const vmask given = c->plugin != 0u;
     if (lane_any(given)) {
@@ -212,6 +225,9 @@ static vec3 closure_sample(const Closure* c, vec3 wo, vfloat u, vfloat v, vfloat
 #ifdef HAIR
     // Its way is that of the diffuse lobe, with probability 1, so `u` is still what it was
     if (lane_any(c->hair.present)) wi = choose(c->hair.present, hair_sample(&c->hair, wo, u, v, w), wi);
+#endif
+#ifdef MEASURED
+    if (lane_any(c->measured.present)) wi = choose(c->measured.present, measured_sample(&c->measured, u, v), wi);
 #endif
 #ifdef PLUGIN_BSDFS
     // Its way is that of the diffuse lobe, with probability 1, so `u` is still what it was

@@ -104,6 +104,10 @@ static void layering_lobes(const Scene* scene, const Parameters* p, vmask front,
     c->hair.present = p->kind == MATERIAL_HAIR;
     c->present = c->present | c->hair.present;
 #endif
+#ifdef MEASURED
+    c->measured.present = lit & (p->kind == MATERIAL_MEASURED);
+    c->present = c->present | c->measured.present;
+#endif
 #ifdef PLUGIN_BSDFS
     c->plugin = lit ? p->plugin : splat_uint(0u);
     for (int i = 0; i < PLUGIN_NUMBERS; ++i) c->numbers[i] = p->numbers[i];
@@ -233,6 +237,12 @@ static void closure_at(const Scene* scene, const Parameters* p, vec3 wo, vmask f
     if (lane_any(c->hair.present)) {
         hair_prepare(&p->hair, p->color, wo, c->hair.present, &c->hair);
         c->albedo = choose(c->hair.present, hair_albedo(&c->hair), c->albedo);
+    }
+#endif
+#ifdef MEASURED
+    if (lane_any(c->measured.present)) {
+        measured_prepare(scene->measured_rows, scene->measured_words, p->measured, wo, c->measured.present, &c->measured);
+        c->albedo = choose(c->measured.present, c->measured.albedo, c->albedo);
     }
 #endif
 #ifdef PLUGIN_BSDFS

@@ -35,6 +35,9 @@ typedef struct {
 #ifdef HAIR
     HairNumbers hair;              // of kind MATERIAL_HAIR
 #endif
+#ifdef MEASURED
+    vuint measured;                // of kind MATERIAL_MEASURED, the first row of its tables
+#endif
 #ifdef PLUGIN_BSDFS
     vuint plugin;                  // its number; 0: none
     vfloat numbers[PLUGIN_NUMBERS];
@@ -82,7 +85,7 @@ static vmask parameters_unmix(const Scene* scene, const Surface* s, vmask has_ro
 // Where an image is mirrored and nothing passes.
 static vmask parameters_glossy(const Parameters* p) {
     const vmask opaque = (p->kind == MATERIAL_PRINCIPLED) & (p->transmission == 0.0f) & (p->diffuse_transmission == 0.0f);
-    return opaque | (p->kind == MATERIAL_MIRROR) | (p->kind == MATERIAL_CONDUCTOR);
+    return opaque | (p->kind == MATERIAL_MIRROR) | (p->kind == MATERIAL_CONDUCTOR) | (p->kind == MATERIAL_MEASURED);
 }
 
 #ifdef TEXTURES
@@ -150,6 +153,9 @@ static Parameters material_at(const Scene* scene, const Surface* s, vec3 directi
     p.hair.per_logarithm = a[MATERIAL_ROW_HAIR_PER_LOGARITHM];
     p.hair.eta = b[LAYER_ROW_HAIR_ETA];
     p.hair.tilt_sine = b[LAYER_ROW_HAIR_TILT_SINE], p.hair.tilt_cosine = b[LAYER_ROW_HAIR_TILT_COSINE];
+#endif
+#ifdef MEASURED
+    p.measured = vfloat_bits(a[MATERIAL_ROW_MEASURED]);
 #endif
 #ifdef PLUGIN_BSDFS
     p.plugin = p.kind == MATERIAL_PLUGIN ? vfloat_bits(a[MATERIAL_ROW_PLUGIN]) : splat_uint(0u);

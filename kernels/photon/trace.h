@@ -10,6 +10,7 @@
 #include "geometry/surface.h"
 #include "material/bsdf.h"
 #include "material/interior.h"
+#include "material/reversed.h"
 #include "material/turning.h"
 #include "medium/walk.h"
 #include "photon/ball.h"
@@ -97,6 +98,16 @@ static vmask photon_scatter(const Scene* scene, Photon* p, const Surface* surfac
     // bsdf_sample weighs radiance, and this is flux
     const vfloat turned = bsdf_turned(bsdf, p->ray.direction, next.direction) * bsdf_index_squared(bsdf, next.direction);
     vec3 weight = scale(next.weight, bsdf_in_medium(bsdf) ? splat(1.0f) : turned);
+#ifdef MEASURED
+    // What is not reciprocal is as it is seen from where the photon goes
+    const vmask measured = found & bsdf->closure.present & bsdf->closure.measured.present & (next.pdf > 0.0f);
+    if (lane_any(measured)) {
+        vfloat back;
+        const vec3 f = bsdf_reversed(scene, surface, bsdf, negate(p->ray.direction), next.direction, measured, &back);
+        const vfloat in = absolute(inner(surface->normal, p->ray.direction)), out = absolute(inner(surface->normal, next.direction));
+        weight = choose(measured, choose(largest(next.weight) > 0.0f, scale(f, out * inverse_or_one(in * next.pdf)), vec3_all(0.0f)), weight);
+    }
+#endif
     interior_straighten(crossing, p->ray.direction, &next.direction, &weight);
     const vfloat late = straight ? splat(1.0f) : roulette_late(p->depth + 1u);
     const vfloat open = medium_survival(scene, &p->interior, medium_scatters(hit), p->depth + 1u);

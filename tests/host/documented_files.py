@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 from gltf_files import Model
+from measured_files import rgl_fields, write_tensors
 
 __all__ = ["make_files"]
 
@@ -63,4 +64,5 @@ def make_files(folder: Path) -> None:
     (folder / "bright.cl").write_text(moon.replace("* limb);", "* limb * 2.5f);"))
     for name in ("bunny", "bunny-leaping", "bunny-landed"):
         shutil.copy(_SCENES / "bumpy.ply", folder / f"{name}.ply")
+    write_tensors(folder / "paint.bsdf", rgl_fields(spectral=True, side=8, views=4))
     np.save(folder / "warren.npy", np.eye(4)[None])

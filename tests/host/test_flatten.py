@@ -63,6 +63,8 @@ def test_arrays_are_what_the_kernels_expect() -> None:
         "curve_rows",
         "grid_rows",
         "grid_words",
+        "measured_rows",
+        "measured_words",
         "normals",
         "triangles",
         "primitive_shape",

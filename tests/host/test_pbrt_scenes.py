@@ -21,9 +21,9 @@ from clrender.importers import load
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
 from clrender.importers.shared.half_space import h_function, returned
-from clrender.importers.shared.spectra import TO_REC709
 from clrender.importers.shared.white_balance import daylight_xyz, white_balance
 from clrender.scene import Scene
+from clrender.spectra.colors import TO_REC709
 
 BALL = 'Shape "sphere"\n'
 

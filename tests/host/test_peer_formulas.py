@@ -25,9 +25,9 @@ from clrender.importers.shared.fresnel import external_reflectance, internal_ref
 from clrender.importers.shared.matrices import rotation
 from clrender.importers.shared.meshes import cube_mesh, cylinder_mesh, smoothed, sphere_mesh
 from clrender.importers.shared.sky_maps import square_place
-from clrender.importers.shared.spectra import blackbody_color, light_color, luminance, reflectance_color
 from clrender.meshes.data import MeshData
 from clrender.scene import Scene
+from clrender.spectra.colors import blackbody_color, light_color, luminance, reflectance_color
 
 GREY = '<bsdf type="diffuse"/>'
 AREA = '<emitter type="area"><rgb name="radiance" value="2"/></emitter>'

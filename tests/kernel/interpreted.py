@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 from unittest.mock import patch
 
 import numpy as np
+from measured_files import rgl_fields, write_merl, write_tensors
 from meshes import icosphere
 from PIL import Image
 
@@ -119,6 +120,8 @@ class Run:
         With media whose density is a grid, and which shine.
     strands : bool
         With curves of hair and of the matt material.
+    measured : bool
+        With the reflectance of measured surfaces, one of them anisotropic, in the place of mirror and metal.
     """
 
     kernel: str
@@ -144,6 +147,7 @@ class Run:
     plugins: bool = False
     grids: bool = False
     strands: bool = False
+    measured: bool = False
 
 
 RENDERS: Final = {
@@ -204,6 +208,10 @@ RENDERS: Final = {
     "path-4-grids": Run("path", 4, samples=2, media=True, grids=True),
     "path-1-grids": Run("path", 1, media=True, grids=True),
     "bdpt-1-grids": Run("bdpt", 1, media=True, grids=True),
+    "path-4-measured": Run("path", 4, samples=2, measured=True),
+    "path-1-measured": Run("path", 1, measured=True, textured=True),
+    "bdpt-1-measured": Run("bdpt", 1, measured=True),
+    "photon-4-measured": Run("photon", 4, measured=True),
     "path-4-strands": Run("path", 4, samples=2, strands=True, instances=True),
     "path-1-strands": Run("path", 1, strands=True, textured=True, opacity="veil"),
     "path-8-single-strands": Run("path", 8, "single", strands=True),
@@ -417,6 +425,14 @@ def scene(run: Run, folder: Path) -> FlatScene:
             around,
         ],
     }
+    if run.measured:
+        write_tensors(folder / "a.bsdf", rgl_fields(0.5, side=8, views=3))
+        write_tensors(folder / "b.bsdf", rgl_fields(0.3, 5, side=8, views=3))
+        write_merl(folder / "c.binary", lambda half, difference, turn: 0.2 + half[..., None] * 0.0 + 0.1 * turn)
+        names = ("a.bsdf", "b.bsdf", "c.binary")
+        described["materials"] |= {name: {"type": "measured", "file": name} for name in names}
+        described["materials"]["mirror"] = {"type": "mix", "materials": ("a.bsdf", "c.binary")}
+        described["materials"]["glass"] = {"type": "measured", "file": "b.bsdf", "anisotropy_rotation": 30.0}
     if run.strands:
         described["materials"]["hair"] = {"type": "hair", "eumelanin": 0.3, "opacity": 0.7 if run.opacity else 1.0}
         line = [[0.05 * k * k - 0.5, 0.25 * k - 0.2, 0.5 - 0.1 * k] for k in range(5)]

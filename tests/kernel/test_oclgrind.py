@@ -41,9 +41,9 @@ def interpreted(names: list[str], folder: Path, *options: str) -> tuple[dict[str
     log = folder / "complaints"
     command = ["oclgrind", *options, "--max-errors", "100", "--log", str(log), sys.executable]
     command += ["-W", "ignore", str(FOLDER / "interpreted.py"), *names]
-    root = str(Path(clrender.__file__).parents[1])
+    path = os.pathsep.join([str(Path(clrender.__file__).parents[1]), str(FOLDER.parent / "host")])
     done = subprocess.run(
-        command, capture_output=True, text=True, check=False, env={**os.environ, "PYTHONPATH": root}, cwd=folder
+        command, capture_output=True, text=True, check=False, env={**os.environ, "PYTHONPATH": path}, cwd=folder
     )
     assert done.returncode == 0, done.stderr
     lines = dict(line.split(" ", 1) for line in done.stdout.splitlines() if " " in line)

@@ -88,22 +88,27 @@ def run(
     *more: Any,
     front: bool = True,
     others: dict[str, Described] | None = None,
+    folder: Path | None = None,
 ) -> Floats:
-    """(outputs, count) results of a kernel of materials.cl; `others` are named by a mixture."""
+    """(outputs, count) results of a kernel of materials.cl.
+
+    `others` are named by a mixture; `folder` has the file of a measured material.
+    """
     # It has all tables made, so that one program does for all materials
     turned: Described = {"type": "principled", "transmission": 1.0, "anisotropy": 0.5}
     materials = {"m": material, "turned": turned, **(others or {})}
-    flat = flatten(
-        Scene.model_validate({"camera": {"position": (0, 0, 3), "target": (0, 0, 0)}, "materials": materials}), 8, 8
-    )
+    scene = Scene.model_validate({"camera": {"position": (0, 0, 3), "target": (0, 0, 0)}, "materials": materials})
+    flat = flatten(scene if folder is None else scene.placed("test", folder, ()), 8, 8)
     count = numbers.shape[1]
-    arrays = (numbers, flat.arrays["material_rows"], flat.arrays["albedo_tables"])
+    tables = ("material_rows", "albedo_tables", "measured_rows", "measured_words")
+    arrays = (numbers, *(flat.arrays[name] for name in tables))
     buffers = [device.upload(np.ascontiguousarray(array)) for array in arrays]
     results = device.empty(4 * outputs * count)
     ior = flat.arrays["materials"]["ior"][0]
     given = [*buffers, np.float32(ior), np.uint32(front), *more, np.uint32(count), results]
     assert len(flat.arrays["albedo_tables"]) == layout.ALBEDO_TURNED_GLASS_END
-    device.launch(device.program(SOURCE, DEFINES), kernel, count // LANES, 16, given)
+    defines = DEFINES if folder is None else {**DEFINES, "MEASURED": 1}
+    device.launch(device.program(SOURCE, defines), kernel, count // LANES, 16, given)
     out = np.empty((outputs, count), np.float32)
     device.read(results, out)
     for buffer in (*buffers, results):

@@ -3,10 +3,12 @@
 #include "material/bsdf.h"
 
 // The material is that of the first rows. `ior`: of it. `front`: seen from the front.
-static Bsdf material_bsdf(__global const float* material_rows, __global const float* albedo_tables, float ior, uint front, vec3 wo) {
+static Bsdf material_bsdf(__global const float* material_rows, __global const float* albedo_tables, __global const float* measured_rows,
+                          __global const float* measured_words, float ior, uint front, vec3 wo) {
     Scene scene;
     scene.material_rows = material_rows;
     scene.albedo_tables = albedo_tables;
+    scene.measured_rows = measured_rows, scene.measured_words = measured_words;
     Surface s;
     s.point = vec3_all(0.0f);
     s.front = front ? mask_all() : mask_none();
@@ -21,10 +23,10 @@ static Bsdf material_bsdf(__global const float* material_rows, __global const fl
 
 // bits: uint [2][count]. results: float [8][count]: direction, weight and density of a sample, and what of the weight is due to eta.
 __kernel void material_sample(__global const float* bits, __global const float* material_rows, __global const float* albedo_tables,
-                              float ior, uint front, float4 wo, uint count, __global float* results) {
+                              __global const float* measured_rows, __global const float* measured_words, float ior, uint front, float4 wo, uint count, __global float* results) {
     const size_t at = get_global_id(0) * LANES;
     if (at >= count) return;
-    const Bsdf bsdf = material_bsdf(material_rows, albedo_tables, ior, front, vec3_from(wo));
+    const Bsdf bsdf = material_bsdf(material_rows, albedo_tables, measured_rows, measured_words, ior, front, vec3_from(wo));
     const BsdfSample s = bsdf_sample(&bsdf, vfloat_bits(lane_load(bits + at)), vfloat_bits(lane_load(bits + count + at)));
     const vfloat squeezed = splat(1.0f) / bsdf_index_squared(&bsdf, s.direction);
     const vfloat out[8] = {s.direction.x, s.direction.y, s.direction.z, s.weight.x, s.weight.y, s.weight.z, s.pdf, squeezed};
@@ -33,12 +35,12 @@ __kernel void material_sample(__global const float* bits, __global const float* 
 
 // directions: float [6][count], wo and wi. results: float [7][count]: f |cosθ|, the density of wi, and the albedo of wo.
 __kernel void material_eval(__global const float* directions, __global const float* material_rows, __global const float* albedo_tables,
-                            float ior, uint front, uint count, __global float* results) {
+                            __global const float* measured_rows, __global const float* measured_words, float ior, uint front, uint count, __global float* results) {
     const size_t at = get_global_id(0) * LANES;
     if (at >= count) return;
     vfloat in[6];
     for (int k = 0; k < 6; ++k) in[k] = lane_load(directions + (size_t)k * count + at);
-    const Bsdf bsdf = material_bsdf(material_rows, albedo_tables, ior, front, vec3_of(in[0], in[1], in[2]));
+    const Bsdf bsdf = material_bsdf(material_rows, albedo_tables, measured_rows, measured_words, ior, front, vec3_of(in[0], in[1], in[2]));
     vfloat pdf;
     const vec3 f = bsdf_eval(&bsdf, vec3_of(in[3], in[4], in[5]), &pdf), albedo = bsdf_albedo(&bsdf);
     const vfloat out[7] = {f.x, f.y, f.z, pdf, albedo.x, albedo.y, albedo.z};

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from measured_files import rgl_fields, tensor_bytes
 from PIL import Image
 
 from clrender.exporters.grid_vol import write_vol
@@ -67,6 +68,8 @@ def files() -> dict[str, bytes]:
         "smooth.ply": _ply(7, 5),
         "block.stl": _stl(),
         "places.npy": _npy(),
+        "paint.bsdf": tensor_bytes(rgl_fields(0.5, side=8, views=4)),
+        "brushed.bsdf": tensor_bytes(rgl_fields(0.35, 5, spectral=True, side=8, views=4)),
         **_clouds(),
         **_strands(),
     }

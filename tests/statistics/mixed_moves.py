@@ -41,6 +41,7 @@ VOLUMES: Final = (
     "glowing_media",
     "curves",
     "hair",
+    "measured",
 )
 """Features of kernels that change no bit where a scene has no such thing."""
 _FAR: Final = 40.0

@@ -18,6 +18,7 @@ from typing import Any, Final
 
 import numpy as np
 from mixed_files import files
+from mixed_measured import measured
 from mixed_parts import Draw, Json, emission_for_white, medium
 from mixed_plugins import PLUGINS, plugged
 from mixed_shapes import Things
@@ -95,6 +96,7 @@ def mixed_scene(kind: str, number: int) -> Mixed:
     _uneven(mixed)
     _glowing(mixed)
     stranded(mixed.name, mixed.content, kind == "white")
+    measured(mixed.name, mixed.content, kind == "white")
     plugged(mixed.name, mixed.content)
     return mixed
 

@@ -16,8 +16,8 @@ from clrender.importers.mitsuba.textures import TextureReader
 from clrender.importers.shared.matrices import Matrix, handedness
 from clrender.importers.shared.projectors import projector_keys
 from clrender.importers.shared.sky_maps import picture_from_poles, turn_about_y, turned_picture
-from clrender.importers.shared.spectra import Color
 from clrender.importers.shared.staging import Staging
+from clrender.spectra.colors import Color
 from clrender.wording import quoted
 
 __all__ = ["EmitterReader"]

@@ -89,6 +89,7 @@ class MaterialReader:
             "principled": surfaces.principled,
             "principledthin": surfaces.principled,
             "hair": surfaces.hair,
+            "measured": surfaces.measured,
             "twosided": self._twosided,
             "mask": self._mask,
             "bumpmap": self._bumpy,

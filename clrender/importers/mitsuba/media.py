@@ -7,8 +7,8 @@ from typing import Any
 from clrender.importers.mitsuba.plugins import Plugin
 from clrender.importers.mitsuba.textures import TextureReader
 from clrender.importers.shared.matrices import transform_key
-from clrender.importers.shared.spectra import Color
 from clrender.importers.shared.staging import Staging
+from clrender.spectra.colors import Color
 from clrender.wording import quoted
 
 __all__ = ["MediumReader"]

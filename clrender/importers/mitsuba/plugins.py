@@ -10,7 +10,7 @@ import numpy as np
 
 from clrender.errors import SceneError
 from clrender.importers.shared.matrices import Matrix, identity
-from clrender.importers.shared.spectra import Color
+from clrender.spectra.colors import Color
 from clrender.wording import quoted
 
 __all__ = ["Keys", "Plugin", "Spectrum", "Value"]

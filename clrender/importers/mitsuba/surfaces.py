@@ -10,8 +10,8 @@ from clrender.importers.mitsuba.textures import TextureReader
 from clrender.importers.shared.curved import below_boundary, rooted
 from clrender.importers.shared.fresnel import conductor_reflectance
 from clrender.importers.shared.metals import CONDUCTORS, DIELECTRICS
-from clrender.importers.shared.spectra import Color, light_color
 from clrender.importers.shared.staging import Staging, roughness_of
+from clrender.spectra.colors import Color, light_color
 from clrender.wording import quoted, suggestion
 
 __all__ = ["SurfaceReader"]
@@ -124,6 +124,13 @@ class SurfaceReader:
                 if plugin.has(name):
                     made[name] = self._staging.within(plugin.number(name, 0.0), 0.0, 100.0, name)
         return made
+
+    def measured(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
+        """Measured reflectance of the RGL database."""
+        name = plugin.text("filename", "")
+        if not name:
+            raise plugin.fault(f"{plugin.label} needs a filename")
+        return self._staging.measured(name, plugin.line) | {"two_sided": two_sided}
 
     def _metal(self, plugin: Plugin) -> tuple[Color, Color]:
         """Complex index of refraction, relative to the exterior."""

@@ -12,8 +12,8 @@ from clrender.exact.matrices import length
 from clrender.image.pictures import CODED_ENDINGS
 from clrender.importers.mitsuba.plugins import Plugin, Spectrum
 from clrender.importers.shared.matrices import Matrix
-from clrender.importers.shared.spectra import Color, blackbody_color, light_color, reflectance_color
 from clrender.importers.shared.staging import Staging
+from clrender.spectra.colors import Color, blackbody_color, light_color, reflectance_color
 from clrender.wording import quoted, suggestion
 
 __all__ = ["TextureReader"]

@@ -16,7 +16,7 @@ from clrender.image.tone_map import srgb_decode
 from clrender.importers.mitsuba.plugins import Spectrum, Value
 from clrender.importers.mitsuba.xml_elements import Element
 from clrender.importers.shared.matrices import Matrix, identity, look_at, rotation, scaling, translation
-from clrender.importers.shared.spectra import Color, blackbody_color
+from clrender.spectra.colors import Color, blackbody_color
 from clrender.wording import quoted, suggestion
 
 __all__ = ["VALUE_TAGS", "ValueReader"]

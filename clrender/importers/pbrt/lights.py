@@ -20,9 +20,9 @@ from clrender.importers.shared.cameras import vertical_angle
 from clrender.importers.shared.matrices import Matrix
 from clrender.importers.shared.projectors import projector_keys
 from clrender.importers.shared.sky_maps import unfolded_picture
-from clrender.importers.shared.spectra import LUMINANCE
 from clrender.importers.shared.staging import Staging
 from clrender.scene.environment import EnvironmentPicture
+from clrender.spectra.colors import LUMINANCE
 from clrender.wording import quoted
 
 __all__ = ["LightReader"]

@@ -16,8 +16,8 @@ from clrender.importers.shared.curved import below_boundary, coated_metal
 from clrender.importers.shared.fresnel import below_coat, conductor_reflectance
 from clrender.importers.shared.half_space import albedo_without_boundary
 from clrender.importers.shared.measured_media import MEASURED_MEDIA
-from clrender.importers.shared.spectra import Color
 from clrender.importers.shared.staging import Staging
+from clrender.spectra.colors import Color
 from clrender.wording import quoted, suggestion
 
 __all__ = ["MaterialReader"]
@@ -85,6 +85,7 @@ class MaterialReader:
             "thindielectric": self._dielectric,
             "diffusetransmission": self._diffuse_transmission,
             "hair": self._hair,
+            "measured": self._measured,
             "mix": self._mix,
         }
         parameters.ignore("type")
@@ -126,6 +127,12 @@ class MaterialReader:
             described["bump_map"] = {**kept, "scale": scale[0]}
         elif isinstance(heights, dict):
             self._staging.note("a displacement that is no picture is left out")
+
+    def _measured(self, parameters: Parameters) -> dict[str, Any]:
+        name = parameters.text("filename", "")
+        if not name:
+            raise parameters.fault('a material of type "measured" needs a "filename"')
+        return self._staging.measured(name, parameters.line)
 
     def _hair(self, parameters: Parameters) -> dict[str, Any]:
         made: dict[str, Any] = {

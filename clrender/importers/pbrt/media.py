@@ -12,8 +12,8 @@ from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.shared.matrices import Matrix, is_affine, transform_key
 from clrender.importers.shared.measured_media import MEASURED_MEDIA
-from clrender.importers.shared.spectra import Color
 from clrender.importers.shared.staging import Staging
+from clrender.spectra.colors import Color
 from clrender.wording import quoted, suggestion
 
 __all__ = ["MediumReader"]

@@ -10,7 +10,8 @@ from clrender.image.pictures import CODED_ENDINGS
 from clrender.importers.pbrt.parameters import Parameter, Parameters
 from clrender.importers.shared.curved import decoded, inverted, mean_color, number_channel, rooted
 from clrender.importers.shared.metals import CONDUCTORS, GLASSES
-from clrender.importers.shared.spectra import (
+from clrender.importers.shared.staging import Staging, roughness_of
+from clrender.spectra.colors import (
     Color,
     blackbody_color,
     light_color,
@@ -18,7 +19,6 @@ from clrender.importers.shared.spectra import (
     reflectance_color,
     value_at,
 )
-from clrender.importers.shared.staging import Staging, roughness_of
 from clrender.wording import quoted, suggestion
 
 __all__ = ["TextureReader"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from clrender.importers.shared.spectra import Color
+from clrender.spectra.colors import Color
 
 __all__ = ["MEASURED_MEDIA"]
 

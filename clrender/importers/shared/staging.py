@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -27,15 +28,17 @@ from clrender.importers.shared.matrices import (
     translation,
 )
 from clrender.importers.shared.meshes import disk_mesh, sphere_mesh
-from clrender.importers.shared.spectra import Color
+from clrender.measured import RglTables, read_measured
 from clrender.meshes.data import MeshData
 from clrender.meshes.read import read_mesh
 from clrender.scene.values import SHAPE_LIMIT
 from clrender.settings import FILTER_RADII
+from clrender.spectra.colors import Color
 from clrender.wording import quoted
 
 __all__ = ["Staging", "roughness_of"]
 
+_T = TypeVar("_T")
 _NAME_LIMIT: Final = 160
 
 
@@ -237,29 +240,42 @@ class Staging:
         SceneError
             See `mesh_of_file`.
         """
+        return self._kept(uri, line, self.draft.grids, read_grid)
+
+    def measured_of_file(self, uri: str, line: int) -> str | None:
+        """Read a file of measured reflectance; the result is its name in the draft's. See `grid_of_file`."""
+        return self._kept(uri, line, self.draft.measured, read_measured)
+
+    def curves_of_file(self, uri: str, line: int) -> CurveData | None:
+        """Strands of a text file; one that is missing or damaged is left out, with a note. See `grid_of_file`."""
+        read: dict[str, CurveData] = {}
+        name = self._kept(uri, line, read, partial(read_curves, ending=".txt"))
+        return None if name is None else read[name]
+
+    def _kept(self, uri: str, line: int, kept: dict[str, _T], read: Callable[..., _T]) -> str | None:
+        """Read a file if it is not kept yet, and return its name; one that cannot be read is left out, with a note."""
         place = f"line {line}"
         name = self.files.name(uri, place)
         label = f"{self.files.source}: {place}"
         allowed_file(name, self.files.folder, self.files.allow_paths, f"{label}: {quoted(name)}")
-        if name not in self.draft.grids:
+        if name not in kept:
             try:
-                self.draft.grids[name] = read_grid(name, self.files.folder, self.files.allow_paths, label)
+                kept[name] = read(name, self.files.folder, self.files.allow_paths, label)
             except SceneError as fault:
                 self.draft.leave_out(fault, self.files.source, self.files.strict)
                 return None
         return name
 
-    def curves_of_file(self, uri: str, line: int) -> CurveData | None:
-        """Strands of a text file; one that is missing or damaged is left out, with a note. See `grid_of_file`."""
-        place = f"line {line}"
-        name = self.files.name(uri, place)
-        label = f"{self.files.source}: {place}"
-        allowed_file(name, self.files.folder, self.files.allow_paths, f"{label}: {quoted(name)}")
-        try:
-            return read_curves(name, self.files.folder, self.files.allow_paths, label, ".txt")
-        except SceneError as fault:
-            self.draft.leave_out(fault, self.files.source, self.files.strict)
-            return None
+    def measured(self, uri: str, line: int) -> dict[str, Any]:
+        """A material of measured reflectance; without its file a diffuse grey, with a note. See `grid_of_file`."""
+        name = self.measured_of_file(uri, line)
+        if name is None:
+            self.note("of measured materials whose file cannot be read: a diffuse grey of 0.5 in their place")
+            return {"type": "lambert", "reflectance": [0.5, 0.5, 0.5]}
+        tables = self.draft.measured[name].tables
+        if isinstance(tables, RglTables) and not tables.isotropic:
+            self.note(f"the x axis of {quoted(name)}, which is anisotropic, is the direction around the y axis")
+        return {"type": "measured", "file": name}
 
     def reflectance(self, color: Color, of: str) -> list[float]:
         """A reflectance: clamped to 0 to 1, with a note if it was outside."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.exact.matrices import inverse, product, times
-from clrender.importers.shared.spectra import TO_REC709, blackbody_xyz
+from clrender.spectra.colors import TO_REC709, blackbody_xyz
 
 __all__ = ["daylight_xyz", "white_balance"]
 

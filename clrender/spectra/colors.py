@@ -23,6 +23,7 @@ __all__ = [
     "light_color",
     "luminance",
     "reflectance_color",
+    "reflectance_weights",
     "value_at",
 ]
 
@@ -85,6 +86,35 @@ def reflectance_color(wavelengths: Sequence[float], values: Sequence[float]) -> 
     weights = observer * daylight[:, None]
     sampled = _sampled(wavelengths, values)
     return _color(_weighted(sampled, weights))
+
+
+def reflectance_weights(wavelengths: Sequence[float]) -> _Floats:
+    """What each value of a reflectance spectrum adds to its colour, as `reflectance_color` has it before clipping.
+
+    Beyond its ends the spectrum has the values of those. A constant has its own colour, exactly.
+
+    Parameters
+    ----------
+    wavelengths : (n,) floats, nanometres, ascending
+
+    Returns
+    -------
+    (n, 3) float64
+        Of linear Rec. 709. Each column adds up to 1.
+    """
+    at, observer, daylight = _table()
+    places = np.asarray(wavelengths, np.float64)
+    fine = np.linspace(at[0], at[-1], round(at[-1] - at[0]) + 1)
+    weights = np.stack([interpolated(fine, at, observer[:, channel] * daylight) for channel in range(3)], axis=1)
+    sums = np.zeros((len(places), 3))
+    after = np.searchsorted(places, fine, side="right")
+    for light, place, index in zip(weights, fine.tolist(), after.tolist(), strict=True):
+        low, high = max(index - 1, 0), min(index, len(places) - 1)
+        share = 0.0 if low == high else (place - places[low]) / (places[high] - places[low])
+        sums[low] += (1.0 - share) * light
+        sums[high] += share * light
+    colors = times(TO_REC709, sums)
+    return np.asarray(colors / total(colors), np.float64)
 
 
 def blackbody_color(kelvin: float) -> Color:
