@@ -36,13 +36,14 @@ def measured(name: str, content: Json, white: bool) -> None:
     made |= {"two_sided": draw.chance(0.5)} if draw.chance(0.3) else {}
     made |= {"anisotropy_rotation": draw.between(-180.0, 180.0)} if draw.chance(0.4) else {}
     made |= {"termination": draw.between(0.05, 0.3)} if draw.chance(0.3) else {}
-    if draw.chance(0.2):
+    textured = all(shape["type"] != "mesh" for shape in places)  # meshes may lack texture coordinates
+    if textured and draw.chance(0.2):
         made["bump_map"] = {"texture": "heights.png", "scale": draw.between(0.005, 0.02)}
-    elif draw.chance(0.2):
+    elif textured and draw.chance(0.2):
         made["normal_map"] = {"texture": "bent.png"}
     if draw.chance(0.2):
         varied: tuple[Json, ...] = ({"ramp": [0.2, 0.9]}, {"checker": [0.3, 1.0]}, {"texture": "numbers.png"})
-        made["opacity"] = draw.one((draw.between(0.3, 1.0), draw.one(varied)))
+        made["opacity"] = draw.one((draw.between(0.3, 1.0), draw.one(varied if textured else (0.5,))))
     materials["measured"] = made
     wanted = "measured"
     if "opacity" not in made and draw.chance(0.3):
