@@ -421,6 +421,19 @@ typedef struct {
 #define GRID_ROW_BRICKS 16              // how many there are along each axis
 #define GRID_ROW_TABLE 19               // bits: word of the bricks' entries, each the word of its values, bits, and its majorant
 #define GRID_ROW_VALUES 20              // bits: word from which those words count
+#define GRID_ROW_ALBEDO 21              // bits: row of grid_rows where the table of its albedo begins; 0: none
+#define GRID_ROW_EMISSION 22            // likewise, of what its emission is multiplied by
+
+#define GRID_COLORS_ROW_X 0             // table of a medium's colours, two rows: from the world to its coordinates; medium/grid_colors.h
+#define GRID_COLORS_ROW_Y 4
+#define GRID_COLORS_ROW_Z 8
+#define GRID_COLORS_ROW_LAST 12         // of its numbers along each axis the last
+#define GRID_COLORS_ROW_CHANNELS 15     // bits: 1 or 3
+#define GRID_COLORS_ROW_VALUES 16       // bits: word of grid_words where its numbers begin
+#define GRID_COLORS_ROW_COLORS 17       // bits: word where the colours begin that numbers stand for; 0: for themselves
+#define GRID_COLORS_ROW_COLOR_SCALE 18  // by which a number, less the next, is the place of its colour
+#define GRID_COLORS_ROW_COLOR_OFFSET 19
+#define GRID_COLORS_ROW_COLOR_LAST 20   // place of the last
 
 #define MEASURED_ROW_FLAGS 0            // head of measured reflectance, two rows, all bits: MEASURED_*; material/lobe/measured.h
 #define MEASURED_ROW_THETAS 1           // numbers of polar angles and azimuths of viewers

@@ -84,7 +84,7 @@ def scene_files(name: str, scene: Scene) -> list[Path]:
     files = [shape.file for _, shape in scene.all_shapes() if isinstance(shape, Mesh) and shape.file is not None]
     files += [shape.file for _, shape in scene.curve_files() if shape.file is not None]
     files += [material.file for _, material in scene.measured_materials()]
-    files += [density.file for _, density in scene.densities()]
+    files += [grid.file for _, grid in scene.grids()]
     files += [instance.file for _, instance in scene.instances() if instance.file is not None]
     files += [light.file for _, light in scene.pictured_lights() if light.file is not None]
     files += [texture.texture for _, texture in scene.texture_files()]

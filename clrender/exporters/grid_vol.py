@@ -21,10 +21,11 @@ def write_vol(file: IO[bytes], grid: GridData, factors: Sequence[float]) -> None
     file : binary file
     grid : GridData
     factors : sequence of float
-        One for each channel, by which its numbers are multiplied.
+        One for each channel, by which its numbers are multiplied; of colours three.
     """
-    nz, ny, nx = grid.values.shape
+    nz, ny, nx = grid.sides
     file.write(struct.pack("<3sBi3ii6f", b"VOL", 3, 1, nx, ny, nz, len(factors), 0.0, 0.0, 0.0, 1.0, 1.0, 1.0))
     for sheet in grid.values:
-        channels = [sheet * np.float32(factor) for factor in factors]
+        numbers = [sheet] * len(factors) if sheet.ndim == 2 else [sheet[..., k] for k in range(len(factors))]
+        channels = [each * np.float32(factor) for each, factor in zip(numbers, factors, strict=True)]
         file.write(np.ascontiguousarray(np.stack(channels, axis=-1), "<f4").data)

@@ -18,8 +18,8 @@ from clrender.exporters.surfaces import Inside, inside_named, inside_of, tell_of
 from clrender.exporters.target import Target
 from clrender.flatten.interiors import winding_number
 from clrender.scene import Sphere
-from clrender.scene.density import density_placement
-from clrender.scene.medium import Density
+from clrender.scene.grid_placement import grid_placement
+from clrender.scene.medium import Density, Grid, Grids
 from clrender.scene.shapes import AnyShape
 
 __all__ = ["MediumWriter", "Volume"]
@@ -123,11 +123,9 @@ class MediumWriter:
     def _named(self, inside: Inside) -> str:
         """The id of a medium."""
         tell_of_glow(self._target, inside)
-        return self._id(inside.key, inside.name, inside.absorption, inside.scattering, inside.g, inside.density)
+        return self._id(inside.key, inside.name, inside.absorption, inside.scattering, inside.g, inside.grids)
 
-    def _id(
-        self, key: str, wanted: str, absorption: object, scattering: object, g: float, density: Density | None
-    ) -> str:
+    def _id(self, key: str, wanted: str, absorption: object, scattering: object, g: float, grids: Grids | None) -> str:
         """The id of a medium of these coefficients, per metre, times its density."""
         if key not in self._ids:
             lost, turned = np.array(absorption), np.array(scattering)
@@ -135,28 +133,33 @@ class MediumWriter:
             scale = max(float(extinction.max()), _TINY)
             albedo = np.divide(turned, extinction, out=np.zeros(3), where=extinction > 0.0)
             # Its extinction is a colour, which is at most 1
-            share, kind = extinction / scale, "homogeneous" if density is None else "heterogeneous"
-            colour = value("rgb", "sigma_t", share) if density is None else self._grid(wanted, density, share)
-            inside = [value("rgb", "albedo", albedo), colour]
+            share, kind = extinction / scale, "homogeneous" if grids is None else "heterogeneous"
+            inside = [value("rgb", "albedo", albedo), value("rgb", "sigma_t", share)]
+            if grids is not None:
+                inside[1] = self._grid(wanted, "density", grids.density, share)
+            if grids is not None and grids.albedo is not None:
+                inside[0] = self._grid(wanted, "albedo", grids.albedo, albedo)
             phase = element("phase", value("float", "g", g), type="hg")
             inside += [value("float", "scale", scale), phase]
             self._ids[key] = self._target.id("medium", wanted)
             self.written.append(element("medium", *inside, type=kind, id=self._ids[key]))
         return self._ids[key]
 
-    def _grid(self, name: str, density: Density, factors: NDArray[np.float64]) -> Element:
-        """A volume with the grid of a medium, times a factor for each channel."""
-        grid = self._target.scene.grid(name, density)
-        if density.edges == "fall":
+    def _grid(self, name: str, key: str, grid: Grid, factors: NDArray[np.float64]) -> Element:
+        """A volume with a grid of a medium, times a factor for each channel."""
+        data = self._target.scene.grid(name, key, grid)
+        if isinstance(grid, Density) and grid.edges == "fall":
             self._target.leave_out("grids that fall to zero at their edges, which keep their numbers", "media", name)
-        channels = [1.0] if (factors == factors[0]).all() else factors.tolist()
-        digest = hashlib.sha256(f"{grid.sha256()} {channels}".encode()).hexdigest()
-        write = partial(write_vol, grid=grid, factors=channels)
+        equal = (factors == factors[0]).all() and data.channels == 1
+        # Extinctions were divided by their largest
+        channels = [float(factors[0])] if equal else factors.tolist()
+        digest = hashlib.sha256(f"{data.sha256()} {channels}".encode()).hexdigest()
+        write = partial(write_vol, grid=data, factors=channels)
         file = self._target.files.add(self._target.folder, name, ".vol", digest, write)
-        placed = np.concatenate([density_placement(density, grid), [[0.0, 0.0, 0.0, 1.0]]])
+        placed = np.concatenate([grid_placement(grid, data), [[0.0, 0.0, 0.0, 1.0]]])
         raw = [value("boolean", "raw", True)] if len(channels) > 1 else []
         inside = [value("string", "filename", file), transform(placed), *raw]
-        return element("volume", *inside, type="gridvolume", name="sigma_t")
+        return element("volume", *inside, type="gridvolume", name="sigma_t" if key == "density" else key)
 
     def inside(self, shape: AnyShape) -> str | None:
         """The id of the medium behind a shape's front, if any."""

@@ -20,8 +20,8 @@ from clrender.exporters.files import NamedFiles, write_bytes
 from clrender.exporters.mesh_ply import write_ply
 from clrender.scene import Scene
 from clrender.scene.content_hash import put_at
-from clrender.scene.density import density_placement
 from clrender.scene.environment import ENDINGS
+from clrender.scene.grid_placement import grid_placement
 from clrender.scene.ies import ies_text
 from clrender.scene.load import SCENE_FILE_LIMIT
 from clrender.wording import place, quoted
@@ -31,6 +31,9 @@ __all__ = ["Export", "exported", "scene_text"]
 _TILT: Final = re.compile(r"\s*TILT\s*=(.*)", re.IGNORECASE)
 _ROW: Final = re.compile(r"\[\n((?:[ \t]*[-+.\w]+,\n)+)[ \t]*\]")
 """A TOML list of numbers with one number per line; strings contain no line breaks there."""
+
+_KEPT: Final = ("edges", "scale", "offset")
+"""Keys of a grid that are no place of it."""
 
 
 @dataclass
@@ -86,13 +89,13 @@ def exported(scene: Scene, folder: str) -> Export:
             write = partial(_write_array, array=array.maps)
             name = export.add(folder, Path(instance.file).stem, ".npy", array.sha256(), write)
             export.description["shapes"][index]["transforms"] = name
-    for medium, density in scene.densities():
-        grid = scene.grid(medium, density)
-        write = partial(_write_array, array=grid.values)
-        name = export.add(folder, Path(density.file).stem, ".npy", grid.sha256(), write)
-        placed = [*density_placement(density, grid).tolist(), [0.0, 0.0, 0.0, 1.0]]
-        table = {"file": name, "transform": {"matrix": placed}, "edges": density.edges}
-        export.description["media"][medium]["density"] = table
+    for (_, medium, key), grid in scene.grids():
+        numbers = scene.grid(medium, key, grid)
+        write = partial(_write_array, array=numbers.values)
+        name = export.add(folder, Path(grid.file).stem, ".npy", numbers.sha256(), write)
+        placed = [*grid_placement(grid, numbers).tolist(), [0.0, 0.0, 0.0, 1.0]]
+        table = {each: value for each, value in export.description["media"][medium][key].items() if each in _KEPT}
+        export.description["media"][medium][key] = {**table, "file": name, "transform": {"matrix": placed}}
     for material, measured in scene.measured_materials():
         file = scene.measured(material, measured)
         write = partial(write_bytes, data=file.content.tobytes())

@@ -24,7 +24,7 @@ from clrender.scene.materials import (
     Principled,
     Subsurface,
 )
-from clrender.scene.medium import Density
+from clrender.scene.medium import Grids
 from clrender.scene.shapes import AnyShape
 from clrender.scene.textures import Texture
 from clrender.scene.values import Vector
@@ -88,8 +88,8 @@ class Inside:
         Coefficients, per metre.
     g : float
         Mean cosine of scattering.
-    density : Density or None
-        The grid by which both are multiplied.
+    grids : Grids or None
+        Those by which both are multiplied, and others.
     glows : bool
         Whether it shines.
     """
@@ -99,7 +99,7 @@ class Inside:
     absorption: Vector
     scattering: Vector
     g: float
-    density: Density | None = None
+    grids: Grids | None = None
     glows: bool = False
 
 
@@ -124,7 +124,7 @@ def inside_named(scene: Scene, name: str) -> Inside:
     """One of the scene's media, such as that of shapes or the fog."""
     medium = scene.media[name]
     numbers = medium.absorption, medium.scattering, medium.g
-    return Inside(f"media.{name}", name, *numbers, medium.density, medium.glows)
+    return Inside(f"media.{name}", name, *numbers, medium.grids, medium.glows)
 
 
 def inside_of(scene: Scene, shape: AnyShape) -> Inside | None:
@@ -149,8 +149,10 @@ def tell_of_glow(target: Target, inside: Inside | None) -> None:
 
 def tell_of_grid(target: Target, inside: Inside | None) -> None:
     """Note that a medium is written as if it were the same everywhere."""
-    if inside is not None and inside.density is not None:
+    if inside is not None and inside.grids is not None:
         target.leave_out("grids of densities, of which media have 1 everywhere", "media", inside.name, "density")
+        if inside.grids.albedo is not None:
+            target.leave_out("grids of albedos, of which media have 1 everywhere", "media", inside.name, "albedo")
 
 
 def inside_of_subsurface(key: str, name: str, material: Subsurface) -> Inside:

@@ -331,18 +331,20 @@ def _written(
             placed = carried(shape, outer)
             if _has_grid(scene, shape) and shape.interior is not None:
                 name = f"{shape.interior[:100]} of shapes[{index}], {number}"
-                media[name] = _moved_grid(scene.media[shape.interior], outer)
+                media[name] = _with_moved_grids(scene.media[shape.interior], outer)
                 placed = placed.with_checked(interior=name)
             made.append((at, placed))
     return made
 
 
-def _moved_grid(medium: Medium, outer: Affine) -> Medium:
-    density = medium.density
-    assert density is not None
-    (a, b, c), (x, y, z) = (whole := combined(outer, affine(density.transform))).linear, whole.offset
-    matrix = ((*a, x), (*b, y), (*c, z), (0.0, 0.0, 0.0, 1.0))
-    return medium.with_checked(density=density.with_checked(transform=Transform(matrix=matrix)))
+def _with_moved_grids(medium: Medium, outer: Affine) -> Medium:
+    assert medium.grids is not None
+    moved = {}
+    for key, grid in medium.grids.given():
+        (a, b, c), (x, y, z) = (whole := combined(outer, affine(grid.transform))).linear, whole.offset
+        matrix = ((*a, x), (*b, y), (*c, z), (0.0, 0.0, 0.0, 1.0))
+        moved[key] = grid.with_checked(transform=Transform(matrix=matrix))
+    return medium.with_checked(**moved)
 
 
 def _check_similar(scene: Scene, index: int, group: str, shapes: Sequence[_Placed], array: NDArray[np.float64]) -> None:

@@ -218,7 +218,7 @@ class Features:
             hidden_shapes=bool((flags & (layout.SHAPE_HIDDEN | layout.SHAPE_HELD_OUT)).any()),
             hidden_environment=hidden_environment,
             deformation=bool(instances.poses),
-            grids=interiors and bool(media.densities),
+            grids=interiors and bool(media.grids),
             glowing_media=interiors and media.glows,
             textures=textured or opacity,
             tangents=bool(attributes[:, tangents].view(np.uint32).any()),

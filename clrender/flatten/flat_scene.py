@@ -43,6 +43,7 @@ from clrender.scene.description import (
     SunSkyLight,
 )
 from clrender.scene.materials import Conductor, Dielectric, Material, Mirror, Subsurface
+from clrender.scene.medium import Density
 from clrender.scene.time_reversal import reversed_about
 from clrender.scene.values import Vector, length
 
@@ -229,7 +230,7 @@ def flatten(
     triangle_count, analytic_count = len(surfaces.triangles), len(surfaces.analytic_shapes)
     measured = flat_measured(scene)
     materials = flat_materials(scene, media.of_solid, measured)
-    grid_rows, grid_words = flat_grids(scene, media.densities, origin)
+    grid_rows, grid_words = flat_grids(scene, media.grids, origin)
     arrays = {
         "vertices": _padded(surfaces.vertices),
         "normals": _padded(surfaces.normals),
@@ -270,7 +271,7 @@ def flatten(
     unbounded = _mark_open(arrays, triangle_count, media) if media.scatters else []
     digest = hashlib.sha256(f"{lights.environment} {triangle_count} {analytic_count} {lights.count}".encode())
     for name, array in arrays.items():
-        if name.startswith("grid_") and not media.densities:
+        if name.startswith("grid_") and not media.grids:
             continue  # hashes of scenes without grids are older than these
         if name.startswith("measured_") and not measured.head_of:
             continue  # likewise
@@ -280,8 +281,10 @@ def flatten(
         if name == "texels":
             digest.update(textures.sha256.encode())  # they may be large, and are already hashed
         elif name == "grid_words":  # likewise
-            for medium, density in media.densities:
-                digest.update(f"{scene.grid(medium, density).sha256()} {density.edges}".encode())
+            for medium, grids in media.grids:
+                for key, grid in grids.given():
+                    more = grid.edges if isinstance(grid, Density) else key
+                    digest.update(f"{scene.grid(medium, key, grid).sha256()} {more}".encode())
         elif name == "measured_words":  # likewise
             for material, its in scene.measured_materials():
                 digest.update(scene.measured(material, its).sha256().encode())

@@ -15,7 +15,7 @@ from clrender.errors import SceneError
 from clrender.flatten.subsurface import single_scattering
 from clrender.scene.description import Scene
 from clrender.scene.materials import Dielectric, Material, Principled, Subsurface
-from clrender.scene.medium import Density
+from clrender.scene.medium import Grids
 from clrender.scene.shapes import Shape
 from clrender.scene.values import Vector
 
@@ -44,8 +44,8 @@ class _Medium(NamedTuple):
     g: float = 0.0
     albedo: Vector | None = None  # of a subsurface material
     emission: Vector = _BLACK
-    density: Density | None = None
-    name: str | None = None  # of the medium that has the density
+    grids: Grids | None = None
+    name: str | None = None  # of the medium that has the grids
 
     @property
     def is_vacuum(self) -> bool:
@@ -76,8 +76,8 @@ class Media:
         Whether the medium outside of all shapes scatters or shines.
     glows : bool
         Whether any medium shines.
-    densities : tuple of (str, Density)
-        Grids of media, each with the name of one that has it, in the order of the heads that rows name.
+    grids : tuple of (str, Grids)
+        Grids of media, each with the name of one that has them, in the order of the heads that rows name.
     """
 
     rows: NDArray[np.float32]
@@ -88,7 +88,7 @@ class Media:
     subsurface: bool = False
     fog: bool = False
     glows: bool = False
-    densities: tuple[tuple[str, Density], ...] = ()
+    grids: tuple[tuple[str, Grids], ...] = ()
 
 
 def solid_of(shape: Shape) -> Solid:
@@ -141,10 +141,10 @@ def scene_media(scene: Scene) -> Media:
     subsurface = any(medium.albedo is not None for medium in numbers)
     glows = any(max(medium.emission) > 0.0 for medium in (outside, *numbers))
     scatters = subsurface or not outside.is_vacuum or glows or any(max(medium.scattering) > 0.0 for medium in numbers)
-    densities = {each.density: each.name for each in numbers if each.density is not None}
-    rows = _rows(outside, numbers, len(unranked), list(densities))
+    grids = {each.grids: each.name for each in numbers if each.grids is not None}
+    rows = _rows(outside, numbers, len(unranked), list(grids))
     fog = max(outside.scattering) > 0.0 or max(outside.emission) > 0.0
-    named = tuple((name or "", density) for density, name in densities.items())
+    named = tuple((name or "", each) for each, name in grids.items())
     return Media(rows, of_solid, frozenset(dark), scatters, straight, subsurface, fog, glows, named)
 
 
@@ -161,7 +161,7 @@ def _solids(scene: Scene) -> dict[Solid, Dielectric | Principled | Subsurface]:
 
 
 def _rows(
-    outside: _Medium, numbers: Mapping[_Medium, int], unranked: int, densities: Sequence[Density]
+    outside: _Medium, numbers: Mapping[_Medium, int], unranked: int, grids: Sequence[Grids]
 ) -> NDArray[np.float32]:
     rows = np.zeros((len(numbers) + 1, 16), np.float32)
     for medium, number in ((outside, 0), *numbers.items()):
@@ -173,8 +173,8 @@ def _rows(
             rows[number, _COLUMNS["ALBEDO"]] = medium.albedo
             rows[number, _COLUMNS["FLAGS"]] = np.uint32(layout.MEDIUM_FLAG_SUBSURFACE).view(np.float32)
         flags = 0
-        if medium.density is not None:
-            rows[number, _COLUMNS["GRID"]] = np.uint32(2 * densities.index(medium.density)).view(np.float32)
+        if medium.grids is not None:
+            rows[number, _COLUMNS["GRID"]] = np.uint32(2 * grids.index(medium.grids)).view(np.float32)
             flags |= layout.MEDIUM_FLAG_GRID
         if max(medium.emission) > 0.0:
             rows[number, _COLUMNS["EMISSION"]] = medium.emission
@@ -205,9 +205,9 @@ def _medium(scene: Scene, solid: Solid, material: Dielectric | Principled | Subs
         return _Medium(priority, material.ior, absorption_coefficients(material))
     medium = scene.media[solid[1]]
     found = _Medium(priority, material.ior, *medium.numbers, emission=medium.emission)
-    if medium.density is None or found == _Medium(priority, material.ior):
+    if medium.grids is None or found == _Medium(priority, material.ior):
         return found
-    return found._replace(density=medium.density, name=solid[1])
+    return found._replace(grids=medium.grids, name=solid[1])
 
 
 def _below(material: Subsurface) -> _Medium:

@@ -31,14 +31,25 @@ class GridData:
 
     Attributes
     ----------
-    values : (nz, ny, nx) float32
-        Finite, not below 0.
+    values : (nz, ny, nx) or (nz, ny, nx, 3) float32
+        Finite, not below 0; numbers, or colours.
     placement : (3, 4) float64
         Affine map of the unit cube, whose x runs along the last index, to where the file places the box, metres.
     """
 
     values: NDArray[np.float32]
     placement: NDArray[np.float64] = field(default_factory=_unit_box)
+
+    @property
+    def sides(self) -> tuple[int, int, int]:
+        """Numbers along z, y and x."""
+        nz, ny, nx = self.values.shape[:3]
+        return nz, ny, nx
+
+    @property
+    def channels(self) -> int:
+        """1 for numbers, 3 for colours."""
+        return 1 if self.values.ndim == 3 else 3
 
     def sha256(self) -> str:
         """Hash of the numbers."""
@@ -57,7 +68,7 @@ class GridData:
 
         Parameters
         ----------
-        values : (nz, ny, nx) real
+        values : (nz, ny, nx) or (nz, ny, nx, 3) real
         label : str
             Beginning of error messages.
         placement : (3, 4) float64, optional
@@ -68,10 +79,11 @@ class GridData:
         SceneError
             The shape or a number is not allowed.
         """
-        if values.ndim != 3 or 0 in values.shape or values.dtype.kind not in "fiub":
+        colors = values.ndim == 4 and values.shape[-1] == 3
+        if not (values.ndim == 3 or colors) or 0 in values.shape or values.dtype.kind not in "fiub":
             text = f"holds {str(values.dtype)[:20]} {str(values.shape)[:60]}, but must hold numbers (nz, ny, nx)"
             raise SceneError(f"{label} {text}")
-        if values.size > VALUE_LIMIT or max(values.shape) > SIDE_LIMIT:
+        if values.size > VALUE_LIMIT or max(values.shape[:3]) > SIDE_LIMIT:
             shape = " x ".join(str(side) for side in values.shape)
             text = f"has {shape} numbers; at most {VALUE_LIMIT} are possible, and {SIDE_LIMIT} along a side"
             raise SceneError(f"{label} {text}; make the grid coarser")

@@ -16,17 +16,21 @@ from numpy.typing import NDArray
 from clrender.errors import SceneError
 from clrender.exact.matrices import determinant
 from clrender.grids.data import SIDE_LIMIT, VALUE_LIMIT, GridData
+from clrender.wording import quoted
 
-__all__ = ["read_nanovdb"]
+__all__ = ["nanovdb_names", "read_nanovdb"]
 
 _Node: TypeAlias = tuple[int, NDArray[np.int64]]
 """Where a node begins, and the coordinates of its first value."""
 
 _MAGICS: Final = (b"NanoVDB0", b"NanoVDB1", b"NanoVDB2")
 _FLOAT: Final = 1
+_QUANTIZED: Final = {13: 4, 14: 8, 15: 16, 16: 0}
+"""Types of grids whose leaves have codes in the place of floats: bits of a code, or 0 where each leaf has its own."""
 _LEVEL_SET: Final = 1
 _CODECS: Final = {0: "none", 1: "zip", 2: "blosc"}
 _HEADER: Final = struct.Struct("<8sIHH")
+_HEAD_BYTES: Final = _HEADER.size
 _META: Final = struct.Struct("<QQQQII6d6i3dI4I3IHHI")
 _GRID_BYTES, _MAP_AT, _CLASS_AT = 672, 296, 632
 _ROOT_BYTES, _TILE_BYTES = 64, 32
@@ -60,6 +64,8 @@ class _Level:
 _UPPER: Final = _Level(270400, 32, 8256, 32, 128)
 _LOWER: Final = _Level(33856, 32, 1088, 16, 8)
 _LEAF: Final = _Level(2144, 16, 96, 8, 1)
+_LEAST_LEAF: Final = 96
+_LEAF_FLAGS, _LEAF_MINIMUM, _LEAF_STEP = 15, 80, 84
 
 
 @dataclass(frozen=True)
@@ -69,16 +75,18 @@ class _Meta:
     file_bytes: int
     kind: int
     codec: int
+    at: int
 
 
-def read_nanovdb(file: BinaryIO, label: str) -> GridData:
-    """Read the grid named density, or else the first one of floats.
+def read_nanovdb(file: BinaryIO, label: str, name: str = "density") -> GridData:
+    """Read the grid of that name; in the place of a missing density the first one of floats.
 
     Parameters
     ----------
     file : binary file
     label : str
         Beginning of error messages.
+    name : str
 
     Raises
     ------
@@ -88,37 +96,64 @@ def read_nanovdb(file: BinaryIO, label: str) -> GridData:
         It is no such file, or a damaged one.
     """
     metas = _metas(file)
-    floats = [each for each in metas if each.kind == _FLOAT]
+    floats = [each for each in metas if _has_numbers(each)]
     if not floats:
         names = ", ".join(ascii(each.name) for each in metas)[:200]
         raise SceneError(f"{label} has no grid of floats, but {names}; convert it")
-    chosen = next((each for each in floats if each.name == "density"), floats[0])
-    for each in metas:
-        if each is chosen:
-            break
-        file.seek(each.file_bytes, 1)
-    return _dense(_grid_bytes(file, chosen, label), label)
+    others = floats[:1] if name == "density" else []
+    found = [*(each for each in floats if each.name == name), *others]
+    if not found:
+        names = ", ".join(ascii(each.name) for each in metas)[:200]
+        raise SceneError(f"{label} has no grid {quoted(name)}, but {names}; name one of them")
+    file.seek(found[0].at)
+    return _dense(_grid_bytes(file, found[0], label), found[0].kind, label)
+
+
+def nanovdb_names(file: BinaryIO) -> tuple[str, ...]:
+    """Names of a file's grids of floats.
+
+    Raises
+    ------
+    ValueError
+        It is no such file, or a damaged one.
+    """
+    return tuple(each.name for each in _metas(file) if _has_numbers(each))
+
+
+def _has_numbers(meta: _Meta) -> bool:
+    return meta.kind == _FLOAT or meta.kind in _QUANTIZED
 
 
 def _metas(file: BinaryIO) -> list[_Meta]:
-    """What the head of a file says about its grids; the first of them follows."""
-    head = _exactly(file, _HEADER.size)
-    magic, version, count, codec = _HEADER.unpack(head)
-    if magic not in _MAGICS:
-        raise ValueError("it does not begin with NanoVDB")
-    if version >> 21 != 32:
-        raise ValueError(f"its version is {version >> 21}, but 32 is known")
-    if not 1 <= count <= _MOST_GRIDS:
-        raise ValueError(f"it says that it has {count} grids")
-    metas = []
-    for _ in range(count):
-        fields = _META.unpack(_exactly(file, _META.size))
-        name_bytes = fields[21]
-        if not 0 < name_bytes <= 4096 or max(fields[:2]) > _MOST_BYTES:
-            raise ValueError("the head of a grid has an impossible size")
-        name = _exactly(file, name_bytes).rstrip(b"\0").decode("utf-8", "replace")
-        metas.append(_Meta(name, fields[0], fields[1], fields[4], codec))
+    """What the heads of a file say about its grids, and where each begins. Each head is followed by its grids."""
+    metas: list[_Meta] = []
+    head = _exactly(file, _HEAD_BYTES)
+    while len(head) == _HEAD_BYTES and (not metas or head[:8] in _MAGICS):
+        magic, version, count, codec = _HEADER.unpack(head)
+        if magic not in _MAGICS:
+            raise ValueError("it does not begin with NanoVDB")
+        if version >> 21 != 32:
+            raise ValueError(f"its version is {version >> 21}, but 32 is known")
+        if not 1 <= count <= _MOST_GRIDS - len(metas):
+            raise ValueError(f"it says that it has {count} grids")
+        named = [_meta(file) for _ in range(count)]
+        at = file.tell()
+        for name, grid_bytes, file_bytes, kind in named:
+            metas.append(_Meta(name, grid_bytes, file_bytes, kind, codec, at))
+            at += file_bytes
+        file.seek(at)
+        head = file.read(_HEAD_BYTES)
     return metas
+
+
+def _meta(file: BinaryIO) -> tuple[str, int, int, int]:
+    """Name of a grid, its bytes, those in the file, and its type."""
+    fields = _META.unpack(_exactly(file, _META.size))
+    name_bytes = fields[21]
+    if not 0 < name_bytes <= 4096 or max(fields[:2]) > _MOST_BYTES:
+        raise ValueError("the head of a grid has an impossible size")
+    name = _exactly(file, name_bytes).rstrip(b"\0").decode("utf-8", "replace")
+    return name, fields[0], fields[1], fields[4]
 
 
 def _exactly(file: BinaryIO, count: int) -> bytes:
@@ -150,12 +185,12 @@ def _grid_bytes(file: BinaryIO, meta: _Meta, label: str) -> NDArray[np.uint8]:
     return np.frombuffer(data, np.uint8)
 
 
-def _dense(data: NDArray[np.uint8], label: str) -> GridData:
+def _dense(data: NDArray[np.uint8], wanted: int, label: str) -> GridData:
     """All values in the box of the active ones."""
     if len(data) < _GRID_BYTES + 64 + _ROOT_BYTES or data[:8].tobytes() not in _MAGICS:
         raise ValueError("a grid does not begin as one")
     grid_class, kind = _numbers(data, _CLASS_AT, "<u4", 2).tolist()
-    if kind != _FLOAT:
+    if kind != wanted:
         raise ValueError("a grid has another type than its head says")
     if grid_class == _LEVEL_SET:
         raise SceneError(f"{label} is a level set, whose numbers are distances; convert it to a fog volume")
@@ -186,10 +221,10 @@ def _dense(data: NDArray[np.uint8], label: str) -> GridData:
                 raise ValueError("its tree has more branches than bytes")
         else:
             _fill(values, low, origin, 4096, float(_numbers(data, at + 20, "<f4", 1)[0]))
-    lowers = _all_children(data, uppers, _UPPER, _LOWER, values, low)
-    leaves = _all_children(data, lowers, _LOWER, _LEAF, values, low)
+    lowers = _all_children(data, uppers, _UPPER, _LOWER.size, values, low)
+    leaves = _all_children(data, lowers, _LOWER, _LEAF.size if kind == _FLOAT else _LEAST_LEAF, values, low)
     for at, origin in leaves:
-        block = _numbers(data, at + _LEAF.table, "<f4", 512).reshape(8, 8, 8)
+        block = _leaf(data, at, kind).reshape(8, 8, 8)
         into, out_of = _overlap(values.shape, origin - low, 8)
         values[into] = block[out_of]
     scaled = matrix * sides[None, :]
@@ -198,6 +233,23 @@ def _dense(data: NDArray[np.uint8], label: str) -> GridData:
     if not np.isfinite(placement).all() or abs(determinant(matrix)) < 1e-30:
         raise ValueError("its map to the world cannot be inverted")
     return GridData.checked(np.ascontiguousarray(values.transpose(2, 1, 0)), label, placement)
+
+
+def _leaf(data: NDArray[np.uint8], at: int, kind: int) -> NDArray[np.float32]:
+    """The 512 numbers of a leaf: floats, or codes of 1 to 16 bits for steps above a least number."""
+    if kind == _FLOAT:
+        return np.asarray(_numbers(data, at + _LEAF.table, "<f4", 512), np.float32)
+    least, step = _numbers(data, at + _LEAF_MINIMUM, "<f4", 2)
+    bits = _QUANTIZED[kind] or 1 << (int(_numbers(data, at + _LEAF_FLAGS, "u1", 1)[0]) >> 5)
+    if bits > 16:
+        raise ValueError("a leaf has codes of more than 16 bits")
+    if bits == 16:
+        codes = _numbers(data, at + _LEAF.table, "<u2", 512)
+    else:
+        packed = _numbers(data, at + _LEAF.table, "u1", 64 * bits)
+        places = np.unpackbits(packed, bitorder="little").reshape(512, bits).astype(np.uint16)
+        codes = (places << np.arange(bits, dtype=np.uint16)).sum(axis=1, dtype=np.uint16)
+    return codes.astype(np.float32) * np.float32(step) + np.float32(least)
 
 
 def _wrapped(bits: int) -> int:
@@ -214,14 +266,14 @@ def _numbers(data: NDArray[np.uint8], at: int, kind: str, count: int) -> NDArray
 
 
 def _all_children(
-    data: NDArray[np.uint8], nodes: list[_Node], level: _Level, below: _Level, values: NDArray[np.float32],
+    data: NDArray[np.uint8], nodes: list[_Node], level: _Level, below: int, values: NDArray[np.float32],
     low: NDArray[np.int64],
 ) -> list[_Node]:  # fmt: skip
-    """Children of all nodes of a level; there are no more than their bytes have room for."""
+    """Children of all nodes of a level; there are no more than their bytes, `below` for each, have room for."""
     found: list[_Node] = []
     for at, origin in nodes:
         found += _children(data, at, origin, level, values, low)
-        if len(found) > len(data) // below.size:
+        if len(found) > len(data) // below:
             raise ValueError("its tree has more branches than bytes")
     return found
 

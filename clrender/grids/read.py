@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO, Final
@@ -10,17 +11,19 @@ from clrender.errors import SceneError
 from clrender.files.named import allowed_file, open_named_file
 from clrender.files.npy import read_npy_header, read_npy_items
 from clrender.grids.data import VALUE_LIMIT, GridData
-from clrender.grids.nanovdb import read_nanovdb
+from clrender.grids.nanovdb import nanovdb_names, read_nanovdb
 from clrender.grids.vol import read_vol
 from clrender.wording import quoted
 
-__all__ = ["GRID_ENDINGS", "read_grid"]
+__all__ = ["GRID_ENDINGS", "grid_names", "read_grid"]
 
 GRID_ENDINGS: Final = (".npy", ".vol", ".nvdb")
 _FILE_LIMIT: Final = 2**33
 
 
-def read_grid(name: str, base_folder: Path, allow_paths: Sequence[Path], place: str) -> GridData:
+def read_grid(
+    name: str, base_folder: Path, allow_paths: Sequence[Path], place: str, within: str = "density"
+) -> GridData:
     """Read a grid named by a scene.
 
     Parameters
@@ -29,6 +32,8 @@ def read_grid(name: str, base_folder: Path, allow_paths: Sequence[Path], place: 
         See `clrender.files.named.allowed_file`.
     place : str
         Location of the name in the scene, for error messages.
+    within : str
+        Of an ``.nvdb`` file, the name of the grid.
 
     Raises
     ------
@@ -44,18 +49,32 @@ def read_grid(name: str, base_folder: Path, allow_paths: Sequence[Path], place: 
         try:
             if ending == ".npy":
                 return _numpy(file, label)
-            return read_vol(file, label) if ending == ".vol" else read_nanovdb(file, label)
+            return read_vol(file, label) if ending == ".vol" else read_nanovdb(file, label, within)
         except ValueError as error:
             raise SceneError(f"{label} is no readable {ending} file: {error}") from None
         except OSError as error:
             raise SceneError(f"{label} cannot be read: {error.strerror or error}") from None
 
 
+def grid_names(name: str, base_folder: Path, allow_paths: Sequence[Path], place: str) -> tuple[str, ...]:
+    """Names of the grids in an ``.nvdb`` file; of others, and of those that cannot be read, none. See `read_grid`."""
+    label = f"{place}: {quoted(name)}"
+    if Path(name).suffix.lower() != ".nvdb":
+        return ()
+    file, _ = open_named_file(name, base_folder, allow_paths, label, _FILE_LIMIT)
+    with file:
+        try:
+            return nanovdb_names(file)
+        except (OSError, ValueError):
+            return ()
+
+
 def _numpy(file: BinaryIO, label: str) -> GridData:
     header = read_npy_header(file)
-    if len(header.shape) != 3 or header.kind.kind not in "fiub":
-        raise SceneError(f"{label} holds {header}, but must hold numbers of the shape (nz, ny, nx)")
-    count = header.shape[0] * header.shape[1] * header.shape[2]
+    colors = len(header.shape) == 4 and header.shape[3] == 3
+    if not (len(header.shape) == 3 or colors) or header.kind.kind not in "fiub":
+        raise SceneError(f"{label} holds {header}, but must hold numbers of the shape (nz, ny, nx), or (nz, ny, nx, 3)")
+    count = math.prod(header.shape)
     if count > VALUE_LIMIT:
         raise SceneError(f"{label} has {count} numbers; at most {VALUE_LIMIT} are possible; make the grid coarser")
     return GridData.checked(read_npy_items(file, header), label)

@@ -20,7 +20,7 @@ _KINDS: Final[Mapping[int, np.dtype[Any]]] = {1: np.dtype("<f4"), 2: np.dtype("<
 
 
 def read_vol(file: BinaryIO, label: str) -> GridData:
-    """Read a grid of one channel.
+    """Read a grid of one channel, or of three, which are a colour.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def read_vol(file: BinaryIO, label: str) -> GridData:
     Raises
     ------
     SceneError
-        It has several channels, or numbers that are not allowed.
+        It has another number of channels, or numbers that are not allowed.
     ValueError
         It is no such file.
     """
@@ -43,13 +43,13 @@ def read_vol(file: BinaryIO, label: str) -> GridData:
         raise ValueError(f"its version is {version} and its type of numbers {kind}; known are 3, and 1 to 3")
     if not all(1 <= side <= SIDE_LIMIT for side in (nx, ny, nz)) or nx * ny * nz > VALUE_LIMIT:
         raise ValueError(f"it says that it has {nx} x {ny} x {nz} numbers")
-    if channels != 1:
-        raise SceneError(f"{label} has {channels} channels, but a density has one; convert it")
-    size = nx * ny * nz * _KINDS[kind].itemsize
+    if channels not in (1, 3):
+        raise SceneError(f"{label} has {channels} channels, but a number has one and a colour three; convert it")
+    size = nx * ny * nz * channels * _KINDS[kind].itemsize
     held = os.fstat(file.fileno()).st_size - _HEAD.size
     if held != size:
         raise ValueError(f"it has {max(held, 0)} bytes of numbers, but its head promises {size}")
-    numbers = np.frombuffer(file.read(size), _KINDS[kind]).reshape(nz, ny, nx)
+    numbers = np.frombuffer(file.read(size), _KINDS[kind]).reshape((nz, ny, nx) if channels == 1 else (nz, ny, nx, 3))
     values = numbers.astype(np.float32)
     if kind == 3:
         values /= np.float32(255.0)

@@ -9,8 +9,9 @@ from typing import Any
 
 from clrender.image.exposure import PHOTOGRAPHIC
 from clrender.scene.contents import HEAD, SceneContents
-from clrender.scene.density import density_placement
 from clrender.scene.former_keys import former_keys
+from clrender.scene.grid_placement import grid_placement
+from clrender.scene.medium import Density, Temperature
 from clrender.scene.values import Part
 
 __all__ = ["content_sha256", "put_at"]
@@ -88,10 +89,11 @@ def _contents(scene: SceneContents) -> dict[str, bytes]:
         content["lights"][index]["file"] = scene.ies_profile(index).sha256()
     for name, medium in scene.media.items():
         _as_in_films(medium, content["media"][name])
-    for name, density in scene.densities():
-        grid = scene.grid(name, density)
-        placed = density_placement(density, grid).tolist()
-        content["media"][name]["density"] = {"grid": grid.sha256(), "placement": placed, "edges": density.edges}
+    for (_, name, key), grid in scene.grids():
+        data = scene.grid(name, key, grid)
+        table = {"grid": data.sha256(), "placement": grid_placement(grid, data).tolist()}
+        more = ("edges",) if isinstance(grid, Density) else ("scale", "offset") if isinstance(grid, Temperature) else ()
+        content["media"][name][key] = table | {each: getattr(grid, each) for each in more}
     for name, material in scene.measured_materials():
         content["materials"][name]["file"] = scene.measured(name, material).sha256()
     if named := scene.texture_files():

@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import AfterValidator, FailFast, Field, PrivateAttr
 
 from clrender.curves import CurveData
+from clrender.errors import SceneError
 from clrender.grids import GridData
 from clrender.measured import MeasuredFile
 from clrender.meshes.data import MeshData, inline_mesh
@@ -32,7 +33,7 @@ from clrender.scene.materials import (
     Material,
     Measured,
 )
-from clrender.scene.medium import Density, Medium
+from clrender.scene.medium import Grid, Medium
 from clrender.scene.pictures import TexelStore
 from clrender.scene.scene_files import SceneFiles
 from clrender.scene.shapes import AnyShape, Curves, Mesh
@@ -390,25 +391,33 @@ class SceneContents(Head):
         names = {shape.interior for _, shape in self.all_shapes()} | {self.fog}
         return {name for name in names if name is not None}
 
-    def densities(self) -> list[tuple[str, Density]]:
-        """The grids of its media, each with the name of the medium."""
-        return [(name, each.density) for name, each in self.media.items() if each.density is not None]
+    def grids(self) -> Iterator[tuple[tuple[str, str, str], Grid]]:
+        """The grids of its media, each with the location of its table in the description."""
+        for name, medium in self.media.items():
+            for key, grid in medium.grids.given() if medium.grids is not None else ():
+                yield ("media", name, key), grid
 
-    def grid(self, medium: str, density: Density) -> GridData:
+    def grid(self, medium: str, key: str, grid: Grid) -> GridData:
         """The grid that a medium names; its file is read once and cached.
 
         Parameters
         ----------
-        medium : str
-            Name of the medium, for error messages.
-        density : Density
+        medium, key : str
+            Name of the medium, and key of the grid in its table.
+        grid : Grid
 
         Raises
         ------
         SceneError
             If the file cannot be read or is no usable grid.
         """
-        return self._files.grid(density.file, place(("media", medium, "density", "file")))
+        where = place(("media", medium, key, "file"))
+        data = self._files.grid(grid, where)
+        if key in ("density", "temperature") and data.channels != 1:
+            raise SceneError(f"{self.source}: {where} has colours, but a {key} is one number; convert it")
+        if key == "albedo" and float(data.values.max()) > 1.0:
+            raise SceneError(f"{self.source}: {where} goes beyond 1, which scatters more light than it gets; divide it")
+        return data
 
     def read_named(self) -> None:
         """Read every file that the scene names, so that none is read later.
@@ -426,8 +435,8 @@ class SceneContents(Head):
             self.textures()
         for at, curves in self.curve_files():
             self.strands(at, curves)
-        for name, density in self.densities():
-            self.grid(name, density)
+        for (_, name, key), grid in self.grids():
+            self.grid(name, key, grid)
         for name, material in self.measured_materials():
             self.measured(name, material)
         self.read_lights()

@@ -2,24 +2,39 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal, TypeAlias
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple, TypeAlias
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from clrender.scene.poses import Transform
-from clrender.scene.values import NUMBER_OR_TRIPLE, FileName, Finite, Part, Power, Vector, fault, number_as_triple
+from clrender.scene.values import (
+    NUMBER_OR_TRIPLE,
+    FileName,
+    Finite,
+    Part,
+    Power,
+    Text,
+    Vector,
+    fault,
+    number_as_triple,
+)
 
-__all__ = ["Density", "Medium"]
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+__all__ = ["ColorGrid", "Density", "Grid", "Grids", "Medium", "Temperature"]
 
 _Coefficients: TypeAlias = Annotated[
     tuple[Power, Power, Power], BeforeValidator(number_as_triple), WithJsonSchema(NUMBER_OR_TRIPLE)
 ]
 
 
-class Density(Part):
-    """A grid of numbers by which a medium's absorption and scattering are multiplied; outside of its box they are 0."""
+class Grid(Part):
+    """Numbers in space."""
 
     file: FileName = Field(description="the grid: `.npy` of the shape (nz, ny, nx), `.vol` or `.nvdb`")
+    name: Text = Field("density", description="of an `.nvdb` file, the name of the grid in it")
     box: tuple[Vector, Vector] | None = Field(
         None,
         description="lowest and highest corner of the grid's box, before the transform; default: where the file says, "
@@ -28,22 +43,60 @@ class Density(Part):
     transform: Transform = Field(
         Transform(), description="of the box, in the space of the scene, or of the group whose shapes it fills"
     )
-    edges: Literal["keep", "fall"] = Field(
-        "keep",
-        description="whether the density keeps the numbers of the outermost cells up to the edges, or falls to zeros",
-    )
+
+    @property
+    def asset(self) -> str:
+        """Names what is read from the file: of an ``.nvdb`` one of several grids."""
+        named = self.file.lower().endswith(".nvdb") and self.name != "density"
+        return f"{self.file} {self.name}" if named else self.file
 
     @model_validator(mode="after")
-    def _has_a_volume(self) -> Density:
+    def _has_a_volume(self) -> Self:
         if self.box is not None and not all(a < b for a, b in zip(*self.box, strict=True)):
             raise fault("medium", "has no volume; give the lowest corner first, and then the highest", "box")
         return self
 
 
+class Density(Grid):
+    """A grid of numbers by which a medium's absorption and scattering are multiplied; outside of its box they are 0."""
+
+    edges: Literal["keep", "fall"] = Field(
+        "keep",
+        description="whether the density keeps the numbers of the outermost cells up to the edges, or falls to zeros",
+    )
+
+
+class ColorGrid(Grid):
+    """Numbers, or colours (`.npy` (nz, ny, nx, 3), `.vol` of three channels), which go on beyond the edges."""
+
+
+class Temperature(Grid):
+    """A grid of temperatures, after (number - `offset`) `scale`, kelvin. It goes on beyond its edges."""
+
+    name: Text = Field("temperature", description="of an `.nvdb` file, the name of the grid in it")
+    scale: Annotated[Finite, Field(gt=0.0, le=1e9)] = 1.0
+    offset: Annotated[Finite, Field(ge=-1e9, le=1e9)] = 0.0
+
+
+class Grids(NamedTuple):
+    """The grids of a medium."""
+
+    density: Density
+    albedo: ColorGrid | None = None
+    emission_grid: ColorGrid | None = None
+    temperature: Temperature | None = None
+
+    def given(self) -> Iterator[tuple[str, Grid]]:
+        """Those that there are, with their keys."""
+        for key, grid in self._asdict().items():
+            if grid is not None:
+                yield key, grid
+
+
 class Medium(Part):
     """Participating medium, such as smoke, fog or milk."""
 
-    late_keys: ClassVar[frozenset[str]] = frozenset({"density", "emission"})
+    late_keys: ClassVar[frozenset[str]] = frozenset({"density", "emission", "albedo", "emission_grid", "temperature"})
 
     absorption: _Coefficients = Field((0.0, 0.0, 0.0), description="absorption coefficient, per metre")
     scattering: _Coefficients = Field((0.0, 0.0, 0.0), description="scattering coefficient, per metre")
@@ -57,6 +110,18 @@ class Medium(Part):
     )
 
     density: Density | None = Field(None, description="where it is how dense; default: the same everywhere")
+    albedo: ColorGrid | None = Field(
+        None,
+        description="beside a density: grid, from 0 to 1, by which scattering is multiplied; the rest is absorbed",
+    )
+    emission_grid: ColorGrid | None = Field(
+        None, description="beside a density: grid by which the emission is multiplied, too"
+    )
+    temperature: Temperature | None = Field(
+        None,
+        description="beside a density: grid of temperatures; the emission is multiplied by the colour of a black body, "
+        "whose spectrum is 1 at its peak, and is 0 up to 100 K",
+    )
 
     @model_validator(mode="after")
     def _absorbs_what_it_sends(self) -> Medium:
@@ -65,6 +130,27 @@ class Medium(Part):
                 text = f"shines in {channel} without absorbing or scattering it; give it some absorption"
                 raise fault("medium", text, "emission")
         return self
+
+    @model_validator(mode="after")
+    def _has_what_grids_vary(self) -> Medium:
+        for key in ("albedo", "emission_grid", "temperature"):
+            if getattr(self, key) is None:
+                continue
+            of = "scattering" if key == "albedo" else "emission"
+            if self.density is None:
+                raise fault("medium", "is given without a density; give that a grid, too", key)
+            if max(getattr(self, of)) == 0.0:
+                raise fault("medium", f"does nothing without {of}; give some", key)
+        if self.emission_grid is not None and self.temperature is not None:
+            raise fault("medium", "is given beside temperature; keep one of them", "emission_grid")
+        return self
+
+    @property
+    def grids(self) -> Grids | None:
+        """Its grids, if it has a density."""
+        if self.density is None:
+            return None
+        return Grids(self.density, self.albedo, self.emission_grid, self.temperature)
 
     @property
     def glows(self) -> bool:

@@ -85,11 +85,12 @@ def scene_to_portable(scene: Scene) -> tuple[dict[str, Any], dict[str, bytes]]:
         description["lights"][index]["file"] = _PREFIX + profile.sha256()
         names = ("vertical", "horizontal", "candela", "tilt")
         assets[profile.sha256()] = _zipped(**{name: getattr(profile, name) for name in names})
-    for name, density in scene.densities():
-        grid = scene.grid(name, density)
-        put_at(description, ("media", name, "density", "file"), _PREFIX + grid.sha256())
-        if grid.sha256() not in assets:
-            assets[grid.sha256()] = _zipped(values=grid.values, placement=grid.placement)
+    for (_, name, key), grid in scene.grids():
+        data = scene.grid(name, key, grid)
+        description["media"][name][key].pop("name", None)
+        put_at(description, ("media", name, key, "file"), _PREFIX + data.sha256())
+        if data.sha256() not in assets:
+            assets[data.sha256()] = _zipped(values=data.values, placement=data.placement)
     for at, curves in scene.curve_files():
         strands = scene.strands(at, curves)
         put_at(description, (*at, "file"), _PREFIX + strands.sha256())
@@ -142,10 +143,10 @@ def scene_from_portable(description: Mapping[str, Any], assets: Mapping[str, byt
         place = f"{source}: lights[{index}].file"
         pictures[light.file] = _unpacked_picture(_hash_in(light.file, place), assets, place)
     grids: dict[str, GridData] = {}
-    for name, density in scene.densities():
-        if density.file not in grids:
-            place = f"{source}: {place_in_file(('media', name, 'density', 'file'))}"
-            grids[density.file] = _unpacked_grid(_hash_in(density.file, place), assets, place)
+    for at, grid in scene.grids():
+        if grid.asset not in grids:
+            place = f"{source}: {place_in_file((*at, 'file'))}"
+            grids[grid.asset] = _unpacked_grid(_hash_in(grid.file, place), assets, place)
     curves: dict[str, CurveData] = {}
     for at, strands in scene.curve_files():
         if strands.file is not None and strands.file not in curves:

@@ -25,6 +25,7 @@ from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.frozen import FrozenDict, frozen
 from clrender.scene.groups import TransformArray
 from clrender.scene.ies import IesProfile, read_ies
+from clrender.scene.medium import Grid
 from clrender.scene.shapes import Mesh
 from clrender.wording import place, quoted, shown, suggestion
 
@@ -70,6 +71,7 @@ class SceneFiles:
     environments : dict of str to EnvironmentPicture
     profiles : dict of str to IesProfile
     grids : dict of str to GridData
+        By `clrender.scene.medium.Grid.asset`.
     curves : dict of str to CurveData
     measured : dict of str to MeasuredFile
     textures : dict of str to (StoredPicture, (tiles, 64) uint8)
@@ -163,12 +165,13 @@ class SceneFiles:
             self._read("profiles", name, profile)
         return self.profiles[name]
 
-    def grid(self, name: str, where: str) -> GridData:
+    def grid(self, grid: Grid, where: str) -> GridData:
         """Content of a file of a grid; `where` is the location of the name, for messages. Raises like `mesh`."""
-        if name not in self.grids:
-            grid = read_grid(name, self.base_folder, self.allow_paths, f"{self.source}: {where}")
-            self._read("grids", name, grid)
-        return self.grids[name]
+        if grid.asset not in self.grids:
+            label = f"{self.source}: {where}"
+            read = read_grid(grid.file, self.base_folder, self.allow_paths, label, grid.name)
+            self._read("grids", grid.asset, read)
+        return self.grids[grid.asset]
 
     def strands(self, name: str, where: str) -> CurveData:
         """Content of a file of curves; `where` is the location of the name, for messages. Raises like `mesh`."""

@@ -12,6 +12,7 @@
 #include "geometry/surface.h"
 #include "material/interior.h"
 #include "medium/equiangular.h"
+#include "medium/grid_colors.h"
 
 #ifdef MEDIA
 
@@ -130,9 +131,10 @@ static void medium_travel(
     const vfloat pdf = medium_pdf(free, extinction, left, distance, scatters);
     const vec3 arrived = lane_any(outside) ? choose(outside, interior_from_outside(scene, interior_top(in)), left) : left;
     const vec3 weight = scale(choose(scatters, mul(scattering, left), arrived), inverse_or_one(pdf));
+    vec3 emission = vec3_all(0.0f);
 #ifdef GLOWING_MEDIA
     const vmask glows = may & ((vfloat_bits(row[MEDIUM_ROW_FLAGS]) & MEDIUM_FLAG_GLOWS) != 0u);
-    const vec3 emission = choose(glows, vec3_row(row, MEDIUM_ROW_EMISSION), vec3_all(0.0f));
+    emission = choose(glows, vec3_row(row, MEDIUM_ROW_EMISSION), emission);
     *glow = choose(scatters, add(*glow, mul(*throughput, scale(mul(emission, left), inverse_or_one(pdf)))), *glow);
 #endif
 #ifdef GRIDS
@@ -140,9 +142,10 @@ static void medium_travel(
     if (lane_any(grid)) {
         const GridEvent event =
             grid_travel(scene, grid_head(row), extinction, medium_share(*throughput), ray->origin, ray->direction, hit->distance, grid);
-        const vec3 albedo = medium_per(scattering, extinction);
+        vec3 albedo = medium_per(scattering, extinction), shines = medium_per(emission, extinction);
+        grid_colors(scene, grid_head(row), along(ray->origin, ray->direction, event.distance), event.scatters, &albedo, &shines);
 #ifdef GLOWING_MEDIA
-        const vec3 sent = mul(mul(*throughput, event.weight), medium_per(emission, extinction));
+        const vec3 sent = mul(mul(*throughput, event.weight), shines);
         *glow = choose(event.scatters, add(*glow, sent), *glow);
 #endif
         const vec3 beyond = choose(outside, interior_from_outside(scene, interior_top(in)), vec3_all(1.0f));

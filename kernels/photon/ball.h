@@ -48,12 +48,15 @@ static vfloat ball_tries(const Scene* scene, vec3 center, vfloat time, Sampler s
     return tries;
 }
 
-// The flux that a deposit has for gathering: in a grid over the density there, so that what is gathered is the light and not how dense it is.
+// The flux that a deposit has for gathering: in a grid over the density and the albedo there, so that what is gathered is the light and not how much
+// of it is scattered.
 static vec3 ball_flux(const Scene* scene, const Interior* in, vec3 point, vec3 flux, vmask where) {
 #ifdef GRIDS
     vfloat row[16];
     lane_rows(scene->media_rows, where ? interior_top(in) : splat_uint(0u), row);
-    return scale(flux, inverse_or_one(medium_density(scene, row, point, where)));
+    vec3 albedo = vec3_all(1.0f), unused = albedo;
+    grid_colors(scene, grid_head(row), point, where & grid_fills(row), &albedo, &unused);
+    return scale(medium_per(flux, albedo), inverse_or_one(medium_density(scene, row, point, where)));
 #else
     return flux;
 #endif

@@ -32,11 +32,14 @@ def nanovdb_bytes(
     tiles: bool = False,
     background: float = 0.0,
     grid_class: int = 2,
+    kind: int = 1,
+    bits: int = 0,
 ) -> bytes:
     """A grid (nx, ny, nz) of floats, whose first value has the coordinates `first`.
 
-    With `tiles`, blocks of one value are no leaves but entries of the nodes above.
+    With `tiles`, blocks of one value are no leaves but entries of the nodes above. With `bits`, leaves have codes.
     """
+    leaf_bytes = 96 + 64 * bits if bits else _LEAF
     blocks: dict[tuple[int, ...], NDArray[np.float32]] = {}
     low = np.array(first)
     for index in np.ndindex(*values.shape):
@@ -56,7 +59,7 @@ def nanovdb_bytes(
     upper_at = root_at + 64 + 32 * len(uppers)
     lower_at = upper_at + _UPPER * len(uppers)
     leaf_at = lower_at + _LOWER * len(lowers)
-    total = 672 + leaf_at + _LEAF * len(leaves)
+    total = 672 + leaf_at + leaf_bytes * len(leaves)
     data = bytearray(total)
     high = low + np.array(values.shape) - 1
 
@@ -64,7 +67,7 @@ def nanovdb_bytes(
     data[40 : 40 + len(name)] = name.encode()
     struct.pack_into("<9d", data, 296 + 88, *(voxel * np.eye(3)).reshape(-1))
     struct.pack_into("<3d", data, 296 + 232, *offset)
-    struct.pack_into("<II", data, 632, grid_class, 1)
+    struct.pack_into("<II", data, 632, grid_class, kind)
     tree = 672
     counts = len(leaves), len(lowers), len(uppers), len(flat), 0, 0
     struct.pack_into("<4Q6IQ", data, tree, leaf_at, lower_at, upper_at, root_at, *counts, values.size)
@@ -72,7 +75,7 @@ def nanovdb_bytes(
     struct.pack_into("<6iI4f", data, root, *low.tolist(), *high.tolist(), len(uppers), background, 0.0, 1.0, 0.0)
     place = {key: tree + upper_at + _UPPER * i for i, key in enumerate(uppers)}
     lower_place = {key: tree + lower_at + _LOWER * i for i, key in enumerate(lowers)}
-    leaf_place = {key: tree + leaf_at + _LEAF * i for i, key in enumerate(leaves)}
+    leaf_place = {key: tree + leaf_at + leaf_bytes * i for i, key in enumerate(leaves)}
     for number, (key, children) in enumerate(uppers.items()):
         x, y, z = ((a & 0xFFFFFFFF) >> 12 for a in key)
         struct.pack_into("<QqIf", data, root + 64 + 32 * number, x << 42 | y << 21 | z, place[key] - root, 0, 0.0)
@@ -88,17 +91,29 @@ def nanovdb_bytes(
                 _child(data, lower_place[key], 32, 4096, 1088, n, leaf_place[child])
     for key, where in leaf_place.items():
         struct.pack_into("<3i", data, where, *key)
-        data[where + 96 : where + 96 + 2048] = blocks[key].astype("<f4").tobytes()
+        data[where + 96 : where + leaf_bytes] = _leaf(data, where, blocks[key].ravel(), bits)
 
     packed = bytes(data)
     if codec == 1:
         packed = zlib.compress(packed)
         packed = struct.pack("<Q", len(packed)) + packed
     head = struct.pack("<8sIHH", b"NanoVDB2", 32 << 21 | 6 << 10, 1, codec)
-    meta = struct.pack("<QQQQII6d6i3dI4I3IHHI", total, len(packed), 0, values.size, 1, grid_class, *[0.0] * 6,
+    meta = struct.pack("<QQQQII6d6i3dI4I3IHHI", total, len(packed), 0, values.size, kind, grid_class, *[0.0] * 6,
                        *low.tolist(), *high.tolist(), voxel, voxel, voxel, len(name) + 1, len(leaves), len(lowers),
                        len(uppers), 1, 0, 0, 0, codec, 0, 32 << 21 | 6 << 10)  # fmt: skip
     return head + meta + name.encode() + b"\0" + packed
+
+
+def _leaf(data: bytearray, at: int, values: NDArray[np.float32], bits: int) -> bytes:
+    """The table of a leaf: floats, or codes, of which the least value and the step are written before."""
+    if not bits:
+        return values.astype("<f4").tobytes()
+    least, most = float(values.min()), float(values.max())
+    step = (most - least) / (2**bits - 1)
+    struct.pack_into("<2f", data, at + 80, least, step)
+    data[at + 15] = (bits.bit_length() - 1) << 5
+    codes = np.floor((values - least) / (step or 1.0) + 0.5).astype(np.uint16)
+    return np.packbits(codes[:, None] >> np.arange(bits, dtype=np.uint16) & 1, bitorder="little").tobytes()
 
 
 def _entry(key: tuple[int, ...], mask: int, shift: int, side: int) -> int:

@@ -23,13 +23,20 @@ from clrender.exporters import (
 )
 from clrender.flatten.flat_scene import flatten
 from clrender.flatten.grids import brick_words
-from clrender.grids import GridData, read_grid
-from clrender.scene.density import density_placement
+from clrender.grids import GridData, grid_names, read_grid
+from clrender.scene.grid_placement import grid_placement
+from clrender.scene.medium import Density
 from clrender.scene.portable import scene_from_portable, scene_to_portable
 
 VALUES = np.random.RandomState(3).uniform(0.0, 2.0, (4, 5, 6)).astype(np.float32)
 CAMERA: dict[str, Any] = {"position": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0]}
 BOX: dict[str, Any] = {"type": "box", "size": [1.0, 1.0, 1.0], "interior": "smoke"}
+
+
+def grid_of(scene: clrender.Scene, wanted: str = "density") -> tuple[Any, GridData]:
+    """The grid of the only medium that has one of this kind, and what its file holds."""
+    ((name, grid),) = [(at[1], grid) for at, grid in scene.grids() if at[2] == wanted]
+    return grid, scene.grid(name, wanted, grid)
 
 
 def described(density: Any, **more: Any) -> dict[str, Any]:
@@ -97,6 +104,27 @@ def head(data: bytes, at: int, new: bytes) -> bytes:
 NVDB = nanovdb_bytes(VALUES)
 
 
+@pytest.mark.parametrize(("kind", "bits"), [(13, 4), (14, 8), (15, 16), (16, 1), (16, 2), (16, 16)])
+def test_quantized_nanovdb_files(tmp_path: Path, kind: int, bits: int) -> None:
+    grid = read(tmp_path, "a.nvdb", nanovdb_bytes(VALUES.transpose(2, 1, 0), kind=kind, bits=bits))
+    np.testing.assert_allclose(grid.values[1:-1, 1:-1, 1:-1], VALUES, atol=2.0 / (2**bits - 1) / 2.0 + 1e-6)
+    assert np.unique(grid.values).size <= 2**bits + 1
+
+
+def test_nanovdb_files_of_several_grids(tmp_path: Path) -> None:
+    """Each after a head of its own, as tools write them."""
+    parts = [
+        nanovdb_bytes(VALUES * n, name=name) for n, name in ((1.0, "heat"), (2.0, "density"), (3.0, "temperature"))
+    ]
+    (tmp_path / "a.nvdb").write_bytes(b"".join(parts) + b"and more")
+    assert grid_names("a.nvdb", tmp_path, (), "here") == ("heat", "density", "temperature")
+    for within, factor in (("density", 2.0), ("temperature", 3.0), ("heat", 1.0)):
+        grid = read_grid("a.nvdb", tmp_path, (), "here", within)
+        assert np.array_equal(grid.values[1:-1, 1:-1, 1:-1].transpose(2, 1, 0), VALUES * np.float32(factor))
+    with pytest.raises(SceneError, match="has no grid \"cold\", but 'heat', 'density', 'temperature'"):
+        read_grid("a.nvdb", tmp_path, (), "here", "cold")
+
+
 @pytest.mark.parametrize(
     ("name", "data", "said"),
     [
@@ -107,7 +135,7 @@ NVDB = nanovdb_bytes(VALUES)
         ("a.npy", npy(VALUES.astype(complex)), "must hold numbers"),
         ("a.vol", vol_bytes(VALUES)[:-1], "bytes of numbers"),
         ("a.vol", b"VOLX" + vol_bytes(VALUES)[4:], "its version is"),
-        ("a.vol", vol_bytes(np.repeat(VALUES[..., None], 3, axis=-1), channels=3), "has 3 channels"),
+        ("a.vol", vol_bytes(np.repeat(VALUES[..., None], 2, axis=-1), channels=2), "has 2 channels"),
         ("a.vol", b"nothing", "does not begin with VOL"),
         ("a.nvdb", b"nothing", "ends too early"),
         ("a.nvdb", NVDB[:5000], "ends too early"),
@@ -153,10 +181,10 @@ def test_where_a_grid_is() -> None:
     density = media["smoke"].density
     assert density is not None
     wanted = [[2.0, 0.0, 0.0, 1.0], [0.0, 3.0, 0.0, 5.0], [0.0, 0.0, 4.0, 0.0]]
-    assert density_placement(density, grid).tolist() == wanted
+    assert grid_placement(density, grid).tolist() == wanted
     boxed = density.with_checked(box=((-1.0, -1.0, -1.0), (1.0, 1.0, 0.0)))
     wanted = [[2.0, 0.0, 0.0, -1.0], [0.0, 2.0, 0.0, 4.0], [0.0, 0.0, 1.0, -1.0]]
-    assert density_placement(boxed, grid).tolist() == wanted
+    assert grid_placement(boxed, grid).tolist() == wanted
 
 
 @pytest.mark.parametrize("falls", [False, True])
@@ -182,7 +210,7 @@ def test_bricks_have_every_number_and_those_around(falls: bool) -> None:
 
 def test_arrays_of_python() -> None:
     scene = clrender.Scene(**described({"file": "mine"})).with_arrays(grids={"mine": VALUES.tolist()})
-    assert np.array_equal(scene.grid(*scene.densities()[0]).values, VALUES)
+    assert np.array_equal(grid_of(scene)[1].values, VALUES)
     with pytest.raises(SceneError, match=r'grids: "mine" .*must hold numbers'):
         scene.with_arrays(grids={"mine": VALUES[0]})
 
@@ -235,20 +263,21 @@ Shape "sphere"
 def test_pbrt_grids(tmp_path: Path) -> None:
     numbers = " ".join(f"{x:.9g}" for x in VALUES.ravel())
     uniform = 'MakeNamedMedium "m" "string type" "uniformgrid" "integer nx" 6 "integer ny" 5 "integer nz" 4 '
-    uniform += f'"float density" [{numbers}] "point3 p0" [-1 -1 -1] "point3 p1" [1 2 3] "float temperature" 2'
+    uniform += f'"float density" [{numbers}] "point3 p0" [-1 -1 -1] "point3 p1" [1 2 3]'
     (tmp_path / "a.pbrt").write_text(PBRT.format(uniform))
     (tmp_path / "x.nvdb").write_bytes(nanovdb_bytes(VALUES.transpose(2, 1, 0)))
     sparse = 'MakeNamedMedium "m" "string type" "nanovdb" "string filename" "x.nvdb" "float scale" 3 '
     sparse += '"rgb Le" [1 2 0] "float Lescale" 2'
     (tmp_path / "b.pbrt").write_text(PBRT.format(sparse))
     first, second = (clrender.load(tmp_path / name) for name in ("a.pbrt", "b.pbrt"))
-    assert "does not shine" in " ".join(first.notes) and not second.notes
-    (name, density), (other, its) = first.densities()[0], second.densities()[0]
-    assert density.edges == "fall" and np.array_equal(first.grid(name, density).values, VALUES)
-    placed = density_placement(density, first.grid(name, density))
+    assert not first.notes and not second.notes
+    (density, values), (its, others) = grid_of(first), grid_of(second)
+    assert isinstance(density, Density) and density.edges == "fall" and np.array_equal(values.values, VALUES)
+    placed = grid_placement(density, values)
     assert placed.tolist() == [[2.0, 0.0, 0.0, 0.0], [0.0, 3.0, 0.0, -1.0], [0.0, 0.0, 4.0, -1.0]]
-    assert second.media[other].scattering == (3.0, 3.0, 3.0) and second.media[other].emission == (6.0, 12.0, 0.0)
-    placed = density_placement(its, second.grid(other, its))
+    (medium,) = second.media.values()
+    assert medium.scattering == (3.0, 3.0, 3.0) and medium.emission == (6.0, 12.0, 0.0)
+    placed = grid_placement(its, others)
     assert placed[:, 3] == pytest.approx([-1.5 + 1.0, -1.5, -1.5])
 
 
@@ -281,9 +310,10 @@ def test_mitsuba_grids(tmp_path: Path) -> None:
     for more in (moved, own):
         (tmp_path / "a.xml").write_text(MITSUBA.format("x.vol", more))
         scene = clrender.load(tmp_path / "a.xml")
-        ((name, density),) = scene.densities()
-        assert scene.media[name].scattering == (6.0, 4.0, 2.0) and scene.media[name].absorption == (2.0, 4.0, 6.0)
-        corners.append(density_placement(density, scene.grid(name, density))[:, 3].tolist())
+        density, values = grid_of(scene)
+        (medium,) = scene.media.values()
+        assert medium.scattering == (6.0, 4.0, 2.0) and medium.absorption == (2.0, 4.0, 6.0)
+        corners.append(grid_placement(density, values)[:, 3].tolist())
     assert corners == [[3.0, 0.0, 0.0], [-1.0, -1.0, -1.0]]
     (tmp_path / "a.xml").write_text(MITSUBA.format("y.vol", ""))
     with pytest.raises(SceneError, match=r'line 3: "y\.vol" does not exist'):
@@ -308,9 +338,9 @@ def test_mitsuba_gets_grids(tmp_path: Path, colored: bool) -> None:
     assert 'type="heterogeneous"' in text and ('name="raw"' in text) == colored
     if not colored:
         again = clrender.load(tmp_path / "a.xml")
-        ((name, density),) = again.densities()
-        assert np.array_equal(again.grid(name, density).values, VALUES)
-        assert density_placement(density, again.grid(name, density)).tolist() == np.diag([2.0] * 4)[:3].tolist()
+        density, values = grid_of(again)
+        assert np.array_equal(values.values, VALUES)
+        assert grid_placement(density, values).tolist() == np.diag([2.0] * 4)[:3].tolist()
 
 
 @pytest.mark.parametrize("export", [exported_to_luxcore, exported_to_cycles, exported_to_mitsuba])
@@ -326,3 +356,133 @@ def test_other_programs_are_told(export: Any) -> None:
     scene = clrender.Scene(**described({"file": "a"})).with_arrays(grids={"a": VALUES})
     notes = export(scene, "files").notes
     assert "left out: grids of densities, of which media have 1 everywhere (media.smoke.density)" in notes
+
+
+COLORS = np.random.RandomState(8).uniform(0.0, 1.0, (4, 5, 6, 3)).astype(np.float32)
+
+
+def colored(**keys: Any) -> clrender.Scene:
+    """A scene of a medium with grids of colours, and a temperature, of 1000 to 3000."""
+    content = described({"file": "a"})
+    medium = {"emission": 1.0, "albedo": {"file": "c"}, "temperature": {"file": "t", "scale": 2.0}, **keys}
+    content["media"]["smoke"] |= {key: value for key, value in medium.items() if value is not None}
+    return clrender.Scene(**content).with_arrays(grids={"a": VALUES, "c": COLORS, "t": VALUES * 500.0 + 500.0})
+
+
+def test_grids_of_colours_go_to_other_processes_and_files(tmp_path: Path) -> None:
+    scene = colored(albedo={"file": "c", "transform": {"translate": [1.0, 0.0, 0.0]}})
+    text, assets = scene_to_portable(scene)
+    assert len(assets) == 3 and scene_from_portable(text, assets).sha256() == scene.sha256()
+    export = exported(scene, "files")
+    with export.written(tmp_path / "a.toml"):
+        (tmp_path / "a.toml").write_bytes(scene_text(export.description, ".toml", "a test"))
+    again = clrender.load(tmp_path / "a.toml")
+    assert again.sha256() == scene.sha256()
+    assert flatten(again, 8, 8).arrays_sha256 == flatten(scene, 8, 8).arrays_sha256
+
+
+def test_scenes_are_known_by_all_their_grids() -> None:
+    others = [
+        colored(albedo={"file": "t"}).with_arrays(grids={"t": COLORS[..., 0]}),
+        colored(temperature={"file": "t", "scale": 2.1}),
+        colored(temperature={"file": "t", "scale": 2.0, "offset": 1.0}),
+        colored(temperature=None, emission_grid={"file": "t"}),
+        colored(albedo=None),
+    ]
+    scenes = [colored(), *others[1:]]
+    assert len({each.sha256() for each in scenes}) == len(scenes)
+    assert len({flatten(each, 8, 8).arrays_sha256 for each in scenes}) == len(scenes)
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ({"albedo": {"file": "t"}}, r"media\.smoke\.albedo\.file goes beyond 1, which scatters more"),
+        (
+            {"temperature": {"file": "c"}},
+            r"media\.smoke\.temperature\.file has colours, but a temperature is one number",
+        ),
+        ({"density": {"file": "c"}}, r"media\.smoke\.density\.file has colours, but a density is one number"),
+        ({"emission": 0.0}, r"media\.smoke\.temperature does nothing without emission"),
+        ({"scattering": 0.0, "absorption": 1.0}, r"media\.smoke\.albedo does nothing without scattering"),
+        ({"density": None}, r"media\.smoke\.albedo is given without a density"),
+        ({"emission_grid": {"file": "c"}}, r"media\.smoke\.emission_grid is given beside temperature"),
+    ],
+)
+def test_refused_grids_of_colours(keys: dict[str, Any], said: str) -> None:
+    content = described({"file": "a"})
+    table = {"emission": 1.0, "albedo": {"file": "c"}, "temperature": {"file": "t"}, **keys}
+    content["media"]["smoke"] |= table
+    content["media"]["smoke"] = {key: value for key, value in content["media"]["smoke"].items() if value is not None}
+    with pytest.raises(SceneError, match=said):
+        scene = clrender.Scene(**content).with_arrays(grids={"a": VALUES, "c": COLORS, "t": VALUES * 500.0})
+        flatten(scene, 8, 8)
+
+
+def test_pbrt_temperatures_and_emissions(tmp_path: Path) -> None:
+    def numbers(values: Any) -> str:
+        return " ".join(f"{x:.9g}" for x in np.asarray(values).ravel())
+
+    sides = '"integer nx" 6 "integer ny" 5 "integer nz" 4 '
+    hot = f'"string type" "uniformgrid" {sides} "float density" [{numbers(VALUES)}] "rgb sigma_a" [1 2 3] '
+    hot += f'"float temperature" [{numbers(VALUES * 900)}] "float temperatureoffset" 10 "float temperaturescale" 2'
+    shining = f'"string type" "uniformgrid" {sides} "float density" [{numbers(VALUES)}] "rgb Le" [4 2 1] '
+    shining += f'"float Lescale" [{numbers(VALUES * 3)}] "float scale" 5'
+    dyed = f'"string type" "rgbgrid" {sides} "rgb sigma_s" [{numbers(COLORS)}] "rgb sigma_a" [{numbers(1.5 - COLORS)}] '
+    dyed += f'"rgb Le" [{numbers(COLORS)}] "float Lescale" 2 "float scale" 4 "float g" 0.5'
+    (tmp_path / "x.nvdb").write_bytes(nanovdb_bytes(VALUES) + nanovdb_bytes(VALUES * 900, name="temperature"))
+    sparse = '"string type" "nanovdb" "string filename" "x.nvdb" "float Lescale" 3 "float temperaturecutoff" 20'
+    scenes = []
+    for number, medium in enumerate((hot, shining, dyed, sparse)):
+        (tmp_path / f"{number}.pbrt").write_text(PBRT.format(f'MakeNamedMedium "m" {medium}'))
+        scenes.append(clrender.load(tmp_path / f"{number}.pbrt"))
+        assert not scenes[-1].notes
+        flatten(scenes[-1], 8, 8)
+    first, second, third, fourth = (next(iter(each.media.values())) for each in scenes)
+    assert first.emission == (1.0, 2.0, 3.0) and first.temperature is not None
+    assert (first.temperature.offset, first.temperature.scale) == (10.0, 2.0)
+    assert np.array_equal(grid_of(scenes[0], "temperature")[1].values, (VALUES * 900).astype(np.float32))
+    assert second.emission == (20.0, 10.0, 5.0)
+    np.testing.assert_allclose(grid_of(scenes[1], "emission_grid")[1].values, VALUES * 3, rtol=1e-6)
+    assert third.scattering == pytest.approx((4.0, 4.0, 4.0)) and third.absorption == (0.0, 0.0, 0.0)
+    assert third.g == 0.5 and third.emission == (8.0, 8.0, 8.0)
+    np.testing.assert_allclose(grid_of(scenes[2])[1].values, 1.5, rtol=1e-6)
+    np.testing.assert_allclose(grid_of(scenes[2], "albedo")[1].values, COLORS / 1.5, rtol=1e-6)
+    glow = grid_of(scenes[2], "emission_grid")[1].values
+    np.testing.assert_allclose(glow, (1.5 - COLORS) * COLORS / 1.5, rtol=1e-5, atol=1e-7)
+    assert fourth.emission == (3.0, 3.0, 3.0) and fourth.temperature is not None and fourth.temperature.offset == 20.0
+    heat = grid_of(scenes[3], "temperature")[1].values[1:-1, 1:-1, 1:-1]
+    assert np.array_equal(heat.transpose(2, 1, 0), (VALUES * 900).astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    ("medium", "said"),
+    [
+        ('"string type" "rgbgrid" "rgb sigma_s" [1 1 1 1 1 1]', 'has 2 colours of "sigma_s" for 1 x 1 x 1'),
+        ('"string type" "rgbgrid"', 'has neither "sigma_a" nor "sigma_s"'),
+        ('"string type" "uniformgrid" "float density" 1 "float temperature" [1 2]', 'has 2 numbers of "temperature"'),
+        ('"string type" "uniformgrid" "float density" 1 "float temperature" 2 "float temperaturescale" 0', "above 0"),
+    ],
+)
+def test_refused_pbrt_colours(tmp_path: Path, medium: str, said: str) -> None:
+    (tmp_path / "a.pbrt").write_text(PBRT.format(f'MakeNamedMedium "m" {medium}'))
+    with pytest.raises(SceneError, match=re.escape(said)):
+        clrender.load(tmp_path / "a.pbrt")
+
+
+def test_hues_of_pbrt_grids_that_vary_are_told(tmp_path: Path) -> None:
+    colors = '"integer nx" 2 "rgb sigma_s" [1 0.2 0.1 0.1 0.2 1] "rgb sigma_a" [0 0 0 0 0 0]'
+    (tmp_path / "a.pbrt").write_text(PBRT.format(f'MakeNamedMedium "m" "string type" "rgbgrid" {colors}'))
+    assert "colours weaken alike everywhere" in " ".join(clrender.load(tmp_path / "a.pbrt").notes)
+
+
+def test_albedos_of_mitsuba_go_there_and_back(tmp_path: Path) -> None:
+    scene = colored(emission=0.0, temperature=None)
+    assert write_mitsuba(scene, tmp_path / "a.xml") == ()
+    again = clrender.load(tmp_path / "a.xml")
+    (medium,) = again.media.values()
+    assert medium.scattering == pytest.approx((2.0, 2.0, 2.0)) and medium.absorption == (0.0, 0.0, 0.0)
+    np.testing.assert_allclose(grid_of(again, "albedo")[1].values, COLORS, rtol=1e-6)
+    np.testing.assert_allclose(grid_of(again)[1].values, VALUES, rtol=1e-6)
+    notes = exported_to_cycles(scene, "f").notes
+    assert any("albedos" in each for each in notes)

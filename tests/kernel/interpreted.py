@@ -376,9 +376,13 @@ def scene(run: Run, folder: Path) -> FlatScene:
     if run.grids:
         np.save(folder / "cloud.npy", np.random.RandomState(7).uniform(-0.5, 2.0, (5, 7, 6)).clip(0.0))
         density = {"file": "cloud.npy", "box": ((-0.6, -0.5, -0.3), (1.0, 0.3, 1.3)), "edges": "fall"}
-        milk = {"scattering": (6.0, 1.0, 0.0), "absorption": 0.3, "emission": (0.0, 1.0, 0.5)}
+        np.save(folder / "tints.npy", np.random.RandomState(8).uniform(0.1, 1.0, (3, 1, 4, 3)))
+        np.save(folder / "heat.npy", np.random.RandomState(9).uniform(0.0, 4000.0, (2, 5, 3)))
+        tints = {"file": "tints.npy", "box": density["box"]}
+        milk = {"scattering": (6.0, 1.0, 0.0), "absorption": 0.3, "emission": (0.0, 1.0, 0.5), "emission_grid": tints}
+        smoke = {"scattering": (1, 2, 0.5), "absorption": 0.2, "emission": 0.3, "temperature": {"file": "heat.npy"}}
         scattering["media"] |= {
-            "smoke": {"scattering": (1, 2, 0.5), "absorption": 0.2, "emission": 0.3, "density": density},
+            "smoke": {**smoke, "albedo": tints, "density": density},
             "milk": {**milk, "density": {"file": "cloud.npy", "transform": {"translate": (-0.3, -0.4, -0.2)}}},
             "air": {"scattering": 0.05},
         }

@@ -76,12 +76,16 @@ def files() -> dict[str, bytes]:
 
 
 def _clouds() -> dict[str, bytes]:
-    """The same densities in two formats; some of them are 0."""
+    """The same densities in two formats, of which some are 0; and shares, of one channel and of three."""
     values = np.random.RandomState(40).uniform(-0.5, 2.0, (5, 6, 7)).clip(0.0).astype(np.float32)
     file, other = io.BytesIO(), io.BytesIO()
     np.save(file, values)
     write_vol(other, GridData(values), [1.0])
-    return {"cloud.npy": file.getvalue(), "cloud.vol": other.getvalue()}
+    shares, colors = io.BytesIO(), io.BytesIO()
+    np.save(shares, np.random.RandomState(42).uniform(0.1, 1.0, (3, 4, 2)).astype(np.float32))
+    write_vol(colors, GridData(np.random.RandomState(43).uniform(0.0, 1.0, (2, 3, 4, 3)).astype(np.float32)), [1.0] * 3)
+    made = {"cloud.npy": file, "cloud.vol": other, "shares.npy": shares, "shares.vol": colors}
+    return {name: each.getvalue() for name, each in made.items()}
 
 
 def _strands() -> dict[str, bytes]:

@@ -95,6 +95,7 @@ def mixed_scene(kind: str, number: int) -> Mixed:
     _moving(mixed)
     _uneven(mixed)
     _glowing(mixed)
+    _dyed(mixed, kind == "white")
     stranded(mixed.name, mixed.content, kind == "white")
     measured(mixed.name, mixed.content, kind == "white")
     plugged(mixed.name, mixed.content)
@@ -232,6 +233,24 @@ def _assembled(things: Things, camera: Json, lights: list[Json], **more: Any) ->
         **{k: v for k, v in tables.items() if v},
         **more,
     }
+
+
+def _dyed(mixed: Mixed, white: bool) -> None:
+    """Grids of colours for media that have a grid of densities; by random numbers of their own."""
+    draw = Draw(f"colours of {mixed.name}", white=False)
+    for made in mixed.content.get("media", {}).values():
+        if white or "density" not in made or not draw.chance(0.6):
+            continue
+        turned = {"translate": draw.point(0.3), "rotate_degrees": draw.point(20.0)}
+        place = {"box": [[-1.0] * 3, [1.0] * 3], "transform": turned}
+        if np.max(made.get("scattering", 0.0)) > 0.0:
+            made["albedo"] = {"file": draw.one(("shares.npy", "shares.vol")), **place}
+        if np.max(made.get("emission", 0.0)) > 0.0:
+            if draw.chance(0.5):
+                made["emission_grid"] = {"file": draw.one(("shares.npy", "shares.vol")), **place}
+            else:
+                heat = {"scale": draw.between(2000.0, 6000.0), "offset": draw.between(0.0, 0.4)}
+                made["temperature"] = {"file": "shares.npy", **heat, **place}
 
 
 def _as_seen_by_machines(name: str, camera: Json) -> None:

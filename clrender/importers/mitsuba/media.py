@@ -57,17 +57,22 @@ class MediumReader:
     def _described(self, plugin: Plugin) -> dict[str, Any] | None:
         """A medium of ours; None if its grid is left out."""
         scale = plugin.number("scale", 1.0)
-        density = None
+        density = albedos = None
         nested = plugin.child("sigma_t") or plugin.child("density")
         if nested is not None and nested.type == "gridvolume":
-            density = self._density(nested)
+            density = self._grid(nested)
             if density is None:
                 return None
         if plugin.has("sigma_a", "sigma_s"):  # 0.6
             absorption, scattering = (self._color(plugin, name, 0.0) for name in ("sigma_a", "sigma_s"))
         else:
             extinction = (1.0, 1.0, 1.0) if density is not None else self._color(plugin, "sigma_t", 1.0)
-            albedo = self._color(plugin, "albedo", 0.75)
+            volume = plugin.child("albedo")
+            albedos = None if volume is None or volume.type != "gridvolume" else self._grid(volume)
+            if albedos is not None and density is None:
+                self._staging.note(f"{plugin.label} has a grid of albedos but none of densities: 0.75 in its place")
+                albedos = None
+            albedo = (1.0, 1.0, 1.0) if albedos is not None else self._color(plugin, "albedo", 0.75)
             scattering = tuple(t * a for t, a in zip(extinction, albedo, strict=True))  # type: ignore[assignment]
             absorption = tuple(t * (1.0 - a) for t, a in zip(extinction, albedo, strict=True))  # type: ignore[assignment]
         made: dict[str, Any] = {
@@ -76,6 +81,8 @@ class MediumReader:
         }
         if density is not None:
             made["density"] = density
+        if albedos is not None:
+            made["albedo"] = albedos
         for phase in plugin.children_of("phase"):
             if phase.type == "hg":
                 g = phase.number("g", 0.8)
@@ -87,7 +94,7 @@ class MediumReader:
             self._staging.note(f"{quoted(name)} of {plugin.label} is not understood and does nothing")
         return made
 
-    def _density(self, volume: Plugin) -> dict[str, Any] | None:
+    def _grid(self, volume: Plugin) -> dict[str, Any] | None:
         """The grid of a volume; None if its file is left out."""
         file = volume.text("filename")
         if not file:
@@ -107,7 +114,7 @@ class MediumReader:
 
     def _color(self, plugin: Plugin, name: str, default: float) -> Color:
         nested = plugin.child(name)
-        if nested is not None:
+        if nested is not None and nested.type != "gridvolume":
             if nested.type == "constvolume":
                 return self._textures.surface_of(nested.spectrum("value"), default)
             self._staging.note(f"{nested.label} is not known: {default:g} in its place")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 from clrender.grids import GridData
@@ -20,8 +21,10 @@ __all__ = ["MediumReader"]
 
 _MOST_G: Final = 0.99
 _NAME_LIMIT: Final = 160
-_GRIDS: Final = ("uniformgrid", "heterogeneous", "nanovdb")
-_TEMPERATURE: Final = ("temperature", "temperaturescale", "temperaturecutoff", "temperatureoffset")
+_GRIDS: Final = ("uniformgrid", "heterogeneous", "nanovdb", "rgbgrid")
+_LEAST_EXTINCTION: Final = 1e-12
+_HUE_SLACK: Final = 0.01
+"""Relative spread of extinctions over channels, up to which a grid of colours counts as one of numbers."""
 
 
 class MediumReader:
@@ -47,53 +50,138 @@ class MediumReader:
         if kind != "homogeneous" and kind not in _GRIDS:
             self._staging.note(f"a medium of type {quoted(kind)} is not known and left out")
             return
+        if kind == "rgbgrid":
+            self._define_colored(name, parameters, matrix)
+            return
         measured = self.measured(parameters, "preset")
         if measured is None:
             measured = (
                 self._textures.coefficients(parameters, "sigma_s", (1.0, 1.0, 1.0)),
                 self._textures.coefficients(parameters, "sigma_a", (1.0, 1.0, 1.0)),
             )
-        density = None
+        grids = {}
         if kind in _GRIDS:
-            density = self._density(name, kind, parameters, matrix)
-            if density is None:
+            found = self._grids(name, kind, parameters, matrix)
+            if found is None:
                 return
-        self._named[name] = self.added(name, *measured, parameters, density)
+            grids = found
+        self._named[name] = self.added(name, *measured, parameters, grids)
+        self._tell_unused(parameters)
+
+    def _tell_unused(self, parameters: Parameters) -> None:
         for unknown in parameters.unused():
             self._staging.note(f"{quoted(unknown)} of a medium is not understood and does nothing")
 
-    def _density(self, name: str, kind: str, parameters: Parameters, matrix: Matrix) -> dict[str, Any] | None:
-        """The grid of a medium; None if it is left out."""
+    def _grids(self, name: str, kind: str, parameters: Parameters, matrix: Matrix) -> dict[str, Any] | None:
+        """The grids of a medium; None if it is left out."""
         if not is_affine(matrix):
             raise parameters.fault("the medium's transform is no affine one that can be inverted; give it another")
-        for key in _TEMPERATURE:
-            if key in parameters.values:
-                parameters.get(key)
-                self._staging.note(f"the medium {quoted(name)} does not shine by its {key}, which is not known")
         if kind == "nanovdb":
             file = parameters.text("filename")
             if not file:
                 raise parameters.fault('the medium has no "filename"; give it')
             line = parameters.values["filename"].line
             grid = self._staging.grid_of_file(file, line)
-            return None if grid is None else {"file": grid, **transform_key(matrix)}
-        sides = [int(parameters.number(key, 1.0)) for key in ("nz", "ny", "nx")]
-        values = parameters.numbers("density")
+            if grid is None:
+                return None
+            made = {"density": {"file": grid, **transform_key(matrix)}}
+            if self._staging.has_grid(file, line, "temperature"):
+                also = self._staging.grid_of_file(file, line, "temperature")
+                if also is not None:
+                    made["temperature"] = {"file": also, **transform_key(matrix), **self._kelvin(parameters)}
+            return made
+        sides = self._sides(parameters)
+        made = {"density": {**self._inline(name, "density", parameters, sides, matrix), "edges": "fall"}}
+        if parameters.get("temperature") is not None:
+            hot = self._inline(name, "temperature", parameters, sides, matrix)
+            made["temperature"] = {**hot, **self._kelvin(parameters)}
+        factors = parameters.numbers("Lescale")
+        if factors is not None and len(factors) > 1 and "temperature" not in made:
+            made["emission_grid"] = self._inline(name, "Lescale", parameters, sides, matrix)
+        return made
+
+    def _kelvin(self, parameters: Parameters) -> dict[str, float]:
+        """How numbers become kelvin."""
+        offset = parameters.number("temperatureoffset", parameters.number("temperaturecutoff", 0.0))
+        scale = parameters.number("temperaturescale", 1.0)
+        if not scale > 0.0:
+            raise parameters.fault("the scale of temperatures must be above 0", "temperaturescale")
+        return {"offset": offset, "scale": scale}
+
+    def _sides(self, parameters: Parameters) -> tuple[int, int, int]:
+        nz, ny, nx = (int(parameters.number(key, 1.0)) for key in ("nz", "ny", "nx"))
+        return nz, ny, nx
+
+    def _inline(
+        self, name: str, key: str, parameters: Parameters, sides: tuple[int, int, int], matrix: Matrix
+    ) -> dict[str, Any]:
+        """A grid whose numbers are in the scene file."""
+        values = parameters.numbers(key)
         if values is None:
-            raise parameters.fault('the medium has no "density"; give it')
+            raise parameters.fault(f"the medium has no {quoted(key)}; give it")
         if min(sides) < 1 or len(values) != sides[0] * sides[1] * sides[2]:
             nz, ny, nx = sides
-            raise parameters.fault(f"the medium has {len(values)} densities for {nx} x {ny} x {nz}", "density")
-        low, high = (parameters.numbers(key, 3) for key in ("p0", "p1"))
+            numbers = "densities" if key == "density" else f"numbers of {quoted(key)}"
+            raise parameters.fault(f"the medium has {len(values)} {numbers} for {nx} x {ny} x {nz}", key)
+        return self._kept(name, key, values.reshape(sides), parameters, matrix)
+
+    def _kept(
+        self, name: str, key: str, values: NDArray[np.float64], parameters: Parameters, matrix: Matrix
+    ) -> dict[str, Any]:
+        """A grid of the medium's box, kept for the scene."""
+        low, high = (parameters.numbers(each, 3) for each in ("p0", "p1"))
         corners = [[float(x) for x in (each[0] if each is not None else [default] * 3)]
                    for each, default in ((low, 0.0), (high, 1.0))]  # fmt: skip
-        key = f"densities of {name}"
+        asset = f"densities of {name}" if key == "density" else f"{key} of {name}"
         try:
-            grid_data = GridData.checked(values.astype(np.float32).reshape(sides), "the medium")
+            self._staging.draft.grids[asset] = GridData.checked(values.astype(np.float32), "the medium")
         except SceneError as error:
-            raise parameters.fault(str(error), "density") from None
-        self._staging.draft.grids[key] = grid_data
-        return {"file": key, "box": corners, "edges": "fall", **transform_key(matrix)}
+            raise parameters.fault(str(error), key) from None
+        return {"file": asset, "box": corners, **transform_key(matrix)}
+
+    def _define_colored(self, name: str, parameters: Parameters, matrix: Matrix) -> None:
+        """Define a medium whose coefficients are colours that vary from place to place."""
+        if not is_affine(matrix):
+            raise parameters.fault("the medium's transform is no affine one that can be inverted; give it another")
+        sides = self._sides(parameters)
+        absorption, scattering, emitted = (self._colors(key, parameters, sides) for key in ("sigma_a", "sigma_s", "Le"))
+        if absorption is None and scattering is None:
+            raise parameters.fault('the medium has neither "sigma_a" nor "sigma_s"; give one of them')
+        ones = np.ones((*sides, 3))
+        lost, turned = (ones if each is None else each for each in (absorption, scattering))
+        extinction = lost + turned
+        density = (extinction[..., 0] + extinction[..., 1] + extinction[..., 2]) / 3.0
+        some = np.where(density > _LEAST_EXTINCTION, density, 1.0)[..., None]
+        hue = extinction.reshape(-1, 3).cumsum(axis=0)[-1]
+        hue = hue * (3.0 / max(float(hue[0] + hue[1] + hue[2]), _LEAST_EXTINCTION))
+        if (np.abs(extinction - density[..., None] * hue) > _HUE_SLACK * some).any():
+            self._staging.note(
+                f"in the medium {quoted(name)}, colours weaken alike everywhere: by the mean of their hues"
+            )
+        share = np.minimum(turned / np.where(extinction > _LEAST_EXTINCTION, extinction, 1.0), 1.0)
+        scale = parameters.number("scale", 1.0)
+        made: dict[str, Any] = {
+            "scattering": [scale * each for each in hue.tolist()],
+            "g": min(max(parameters.number("g", 0.0), -_MOST_G), _MOST_G),
+            "density": {**self._kept(name, "density", density, parameters, matrix), "edges": "fall"},
+            "albedo": self._kept(name, "albedo", share, parameters, matrix),
+        }
+        factor = scale * parameters.number("Lescale", 1.0)
+        if emitted is not None and emitted.any() and factor > 0.0:
+            made["emission"] = [factor] * 3
+            made["emission_grid"] = self._kept(name, "Le", lost * emitted / some, parameters, matrix)
+        self._named[name] = self._new(name, made)
+        self._tell_unused(parameters)
+
+    def _colors(self, key: str, parameters: Parameters, sides: tuple[int, int, int]) -> NDArray[np.float64] | None:
+        """A grid of colours in the scene file."""
+        values = parameters.numbers(key, 3)
+        if values is None:
+            return None
+        nz, ny, nx = sides
+        if min(sides) < 1 or len(values) != nz * ny * nx:
+            raise parameters.fault(f"the medium has {len(values)} colours of {quoted(key)} for {nx} x {ny} x {nz}", key)
+        return values.reshape(*sides, 3)
 
     def measured(self, parameters: Parameters, key: str) -> tuple[Color, Color] | None:
         """Scattering and absorption of a measured medium; None if none is named."""
@@ -111,7 +199,7 @@ class MediumReader:
         scattering: Color,
         absorption: Color,
         parameters: Parameters,
-        density: dict[str, Any] | None = None,
+        grids: dict[str, Any] | None = None,
     ) -> str:
         """Add a medium with the scale and the mean cosine of a directive; returns its name.
 
@@ -122,8 +210,8 @@ class MediumReader:
         scattering, absorption : three floats
             Per unit of length, times the scale.
         parameters : Parameters
-        density : dict, optional
-            Its grid.
+        grids : dict, optional
+            Its grids.
         """
         scale = parameters.number("scale", 1.0)
         made: dict[str, Any] = {
@@ -131,15 +219,25 @@ class MediumReader:
             "scattering": [max(x * scale, 0.0) for x in scattering],
             "g": min(max(parameters.number("g", 0.0), -_MOST_G), _MOST_G),
         }
-        if density is not None:
-            made["density"] = density
-        emitted = self._textures.coefficients(parameters, "Le", (0.0, 0.0, 0.0))
+        made |= grids or {}
+        given = self._textures.coefficients(parameters, "Le", (0.0, 0.0, 0.0))
+        emitted = (1.0, 1.0, 1.0) if "temperature" in made else given
         if any(x > 0.0 for x in emitted):
             factors = parameters.numbers("Lescale")
-            if factors is not None and len(factors) > 1:
-                self._staging.note(f"the grid of the emission of the medium {quoted(wanted)} is read as its mean")
-            factor = scale * (1.0 if factors is None else float(np.cumsum(factors)[-1]) / len(factors))
+            mean = 1.0 if factors is None else float(np.cumsum(factors)[-1]) / len(factors)
+            if factors is not None and len(factors) > 1 and "temperature" in made:
+                self._staging.note(
+                    f"the scales of the temperatures of the medium {quoted(wanted)} are read as their mean"
+                )
+            factor = scale * (1.0 if "emission_grid" in made else mean)
             made["emission"] = [max(le * a * factor, 0.0) for le, a in zip(emitted, absorption, strict=True)]
+        if not any(made.get("emission", ())):
+            for key in ("emission", "emission_grid", "temperature"):
+                made.pop(key, None)
+        return self._new(wanted, made)
+
+    def _new(self, wanted: str, made: dict[str, Any]) -> str:
+        """Add a medium; returns its name."""
         media = self._staging.draft.description.setdefault("media", {})
         name, number = wanted[:_NAME_LIMIT], 2
         while media.get(name, made) != made:

@@ -14,7 +14,7 @@ from clrender.curves import CurveData, read_curves
 from clrender.errors import OutOfMemory, SceneError
 from clrender.exact.matrices import inner, length, product, times
 from clrender.files.named import allowed_file
-from clrender.grids import read_grid
+from clrender.grids import GridData, grid_names, read_grid
 from clrender.image.pixel_filter import PIXEL_FILTERS
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
@@ -227,8 +227,15 @@ class Staging:
             self.draft.meshes[f"{uri} ({kind})"] = adapt(mesh)
         return self._read[key]
 
-    def grid_of_file(self, uri: str, line: int) -> str | None:
+    def grid_of_file(self, uri: str, line: int, within: str = "density") -> str | None:
         """Read the file of a grid; a file that is missing or damaged is left out, with a note.
+
+        Parameters
+        ----------
+        uri : str
+        line : int
+        within : str
+            Of an ``.nvdb`` file, the name of the grid. But for the density, the draft has it by both names.
 
         Returns
         -------
@@ -240,7 +247,19 @@ class Staging:
         SceneError
             See `mesh_of_file`.
         """
-        return self._kept(uri, line, self.draft.grids, read_grid)
+        if within == "density":
+            return self._kept(uri, line, self.draft.grids, read_grid)
+        read: dict[str, GridData] = {}
+        name = self._kept(uri, line, read, partial(read_grid, within=within))
+        if name is not None:
+            self.draft.grids[f"{name} {within}"] = read[name]
+        return name
+
+    def has_grid(self, uri: str, line: int, within: str) -> bool:
+        """Whether an ``.nvdb`` file, which was read before, has a grid of this name."""
+        name = self.files.name(uri, f"line {line}")
+        label = f"{self.files.source}: line {line}"
+        return within in grid_names(name, self.files.folder, self.files.allow_paths, label)
 
     def measured_of_file(self, uri: str, line: int) -> str | None:
         """Read a file of measured reflectance; the result is its name in the draft's. See `grid_of_file`."""

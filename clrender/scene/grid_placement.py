@@ -1,4 +1,4 @@
-"""Where the grid of a medium's density is."""
+"""Where the grid of a medium is."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from clrender.scene.transforms import affine
 
 if TYPE_CHECKING:
     from clrender.grids import GridData
-    from clrender.scene.medium import Density
+    from clrender.scene.medium import Grid
 
-__all__ = ["density_placement"]
+__all__ = ["grid_placement"]
 
 
-def density_placement(density: Density, grid: GridData) -> NDArray[np.float64]:
+def grid_placement(grid: Grid, data: GridData) -> NDArray[np.float64]:
     """Affine map of the unit cube to the box of a grid, world space, metres.
 
     Parameters
     ----------
-    density : Density
-    grid : GridData
+    grid : Grid
+    data : GridData
         What its file holds.
 
     Returns
@@ -31,11 +31,11 @@ def density_placement(density: Density, grid: GridData) -> NDArray[np.float64]:
     (3, 4) float64
         The cube's x runs along the grid's last index.
     """
-    if density.box is None:
-        linear, offset = grid.placement[:, :3], grid.placement[:, 3]
+    if grid.box is None:
+        linear, offset = data.placement[:, :3], data.placement[:, 3]
     else:
-        low, high = np.array(density.box)
+        low, high = np.array(grid.box)
         linear, offset = np.diag(high - low), low
-    outer = affine(density.transform)
+    outer = affine(grid.transform)
     matrix = np.array(outer.linear)
     return np.concatenate([product(matrix, linear), (times(matrix, offset) + np.array(outer.offset))[:, None]], axis=1)
