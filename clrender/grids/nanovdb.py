@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
-from clrender.exact.matrices import determinant
-from clrender.grids.data import SIDE_LIMIT, VALUE_LIMIT, GridData
+from clrender.grids.data import GridData
+from clrender.grids.sparse import DenseBox
 from clrender.wording import quoted
 
 __all__ = ["nanovdb_names", "read_nanovdb"]
@@ -202,12 +202,7 @@ def _dense(data: NDArray[np.uint8], wanted: int, label: str) -> GridData:
     background = float(_numbers(data, root + 28, "<f4", 1)[0])
     if background != 0.0:
         raise SceneError(f"{label} has {background:g} everywhere outside of what it stores; a density has 0 there")
-    sides = high - low + 1
-    if (sides < 1).any() or (sides > SIDE_LIMIT).any() or int(np.prod(sides)) > VALUE_LIMIT:
-        shape = " x ".join(str(side) for side in sides)
-        raise SceneError(f"{label} has {shape} numbers; at most {VALUE_LIMIT} are possible; make the grid coarser")
-    low, sides = low - 1, sides + 2  # with the zeros around it, to which densities fall
-    values = np.zeros(sides, np.float32)  # x, y, z, as the tree counts
+    box = DenseBox(low.tolist(), high.tolist(), len(data) // 4, label)
     if tiles > max(len(data) - root, 0) // _TILE_BYTES:
         raise ValueError("its tree has more branches than bytes")
     uppers = []
@@ -220,19 +215,12 @@ def _dense(data: NDArray[np.uint8], wanted: int, label: str) -> GridData:
             if len(uppers) > len(data) // _UPPER.size:
                 raise ValueError("its tree has more branches than bytes")
         else:
-            _fill(values, low, origin, 4096, float(_numbers(data, at + 20, "<f4", 1)[0]))
-    lowers = _all_children(data, uppers, _UPPER, _LOWER.size, values, low)
-    leaves = _all_children(data, lowers, _LOWER, _LEAF.size if kind == _FLOAT else _LEAST_LEAF, values, low)
+            box.fill(origin, 4096, float(_numbers(data, at + 20, "<f4", 1)[0]))
+    lowers = _all_children(data, uppers, _UPPER, _LOWER.size, box)
+    leaves = _all_children(data, lowers, _LOWER, _LEAF.size if kind == _FLOAT else _LEAST_LEAF, box)
     for at, origin in leaves:
-        block = _leaf(data, at, kind).reshape(8, 8, 8)
-        into, out_of = _overlap(values.shape, origin - low, 8)
-        values[into] = block[out_of]
-    scaled = matrix * sides[None, :]
-    corner = (matrix * (low - 0.5)[None, :]).sum(axis=1) + vector
-    placement = np.concatenate([scaled, corner[:, None]], axis=1)
-    if not np.isfinite(placement).all() or abs(determinant(matrix)) < 1e-30:
-        raise ValueError("its map to the world cannot be inverted")
-    return GridData.checked(np.ascontiguousarray(values.transpose(2, 1, 0)), label, placement)
+        box.put(origin, _leaf(data, at, kind).reshape(8, 8, 8))
+    return box.placed(matrix, vector)
 
 
 def _leaf(data: NDArray[np.uint8], at: int, kind: int) -> NDArray[np.float32]:
@@ -265,23 +253,17 @@ def _numbers(data: NDArray[np.uint8], at: int, kind: str, count: int) -> NDArray
     return np.frombuffer(data[at : at + size].tobytes(), kind)
 
 
-def _all_children(
-    data: NDArray[np.uint8], nodes: list[_Node], level: _Level, below: int, values: NDArray[np.float32],
-    low: NDArray[np.int64],
-) -> list[_Node]:  # fmt: skip
+def _all_children(data: NDArray[np.uint8], nodes: list[_Node], level: _Level, below: int, box: DenseBox) -> list[_Node]:
     """Children of all nodes of a level; there are no more than their bytes, `below` for each, have room for."""
     found: list[_Node] = []
     for at, origin in nodes:
-        found += _children(data, at, origin, level, values, low)
+        found += _children(data, at, origin, level, box)
         if len(found) > len(data) // below:
             raise ValueError("its tree has more branches than bytes")
     return found
 
 
-def _children(
-    data: NDArray[np.uint8], at: int, origin: NDArray[np.int64], level: _Level, values: NDArray[np.float32],
-    low: NDArray[np.int64],
-) -> list[_Node]:  # fmt: skip
+def _children(data: NDArray[np.uint8], at: int, origin: NDArray[np.int64], level: _Level, box: DenseBox) -> list[_Node]:
     """Where the children of a node are, and their first coordinates; tiles of one value are filled in at once."""
     count = level.side**3
     mask = _numbers(data, at + level.masks + count // 8, "<u1", count // 8)
@@ -292,22 +274,6 @@ def _children(
     origins = origin + cell * level.step
     tile = np.ascontiguousarray(table).view("<f4")[::2]
     for index in np.flatnonzero(~is_child & (tile != 0.0)).tolist():
-        _fill(values, low, origins[index], level.step, float(tile[index]))
+        box.fill(origins[index], level.step, float(tile[index]))
     found = np.flatnonzero(is_child).tolist()
     return [(at + int(table[index]), origins[index]) for index in found]
-
-
-def _overlap(
-    shape: tuple[int, ...], at: NDArray[np.int64], side: int
-) -> tuple[tuple[slice, ...], tuple[slice, ...]]:  # fmt: skip
-    """The part of a block that lies in an array: where in the array, and where in the block."""
-    begin, end = np.maximum(at, 0), np.minimum(at + side, np.array(shape))
-    end = np.maximum(end, begin)
-    into = tuple(slice(int(a), int(b)) for a, b in zip(begin, end, strict=True))
-    return into, tuple(slice(int(a), int(b)) for a, b in zip(begin - at, end - at, strict=True))
-
-
-def _fill(
-    values: NDArray[np.float32], low: NDArray[np.int64], origin: NDArray[np.int64], side: int, value: float
-) -> None:
-    values[_overlap(values.shape, origin - low, side)[0]] = value

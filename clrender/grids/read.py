@@ -12,12 +12,15 @@ from clrender.files.named import allowed_file, open_named_file
 from clrender.files.npy import read_npy_header, read_npy_items
 from clrender.grids.data import VALUE_LIMIT, GridData
 from clrender.grids.nanovdb import nanovdb_names, read_nanovdb
+from clrender.grids.openvdb import read_openvdb, vdb_names
 from clrender.grids.vol import read_vol
 from clrender.wording import quoted
 
-__all__ = ["GRID_ENDINGS", "grid_names", "read_grid"]
+__all__ = ["GRID_ENDINGS", "SPARSE_ENDINGS", "grid_names", "read_grid"]
 
-GRID_ENDINGS: Final = (".npy", ".vol", ".nvdb")
+GRID_ENDINGS: Final = (".npy", ".vol", ".nvdb", ".vdb")
+SPARSE_ENDINGS: Final = (".nvdb", ".vdb")
+"""Of files that may have several grids, each with a name."""
 _FILE_LIMIT: Final = 2**33
 
 
@@ -33,7 +36,7 @@ def read_grid(
     place : str
         Location of the name in the scene, for error messages.
     within : str
-        Of an ``.nvdb`` file, the name of the grid.
+        Of an ``.nvdb`` or ``.vdb`` file, the name of the grid.
 
     Raises
     ------
@@ -49,7 +52,9 @@ def read_grid(
         try:
             if ending == ".npy":
                 return _numpy(file, label)
-            return read_vol(file, label) if ending == ".vol" else read_nanovdb(file, label, within)
+            if ending == ".vol":
+                return read_vol(file, label)
+            return (read_nanovdb if ending == ".nvdb" else read_openvdb)(file, label, within)
         except ValueError as error:
             raise SceneError(f"{label} is no readable {ending} file: {error}") from None
         except OSError as error:
@@ -57,14 +62,14 @@ def read_grid(
 
 
 def grid_names(name: str, base_folder: Path, allow_paths: Sequence[Path], place: str) -> tuple[str, ...]:
-    """Names of the grids in an ``.nvdb`` file; of others, and of those that cannot be read, none. See `read_grid`."""
-    label = f"{place}: {quoted(name)}"
-    if Path(name).suffix.lower() != ".nvdb":
+    """Names of the grids in a ``.nvdb`` or ``.vdb`` file; of others, and of unreadable ones, none. See `read_grid`."""
+    label, ending = f"{place}: {quoted(name)}", Path(name).suffix.lower()
+    if ending not in SPARSE_ENDINGS:
         return ()
     file, _ = open_named_file(name, base_folder, allow_paths, label, _FILE_LIMIT)
     with file:
         try:
-            return nanovdb_names(file)
+            return nanovdb_names(file) if ending == ".nvdb" else vdb_names(file)
         except (OSError, ValueError):
             return ()
 

@@ -33,8 +33,8 @@ _Coefficients: TypeAlias = Annotated[
 class Grid(Part):
     """Numbers in space."""
 
-    file: FileName = Field(description="the grid: `.npy` of the shape (nz, ny, nx), `.vol` or `.nvdb`")
-    name: Text = Field("density", description="of an `.nvdb` file, the name of the grid in it")
+    file: FileName = Field(description="the grid: `.npy` of the shape (nz, ny, nx), `.vol`, `.nvdb` or `.vdb`")
+    name: Text = Field("density", description="of an `.nvdb` or `.vdb` file, the name of the grid in it")
     box: tuple[Vector, Vector] | None = Field(
         None,
         description="lowest and highest corner of the grid's box, before the transform; default: where the file says, "
@@ -46,8 +46,8 @@ class Grid(Part):
 
     @property
     def asset(self) -> str:
-        """Names what is read from the file: of an ``.nvdb`` one of several grids."""
-        named = self.file.lower().endswith(".nvdb") and self.name != "density"
+        """Names what is read from the file: of an ``.nvdb`` or ``.vdb`` one of several grids."""
+        named = self.file.lower().endswith((".nvdb", ".vdb")) and self.name != "density"
         return f"{self.file} {self.name}" if named else self.file
 
     @model_validator(mode="after")
@@ -73,7 +73,7 @@ class ColorGrid(Grid):
 class Temperature(Grid):
     """A grid of temperatures, after (number - `offset`) `scale`, kelvin. It goes on beyond its edges."""
 
-    name: Text = Field("temperature", description="of an `.nvdb` file, the name of the grid in it")
+    name: Text = Field("temperature", description="of an `.nvdb` or `.vdb` file, the name of the grid in it")
     scale: Annotated[Finite, Field(gt=0.0, le=1e9)] = 1.0
     offset: Annotated[Finite, Field(ge=-1e9, le=1e9)] = 0.0
 

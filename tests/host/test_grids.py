@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from grid_files import nanovdb_bytes, vol_bytes
+from vdb_files import vdb_bytes
 
 import clrender
 from clrender.errors import SceneError
@@ -24,6 +25,7 @@ from clrender.exporters import (
 from clrender.flatten.flat_scene import flatten
 from clrender.flatten.grids import brick_words
 from clrender.grids import GridData, grid_names, read_grid
+from clrender.grids.sparse import DenseBox
 from clrender.scene.grid_placement import grid_placement
 from clrender.scene.medium import Density
 from clrender.scene.portable import scene_from_portable, scene_to_portable
@@ -104,6 +106,77 @@ def head(data: bytes, at: int, new: bytes) -> bytes:
 NVDB = nanovdb_bytes(VALUES)
 
 
+@pytest.mark.parametrize("first", [(0, 0, 0), (-5, -130, 4090)])
+@pytest.mark.parametrize(
+    "way",
+    [(), ("zipped",), ("half", "zipped"), ("masked",), ("blosc",), ("tiles",), ("masked", "blosc", "half", "tiles")],
+    ids=lambda way: "-".join(way) or "plain",
+)
+def test_openvdb_files(tmp_path: Path, first: tuple[int, int, int], way: tuple[str, ...]) -> None:
+    given = np.random.RandomState(2).uniform(0.1, 1.0, size=(20, 13, 30)).astype(np.float32)
+    given[:10, :10, :10] = 0.5
+    keys: dict[str, Any] = dict.fromkeys(way, True)
+    grids = {"temperature": given * 900.0, "density": given}
+    (tmp_path / "a.vdb").write_bytes(vdb_bytes(grids, first, 0.25, (1.0, 2.0, 3.0), **keys))
+    assert grid_names("a.vdb", tmp_path, (), "here") == ("temperature", "density")
+    for within, factor in (("density", 1.0), ("temperature", 900.0)):
+        grid = read_grid("a.vdb", tmp_path, (), "here", within)
+        # Leaves are whole; the box has one more number on each side
+        low = np.array(first) // 8 * 8 - 1
+        at = tuple(slice(int(a), int(a) + n) for a, n in zip(np.array(first) - low, given.shape, strict=True))
+        numbers = grid.values.transpose(2, 1, 0)
+        np.testing.assert_allclose(numbers[at], given * np.float32(factor), rtol=1e-3 if "half" in way else 0.0)
+        assert np.count_nonzero(numbers) == given.size
+        corner = (low - 0.5) * 0.25 + (1.0, 2.0, 3.0)
+        np.testing.assert_allclose(grid.placement[:, 3], corner)
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ({"grid_class": "level set"}, "is a level set"),
+        ({"background": 1.0}, "has 1 everywhere outside"),
+        ({"kind": "vec3s"}, "has no grid \"density\" of floats, but 'density'"),
+    ],
+)
+def test_refused_openvdb_files(tmp_path: Path, keys: dict[str, Any], said: str) -> None:
+    (tmp_path / "a.vdb").write_bytes(vdb_bytes({"density": VALUES}, **keys))
+    with pytest.raises(SceneError, match=re.escape(said)):
+        read_grid("a.vdb", tmp_path, (), "here")
+
+
+def test_numbers_that_are_far_apart_are_refused() -> None:
+    DenseBox((0, 0, 0), (2**8 - 1,) * 3, 1, "here")
+    with pytest.raises(SceneError, match="here spreads 1000 numbers over a box of 512 x 512 x 512; leave out"):
+        DenseBox((0, 0, 0), (2**9 - 1,) * 3, 1000, "here")
+    DenseBox((0, 0, 0), (2**9 - 1,) * 3, 2**18, "here")
+
+
+def test_blosc_needs_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.vdb").write_bytes(vdb_bytes({"density": VALUES}, blosc=True))
+    monkeypatch.setattr("clrender.grids.openvdb.find_spec", lambda _: None)
+    with pytest.raises(SceneError, match="compressed by blosc, which needs numcodecs; install it") as info:
+        read_grid("a.vdb", tmp_path, (), "here")
+    assert info.value.extra == "vdb"
+
+
+@pytest.mark.parametrize("way", [{}, {"zipped": True}, {"blosc": True, "masked": True, "half": True}])
+def test_mutated_openvdb_files_are_read_or_refused(tmp_path: Path, way: dict[str, Any]) -> None:
+    whole, dice = vdb_bytes({"density": VALUES}, **way), np.random.RandomState(4)
+    outcomes = set()
+    for _ in range(100):
+        data = bytearray(whole)
+        for place in dice.randint(0, 420 if dice.rand() < 0.6 else len(data), dice.randint(1, 5)):
+            data[place] = dice.randint(256)
+        data = data[: dice.randint(len(data))] if dice.rand() < 0.2 else data
+        try:
+            outcomes.add(bool(np.isfinite(read(tmp_path, "a.vdb", bytes(data)).values).all()))
+        except SceneError as error:
+            assert "\n" not in str(error) and len(str(error)) < 400
+            outcomes.add(False)
+    assert outcomes == {True, False}
+
+
 @pytest.mark.parametrize(("kind", "bits"), [(13, 4), (14, 8), (15, 16), (16, 1), (16, 2), (16, 16)])
 def test_quantized_nanovdb_files(tmp_path: Path, kind: int, bits: int) -> None:
     grid = read(tmp_path, "a.nvdb", nanovdb_bytes(VALUES.transpose(2, 1, 0), kind=kind, bits=bits))
@@ -144,7 +217,7 @@ def test_nanovdb_files_of_several_grids(tmp_path: Path) -> None:
         ("a.nvdb", nanovdb_bytes(VALUES, grid_class=1), "is a level set"),
         ("a.nvdb", head(NVDB, 14, b"\2\0"), "is compressed by blosc"),
         ("a.nvdb", head(NVDB, 16 + 32, b"\2\0\0\0"), "has no grid of floats"),
-        ("a.txt", b"", "grids may be .npy, .vol, .nvdb"),
+        ("a.txt", b"", "grids may be .npy, .vol, .nvdb, .vdb"),
     ],
 )
 def test_refused_files(tmp_path: Path, name: str, data: bytes, said: str) -> None:

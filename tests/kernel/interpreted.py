@@ -432,7 +432,7 @@ def scene(run: Run, folder: Path) -> FlatScene:
     if run.measured:
         write_tensors(folder / "a.bsdf", rgl_fields(0.5, side=8, views=3))
         write_tensors(folder / "b.bsdf", rgl_fields(0.3, 5, side=8, views=3))
-        write_merl(folder / "c.binary", lambda half, difference, turn: 0.2 + half[..., None] * 0.0 + 0.1 * turn)
+        write_merl(folder / "c.binary", lambda half, difference, turn: 0.2 + 0.1 * turn + 0.0 * np.ones(3))
         names = ("a.bsdf", "b.bsdf", "c.binary")
         described["materials"] |= {name: {"type": "measured", "file": name} for name in names}
         described["materials"]["mirror"] = {"type": "mix", "materials": ("a.bsdf", "c.binary")}

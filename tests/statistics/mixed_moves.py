@@ -103,15 +103,16 @@ def moved(content: Json, factor: float, by: list[float]) -> Json:
                 medium[key] = _times(medium[key], 1.0 / factor)
     of_groups = {shape.get("interior") for group in scene.get("groups", {}).values() for shape in group["shapes"]}
     for name, medium in scene.get("media", {}).items():
-        if "density" in medium:
-            _enlarge_grid(medium["density"], factor, [0.0, 0.0, 0.0] if name in of_groups else by)
+        for key in ("density", "albedo", "emission_grid", "temperature"):
+            if key in medium:
+                _enlarge_grid(medium[key], factor, [0.0, 0.0, 0.0] if name in of_groups else by)
     return scene
 
 
-def _enlarge_grid(density: Json, factor: float, by: list[float]) -> None:
-    transform = density.setdefault("transform", {})
-    if "box" in density:
-        density["box"] = _times(density["box"], factor)
+def _enlarge_grid(grid: Json, factor: float, by: list[float]) -> None:
+    transform = grid.setdefault("transform", {})
+    if "box" in grid:
+        grid["box"] = _times(grid["box"], factor)
     else:
         transform["scale"] = _times(transform.get("scale", 1.0), factor)
     transform["translate"] = _plus(_times(transform.get("translate", [0.0] * 3), factor), by)

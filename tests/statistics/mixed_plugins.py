@@ -54,7 +54,7 @@ def plugged(name: str, content: Json) -> None:
         return
     materials = content.setdefault("materials", {})
     for key, material in list(materials.items()):
-        if material["type"] == "lambert" and draw.chance(0.7) and not _colored(content, key):
+        if material["type"] == "lambert" and draw.chance(0.7) and not _is_bound(content, key):
             materials[key] = _made(draw, material)
         else:
             _textured(draw, material)
@@ -64,13 +64,14 @@ def plugged(name: str, content: Json) -> None:
     materials["a plugin"] = {"type": "plugin", "plugin": "minnaert", "parameters": {"reflectance": color}}
 
 
-def _colored(content: Json, material: str) -> bool:
-    """Whether vertex colours are to multiply the material's own, which plugins do not have."""
+def _is_bound(content: Json, material: str) -> bool:
+    """Whether vertex colours are to multiply its own, which plugins lack, or meshes have no texture coordinates."""
     groups = content.get("groups", {}).values()
     shapes = [*content["shapes"], *(shape for group in groups for shape in group["shapes"])]
     users = [each for each in shapes if each.get("material") == material]
     mixed = any(material in each.get("materials", ()) for each in content["materials"].values())
-    return mixed or any("vertex_colors" in each or "colors" in each for each in users)
+    bare = any("vertices" in each and "uvs" not in each for each in users)
+    return mixed or bare or any("vertex_colors" in each or "colors" in each for each in users)
 
 
 def _made(draw: Draw, material: Json) -> Json:

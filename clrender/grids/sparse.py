@@ -1,0 +1,82 @@
+"""Numbers of a sparse tree, as the dense grid of the box that they are in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.errors import SceneError
+from clrender.exact.matrices import determinant
+from clrender.grids.data import SIDE_LIMIT, VALUE_LIMIT, GridData
+
+__all__ = ["DenseBox"]
+
+_ALWAYS_TAKEN: Final = 2**24
+_SPARSEST: Final = 1024
+"""Numbers of a box for each that is stored; a damaged file may place a few of them far away."""
+
+
+class DenseBox:
+    """A box of numbers, which are 0 until they are filled in, and zeros around it, to which densities fall.
+
+    Parameters
+    ----------
+    low, high : (3,) int
+        First and last coordinates of its numbers.
+    stored : int
+        About how many numbers the tree has.
+    label : str
+        Beginning of error messages.
+
+    Raises
+    ------
+    SceneError
+        It is too large, or nearly all of it is empty.
+    """
+
+    def __init__(self, low: Sequence[int], high: Sequence[int], stored: int, label: str) -> None:
+        first, sides = np.array(low, np.int64), np.array(high, np.int64) - np.array(low, np.int64) + 1
+        if (sides < 1).any() or (sides > SIDE_LIMIT).any() or int(np.prod(sides)) > VALUE_LIMIT:
+            shape = " x ".join(str(side) for side in sides)
+            raise SceneError(f"{label} has {shape} numbers; at most {VALUE_LIMIT} are possible; make the grid coarser")
+        if int(np.prod(sides)) > max(_ALWAYS_TAKEN, _SPARSEST * stored):
+            text = f"spreads {stored} numbers over a box of {' x '.join(str(side) for side in sides)}"
+            raise SceneError(f"{label} {text}; leave out what is far away, or divide the grid")
+        self._label, self._low = label, first - 1
+        self._values = np.zeros(sides + 2, np.float32)  # x, y, z, as trees count
+
+    def fill(self, origin: NDArray[np.int64], side: int, value: float) -> None:
+        """Fill a cube with one number."""
+        self._values[self._overlap(origin, side)[0]] = value
+
+    def put(self, origin: NDArray[np.int64], block: NDArray[np.float32]) -> None:
+        """Put a cube of numbers where its first coordinates say; those outside of the box are left out."""
+        into, out_of = self._overlap(origin, len(block))
+        self._values[into] = block[out_of]
+
+    def placed(self, matrix: NDArray[np.float64], vector: NDArray[np.float64]) -> GridData:
+        """The grid, with an affine map from coordinates to metres.
+
+        Raises
+        ------
+        SceneError
+            A number is not allowed.
+        ValueError
+            The map cannot be inverted.
+        """
+        corner = (matrix * (self._low - 0.5)[None, :]).sum(axis=1) + vector
+        placement = np.concatenate([matrix * np.array(self._values.shape)[None, :], corner[:, None]], axis=1)
+        if not np.isfinite(placement).all() or abs(determinant(matrix)) < 1e-30:
+            raise ValueError("its map to the world cannot be inverted")
+        return GridData.checked(np.ascontiguousarray(self._values.transpose(2, 1, 0)), self._label, placement)
+
+    def _overlap(self, origin: NDArray[np.int64], side: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
+        """The part of a cube that lies in the box: where in the box, and where in the cube."""
+        at = origin - self._low
+        begin, end = np.maximum(at, 0), np.minimum(at + side, np.array(self._values.shape))
+        end = np.maximum(end, begin)
+        into = tuple(slice(int(a), int(b)) for a, b in zip(begin, end, strict=True))
+        return into, tuple(slice(int(a), int(b)) for a, b in zip(begin - at, end - at, strict=True))
