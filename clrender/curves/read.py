@@ -16,9 +16,11 @@ from clrender.files.named import allowed_file, open_named_file
 from clrender.files.npy import read_npy_header, read_npy_items
 from clrender.wording import quoted
 
-__all__ = ["CURVE_ENDINGS", "curves_of_array", "read_curves"]
+__all__ = ["COLUMNS", "CURVE_ENDINGS", "curves_of_array", "read_curves"]
 
 CURVE_ENDINGS: Final = (".npy", ".txt")
+COLUMNS: Final = (3, 4, 7)
+"""Numbers of a control point: its place, its radius, and where a ribbon faces."""
 _FILE_LIMIT: Final = 2**32
 _ALLOWED: Final = re.compile(rb"[^0-9eE+\-. \t\r\n]")
 
@@ -58,8 +60,8 @@ def read_curves(
 
 def _numpy(file: BinaryIO, label: str) -> CurveData:
     header = read_npy_header(file)
-    if len(header.shape) not in (2, 3) or header.shape[-1] not in (3, 4) or header.kind.kind not in "fiu":
-        raise SceneError(f"{label} holds {header}, but must hold numbers of the shape (points, 3 or 4)")
+    if len(header.shape) not in (2, 3) or header.shape[-1] not in COLUMNS or header.kind.kind not in "fiu":
+        raise SceneError(f"{label} holds {header}, but must hold numbers of the shape (points, 3, 4 or 7)")
     if np.prod(header.shape[:-1], dtype=np.float64) > 2 * POINT_LIMIT:
         raise SceneError(f"{label} has more than {POINT_LIMIT} control points, which is the most; divide it")
     return curves_of_array(read_npy_items(file, header), label)
@@ -70,7 +72,7 @@ def curves_of_array(array: NDArray[Any], label: str) -> CurveData:
 
     Parameters
     ----------
-    array : (strands, points, 3 or 4) or (points, 3 or 4) real
+    array : (strands, points, 3, 4 or 7) or (points, 3, 4 or 7) real
         Of the latter, rows of which a number is not a number part two strands.
     label : str
         Beginning of error messages.
@@ -80,8 +82,8 @@ def curves_of_array(array: NDArray[Any], label: str) -> CurveData:
     SceneError
         The shape or a number is not allowed.
     """
-    if array.ndim not in (2, 3) or array.shape[-1] not in (3, 4) or array.dtype.kind not in "fiu":
-        text = f"holds {str(array.dtype)[:20]} {str(array.shape)[:60]}, but must hold numbers (points, 3 or 4)"
+    if array.ndim not in (2, 3) or array.shape[-1] not in COLUMNS or array.dtype.kind not in "fiu":
+        text = f"holds {str(array.dtype)[:20]} {str(array.shape)[:60]}, but must hold numbers (points, 3, 4 or 7)"
         raise SceneError(f"{label} {text}")
     if array.ndim == 3:
         rows = array.reshape(-1, array.shape[-1])

@@ -170,7 +170,7 @@ class ShapeWriter:
             whole = product(matrix, product(local, _POLES))
             flip = flip != (determinant(whole[:3, :3]) < 0.0)  # mirroring turns Mitsuba's spheres inside out
             kind, inside = "sphere", [transform(whole)]
-        elif isinstance(shape, Curves) and shape.basis in _CURVES:
+        elif isinstance(shape, Curves) and shape.profile == "round" and shape.basis in _CURVES:
             kind, inside = _CURVES[shape.basis], self._strands(at, shape, matrix)
         elif isinstance(shape, Disk) and textured is None:
             kind, inside = "disk", [transform(product(matrix, disk_frame(shape)))]
@@ -182,7 +182,7 @@ class ShapeWriter:
             kind, inside = "cube", [transform(product(matrix, local))]
         else:
             if isinstance(shape, Curves):
-                tell_of_curves(self._target, at)
+                tell_of_curves(self._target, shape, at)
             if isinstance(shape, Disk):
                 self._target.leave_out(f"the roundness of disks with textures, which have {DISK_EDGES} edges", *at)
             mesh = triangles_of(self._target.scene, at, shape)

@@ -198,7 +198,7 @@ def _write_array(file: IO[bytes], array: NDArray[Any]) -> None:
 
 
 def _parted(strands: CurveData) -> NDArray[np.float64]:
-    """(N, 3 or 4) points of strands, with rows that are not numbers between them."""
-    rows = strands.points if strands.radii is None else np.column_stack([strands.points, strands.radii])
+    """(N, 3, 4 or 7) points of strands, with rows that are not numbers between them."""
+    rows = strands.rows
     ends = np.cumsum(strands.counts)[:-1]
     return np.insert(rows, ends, np.nan, axis=0)

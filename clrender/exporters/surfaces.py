@@ -198,12 +198,13 @@ def tell_of_round(target: Target, at: At, shape: AnyShape) -> None:
     elif isinstance(shape, Disk):
         target.leave_out(f"the roundness of disks, which have {DISK_EDGES} edges", *at)
     elif isinstance(shape, Curves):
-        tell_of_curves(target, at)
+        tell_of_curves(target, shape, at)
 
 
-def tell_of_curves(target: Target, at: At) -> None:
-    """Note that curves become triangles."""
-    target.leave_out(f"the roundness of curves, which have {AROUND} edges around them and flat ends", *at)
+def tell_of_curves(target: Target, shape: Curves, at: At) -> None:
+    """Note that round curves become triangles."""
+    if shape.profile == "round":
+        target.leave_out(f"the roundness of curves, which have {AROUND} edges around them and flat ends", *at)
 
 
 def is_rough(roughness: Any) -> bool:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from clrender.errors import SceneError
 from clrender.flatten.emission import emits
 from clrender.flatten.motion import NO_MOTION, Knots, knots_of
+from clrender.flatten.ribbons import with_ribbons_as_meshes
 from clrender.scene.description import Scene
 from clrender.scene.groups import Instance, ShapeOrInstance
 from clrender.scene.medium import Medium
@@ -105,7 +106,7 @@ class Assembly:
 
 
 def assemble(scene: Scene) -> Assembly:
-    """Resolve a scene's instances.
+    """Resolve a scene's instances, and make meshes of its ribbons.
 
     Raises
     ------
@@ -113,6 +114,7 @@ def assemble(scene: Scene) -> Assembly:
         If an instance stretches a sphere, disk or curve unevenly, a file of transforms cannot be read, or too many
         shapes that shine would have to be written out.
     """
+    scene = with_ribbons_as_meshes(scene)
     given, scene = scene, resting(scene)
     own, own_places = _own(scene)
     none = np.zeros(0, np.int64)

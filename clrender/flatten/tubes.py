@@ -1,4 +1,4 @@
-"""Curves as triangles."""
+"""Curves as triangles: tubes, and ribbons."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.curves import CurveData
+from clrender.errors import SceneError
 from clrender.exact.elementary import sines_cosines
 from clrender.flatten.curves import bezier_segments, strand_radii
 from clrender.meshes.data import MeshData
@@ -26,7 +27,9 @@ AROUND: Final = 12
 def curve_mesh(
     shape: Curves, data: CurveData, place: str = "curves", steps: int = STEPS, around: int = AROUND
 ) -> MeshData:
-    """Tubes around curves, before the shape's transform, with flat ends, normals and texture coordinates.
+    """Tubes around curves, or ribbons along them, before the shape's transform, with normals and texture coordinates.
+
+    The ends of tubes are flat. Across a ribbon, v goes from 0 to 1.
 
     Parameters
     ----------
@@ -41,8 +44,10 @@ def curve_mesh(
     Raises
     ------
     SceneError
-        See `clrender.flatten.curves.bezier_segments`.
+        See `clrender.flatten.curves.bezier_segments`; or there are not as many normals as control points.
     """
+    if shape.profile == "ribbon":
+        return _ribbons(shape, data, place, steps)
     rows = np.column_stack([data.points, strand_radii(shape, data, place)])
     controls, strand = bezier_segments(rows, data.counts, shape.basis, place)
     middle, tangent, along, first = _rings(controls, strand, steps)
@@ -67,6 +72,32 @@ def curve_mesh(
     uvs = np.stack([np.repeat(along, around), np.full(rings * around, 0.5)], axis=1).astype(np.float32)
     flat = normals.reshape(-1, 3).astype(np.float32)
     return MeshData(points.reshape(-1, 3), triangles, flat, uvs=uvs[triangles])
+
+
+def _ribbons(shape: Curves, data: CurveData, place: str, steps: int) -> MeshData:
+    """Flat strips; the side that their normals show is the front."""
+    columns = [data.points, strand_radii(shape, data, place)]
+    normals = np.array(shape.normals) if shape.normals else data.normals
+    if normals is not None:
+        if len(normals) not in (1, len(data.points)):
+            text = f"has {len(normals)} entries; give one, or {len(data.points)} for the control points of the file"
+            raise SceneError(f"{place}.normals {text}")
+        columns.append(np.broadcast_to(normals, data.points.shape))
+    controls, strand = bezier_segments(np.column_stack(columns), data.counts, shape.basis, place)
+    middle, tangent, along, first = _rings(controls, strand, steps)
+    across = _frames(tangent, first)
+    if normals is not None:
+        wanted = np.cross(middle[:, 4:], tangent)
+        size = np.sqrt((wanted * wanted).sum(axis=1))[:, None]
+        across = np.where(size > 1e-9, wanted / np.maximum(size, 1e-9), across)
+    half = middle[:, 3:4] * across
+    points = np.stack([middle[:, :3] - half, middle[:, :3] + half], axis=1).reshape(-1, 3)
+    last = np.concatenate([first[1:], [len(middle)]]) - 1
+    at = 2 * np.setdiff1d(np.arange(len(middle)), last)[:, None]
+    triangles = np.concatenate([at + np.array([0, 3, 1]), at + np.array([0, 2, 3])]).astype(np.uint32)
+    uvs = np.stack([np.repeat(along, 2), np.tile([0.0, 1.0], len(middle))], axis=1).astype(np.float32)
+    flat = np.repeat(np.cross(tangent, across), 2, axis=0).astype(np.float32)
+    return MeshData(points, triangles, flat, uvs=uvs[triangles])
 
 
 def _rings(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from clrender.curves import CurveData
+from clrender.curves.read import COLUMNS
 from clrender.errors import SceneError
 from clrender.grids import GridData
 from clrender.image.texel_tiles import TILE_BYTES, StoredPicture, picture_sha256, tile_shape
@@ -277,14 +278,13 @@ def _asset(sha256: str, assets: Mapping[str, bytes], place: str, made: Callable[
 
 
 def _packed_curves(curves: CurveData) -> bytes:
-    rows = curves.points if curves.radii is None else np.concatenate([curves.points, curves.radii[:, None]], axis=1)
-    return _zipped(rows=rows, counts=curves.counts)
+    return _zipped(rows=curves.rows, counts=curves.counts)
 
 
 def _unpacked_curves(sha256: str, assets: Mapping[str, bytes], place: str) -> CurveData:
     def curves(archive: Any) -> CurveData:
         rows, counts = np.array(archive["rows"], np.float64), np.array(archive["counts"], np.int64)
-        if rows.ndim != 2 or rows.shape[1] not in (3, 4) or counts.ndim != 1:
+        if rows.ndim != 2 or rows.shape[1] not in COLUMNS or counts.ndim != 1:
             raise ValueError("it has no list of points or of lengths")
         if not ((counts > 0) & (counts <= len(rows))).all() or counts.sum() != len(rows):
             raise ValueError("its strands are not as long as it says")

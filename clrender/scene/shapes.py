@@ -264,7 +264,7 @@ def _radii(value: Any) -> Any:
 
 
 class Curves(Surface):
-    """Strands of hair, grass or thread: tubes along cubic curves."""
+    """Strands of hair, grass or thread: tubes or flat ribbons along cubic curves."""
 
     needs_similarity: ClassVar[bool] = True
 
@@ -280,13 +280,21 @@ class Curves(Surface):
         Annotated[tuple[_Radius, ...], FailFast(), Field(max_length=INLINE_LIMIT)], BeforeValidator(_radii)
     ] = Field(
         (),
-        description="radius of the tubes: one number, two for roots and tips, or one for each control point",
+        description="radius of the tubes, or half the width of the ribbons: one number, two for roots and tips, or one "
+        "for each control point",
         json_schema_extra={"anyOf": [{"type": "number"}, {"type": "array", "items": {"type": "number"}}]},
     )
     basis: Literal["bspline", "bezier", "catmull-rom", "linear"] = Field(
         "bspline", description="what curves the control points are of"
     )
-    profile: Literal["round"] = Field("round", description="cross section")
+    profile: Literal["round", "ribbon"] = Field(
+        "round", description="cross section; ribbons are flat and have two sides"
+    )
+    normals: Annotated[tuple[Vector, ...], FailFast(), Field(max_length=INLINE_LIMIT)] = Field(
+        (),
+        description="where ribbons face: one vector, or one for each control point; default: of the file, or as they "
+        "turn least",
+    )
 
     @model_validator(mode="after")
     def _has_strands(self) -> Curves:
@@ -304,6 +312,14 @@ class Curves(Surface):
             raise fault("curves", text, "radius")
         if self.radius and max(self.radius) == 0.0:
             raise fault("curves", "is 0, which nothing can be seen of; give a number of metres", "radius")
+        if self.normals and self.profile == "round":
+            raise fault("curves", 'are for ribbons; give profile = "ribbon", or leave them out', "normals")
+        for index, normal in enumerate(self.normals):
+            if not any(normal):
+                raise fault("curves", "is zero, which has no direction", "normals", index)
+        if self.file is None and len(self.normals) not in (0, 1, len(self.points)):
+            text = f"has {len(self.normals)} entries; give one, or {len(self.points)}"
+            raise fault("curves", text, "normals")
         if self.emission is not None:
             raise fault("curves", "is not for curves, which cannot shine; leave it out", "emission")
         if self.interior is not None:

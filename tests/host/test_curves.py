@@ -18,10 +18,11 @@ from clrender.exporters import exported, exported_to_cycles, exported_to_luxcore
 from clrender.flatten.bounds import scene_bounds
 from clrender.flatten.curves import bezier_segments
 from clrender.flatten.flat_scene import flatten
+from clrender.flatten.ribbons import with_ribbons_as_meshes
 from clrender.flatten.tubes import curve_mesh
 from clrender.integrators import INTEGRATORS
 from clrender.rendering.job import RenderJob
-from clrender.scene import Curves
+from clrender.scene import Curves, Mesh
 from clrender.scene.portable import scene_from_portable, scene_to_portable
 
 CAMERA: dict[str, Any] = {"position": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0]}
@@ -276,3 +277,59 @@ def test_bounds_hold_the_strands() -> None:
     points = np.array(POINTS)
     assert low == pytest.approx(points.min(axis=0) - 0.02, abs=1e-5)
     assert high == pytest.approx(points.max(axis=0) + 0.02, abs=1e-5)
+
+
+BLADE: dict[str, Any] = {"profile": "ribbon", "basis": "linear", "points": [[0, 0, 0], [0, 1, 0], [0, 2, 0]]}
+
+
+def test_ribbons_are_flat_strips_that_face_their_normals() -> None:
+    scene = scene_of(**BLADE, radius=[0.2, 0.0], normals=[[0.0, 0.0, 3.0]])
+    (shape,) = with_ribbons_as_meshes(scene).shapes
+    assert isinstance(shape, Mesh) and shape.file is not None
+    mesh = with_ribbons_as_meshes(scene).mesh(0)
+    assert mesh.normals is not None and np.allclose(mesh.normals, [0.0, 0.0, 1.0], atol=1e-6)
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+    areas = np.cross(b - a, c - a) / 2.0
+    assert areas.sum(axis=0) == pytest.approx([0.0, 0.0, 0.4]), "half of the height times the width at the root"
+    assert mesh.uvs is not None and mesh.uvs.min() == 0.0 and mesh.uvs.max() == 1.0
+    free = with_ribbons_as_meshes(scene_of(**BLADE, radius=0.1)).mesh(0)
+    assert free.vertices.shape == (34, 3) and np.isfinite(free.vertices).all()
+
+
+def test_normals_of_ribbons_turn_from_point_to_point(tmp_path: Path) -> None:
+    rows = np.array([[0, 0, 0, 0.1, 0, 0, 1], [0, 1, 0, 0.1, 1, 0, 0], [0, 2, 0, 0.1, 0, 0, -1]], np.float64)
+    np.save(tmp_path / "a.npy", rows)
+    scene = scene_of(file="a.npy", profile="ribbon", basis="linear", points=None, radius=None)
+    made = with_ribbons_as_meshes(scene.placed("test", tmp_path, ()))
+    normals = made.mesh(0).normals
+    assert normals is not None
+    for at, wanted in ((0, [0, 0, 1]), (16, [1, 0, 0]), (32, [0, 0, -1])):
+        assert normals[at] == pytest.approx(wanted, abs=1e-6)
+    text, assets = scene_to_portable(scene.placed("test", tmp_path, ()))
+    assert scene_from_portable(text, assets).sha256() == scene.placed("test", tmp_path, ()).sha256()
+    export = exported(scene.placed("test", tmp_path, ()), "files")
+    with export.written(tmp_path / "b.toml"):
+        (tmp_path / "b.toml").write_bytes(scene_text(export.description, ".toml", "a test"))
+    assert clrender.load(tmp_path / "b.toml").sha256() == scene.placed("test", tmp_path, ()).sha256()
+
+
+@for_each(
+    ("keys", "said"),
+    [
+        ({"profile": "round", "normals": [[0, 1, 0]]}, r"normals are for ribbons; give profile"),
+        ({"normals": [[0, 0, 0]]}, r"normals\[0\] is zero, which has no direction"),
+        ({"normals": [[0, 1, 0]] * 2}, r"normals has 2 entries; give one, or 3"),
+    ],
+)
+def test_refused_normals(keys: dict[str, Any], said: str) -> None:
+    with pytest.raises(SceneError, match=said):
+        scene_of(**{**BLADE, "radius": 0.1, **keys})
+
+
+def test_ribbons_of_files_have_a_normal_for_each_point(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.array([[0.0, 0, 0, 0.1], [0, 1, 0, 0.1]]))
+    scene = scene_of(file="a.npy", profile="ribbon", basis="linear", points=None, radius=None, normals=[[0, 0, 1]] * 3)
+    with pytest.raises(SceneError, match=r"shapes\[0\]\.normals has 3 entries; give one, or 2"):
+        flatten(scene.placed("test", tmp_path, ()), 8, 8)
+    with pytest.raises(SceneError, match="has no direction as the normal of point 1"):
+        CurveData.checked(np.array([[0.0, 0, 0, 1, 0, 0, 1], [1, 0, 0, 1, 0, 0, 0]]), np.array([2]), "here")

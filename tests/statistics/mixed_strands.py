@@ -69,7 +69,7 @@ def _shape(draw: Draw) -> Json:
     if draw.chance(0.6):
         radii = [radii, draw.one((0.0, draw.between(0.01, 0.1)))]
     made = {"type": "curves", "points": points, "radius": radii, "basis": basis}
-    made |= {"profile": "round"} if draw.chance(0.3) else {}
+    made |= {"profile": "ribbon"} if draw.chance(0.3) else {}
     return made | ({"counts": counts} if len(counts) > 1 or draw.chance(0.3) else {})
 
 

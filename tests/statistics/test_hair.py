@@ -198,3 +198,24 @@ def test_textures_run_along_strands(studio: Studio, kind: str) -> None:
     assert (np.diff(middle) < 0.02).all() and middle[0] > 1.2 * middle[-1]
     at = albedo[2:30, 9]
     assert (np.diff(at[at > 0.0]) < 0.05).all(), "and does not jump where a curve is cut"
+
+
+@pytest.mark.parametrize("integrator", ["path", pytest.param("bdpt", marks=pytest.mark.long)])
+def test_ribbons_are_lit_like_the_quads_that_they_are(evidence: Evidence, studio: Studio, integrator: str) -> None:
+    """A straight one, also in a group that is placed, against two quads."""
+    blade = {"type": "curves", "profile": "ribbon", "basis": "linear", "radius": 0.25, "material": "clay"}
+    blade |= {"points": [[0.0, -0.4, 0.0], [0.0, 0.2, 0.0], [0.0, 0.8, 0.0]], "normals": [[0.3, 0.0, 1.0]]}
+    side = np.array([1.0, 0.0, -0.3]) / np.hypot(1.0, 0.3)
+    corner = np.array([0.0, -0.4, 0.0]) - 0.25 * side
+    flat = {"type": "quad", "origin": corner.tolist(), "edge_u": (0.5 * side).tolist(), "edge_v": [0.0, 1.2, 0.0]}
+    placed = {"translate": [-0.9, 0.1, -0.3], "rotate_degrees": [0.0, 50.0, 20.0], "scale": 0.8}
+    common: dict[str, Any] = {"camera": CAMERA, "lights": [SKY, SUN], "materials": {"clay": CLAY}}
+    floor = {**GROUND, "material": "clay"}
+    instance = {"type": "instance", "group": "blade", "transform": placed}
+    first = clrender.Scene(**common, shapes=[blade, instance, floor], groups={"blade": {"shapes": [blade]}})
+    quad = {**flat, "material": "clay"}
+    second = clrender.Scene(**common, shapes=[quad, {**quad, "transform": placed}, floor])
+    settings: dict[str, Any] = {"size": 32, "spp": 32, "integrator": integrator}
+    evidence.equal(
+        "radiance", studio.tiles(first, range(8), **settings), studio.tiles(second, range(40, 48), **settings)
+    )
