@@ -20,6 +20,7 @@ _SCENES: Final = {
     "haze": 1024,
     "cloud": 256,
     "smoke": 256,
+    "campfire": 768,
     "chick": 96,
     "candles": 256,
     "foliage": 256,

@@ -104,7 +104,24 @@ def plume() -> _Floats:
     return densities
 
 
-GRIDS: Final[Mapping[str, _Floats]] = {"cumulus.npy": cumulus(), "plume.npy": plume()}
+def flame() -> _Floats:
+    """(72, 120, 72) heat of a fire whose tongues part as they rise."""
+    points = _points(72, 120, 72)
+    height = points[..., 1]
+    rising = np.stack([points[..., 0] * 5.0, height * 2.2, points[..., 2] * 5.0], axis=-1)
+    sway = np.stack([billows(rising + seed, seed, 3) for seed in (41, 42)], axis=-1) - 0.5
+    across = points[..., [0, 2]] - 0.3 + 0.55 * sway * (0.1 + height)[..., None]
+    away = np.sqrt((across * across).sum(axis=-1))
+    width = 0.2 * np.sqrt(1.0 - height) * (1.0 - 0.45 * height) * (0.6 + 0.4 * np.clip(height * 6.0, 0.0, 1.0))
+    body = np.clip(1.0 - away / width, 0.0, 1.0)
+    licks = billows(np.stack([across[..., 0] * 11.0, height * 4.0, across[..., 1] * 11.0], axis=-1), 51, 4)
+    torn = np.clip((licks - 0.36 - 0.34 * height) * 5.0, 0.0, 1.0)
+    ends = np.clip((0.99 - height) * 6.0, 0.0, 1.0) * np.clip(height * 40.0, 0.0, 1.0)
+    heat: _Floats = np.clip(np.sqrt(body) * torn * ends * (1.05 - 0.45 * height), 0.0, 1.0)
+    return heat
+
+
+GRIDS: Final[Mapping[str, _Floats]] = {"cumulus.npy": cumulus(), "flame.npy": flame(), "plume.npy": plume()}
 """By file name: densities from 0 to 1, of which files have 255 times as much in whole numbers."""
 
 

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from clrender.curves.data import POINT_LIMIT, CurveData
 from clrender.errors import SceneError
-from clrender.files.named import allowed_file, open_named_file
+from clrender.files.named import read_named_file
 from clrender.files.npy import read_npy_header, read_npy_items
-from clrender.wording import quoted
 
 __all__ = ["COLUMNS", "CURVE_ENDINGS", "curves_of_array", "read_curves"]
 
@@ -37,25 +36,15 @@ def read_curves(
     place : str
         Location of the name in the scene, for error messages.
     ending : str, optional
-        Of `CURVE_ENDINGS`, what the file is whatever its name ends with.
+        ``.npy`` or ``.txt``: what the file is, whatever its name ends with.
 
     Raises
     ------
     SceneError
         If it may not be read, or holds no strands.
     """
-    label, ending = f"{place}: {quoted(name)}", ending or Path(name).suffix.lower()
-    if ending not in CURVE_ENDINGS:
-        allowed_file(name, base_folder, allow_paths, label)
-        raise SceneError(f"{label} is of no kind that can be read; curves may be {', '.join(CURVE_ENDINGS)}")
-    file, _ = open_named_file(name, base_folder, allow_paths, label, _FILE_LIMIT)
-    with file:
-        try:
-            return _numpy(file, label) if ending == ".npy" else _text(file, label)
-        except ValueError as error:
-            raise SceneError(f"{label} is no readable {ending} file: {error}") from None
-        except OSError as error:
-            raise SceneError(f"{label} cannot be read: {error.strerror or error}") from None
+    readers = {".npy": _numpy, ".txt": _text}
+    return read_named_file(name, base_folder, allow_paths, place, readers, "curves", _FILE_LIMIT, ending)
 
 
 def _numpy(file: BinaryIO, label: str) -> CurveData:

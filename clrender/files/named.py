@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeVar
 
 from clrender.errors import SceneError
 from clrender.files.access import UnreadableFile, open_regular
+from clrender.wording import quoted
 
-__all__ = ["allowed_file", "open_named_file", "open_scene_file"]
+__all__ = ["allowed_file", "open_named_file", "open_scene_file", "read_named_file"]
+
+_T = TypeVar("_T")
 
 
 def open_scene_file(path: Path, label: str, limit: int, beneath: Path | None = None) -> tuple[BinaryIO, int]:
@@ -108,3 +111,55 @@ def open_named_file(
     """
     folder, path = allowed_file(name, base_folder, allow_paths, label)
     return open_scene_file(path, label, limit, folder)
+
+
+def read_named_file(
+    name: str,
+    base_folder: Path,
+    allow_paths: Sequence[Path],
+    place: str,
+    readers: Mapping[str, Callable[[BinaryIO, str], _T]],
+    what: str,
+    limit: int,
+    ending: str | None = None,
+) -> _T:
+    """Read a file that a scene names, by its ending.
+
+    Parameters
+    ----------
+    name, base_folder, allow_paths
+        See `allowed_file`.
+    place : str
+        Location of the name in the scene, for error messages.
+    readers : mapping of str to callable
+        By ending, such as ``.npy``: reads an open file. Its second argument begins error messages; a `ValueError` says
+        why the file is none of its kind.
+    what : str
+        What such files hold, in the plural.
+    limit : int
+        Largest size, bytes.
+    ending : str, optional
+        What the file is, whatever its name ends with.
+
+    Returns
+    -------
+    object
+        As the reader returns it.
+
+    Raises
+    ------
+    SceneError
+        Like `open_named_file`; or there is no reader, or it cannot read the file.
+    """
+    label, ending = f"{place}: {quoted(name)}", ending or Path(name).suffix.lower()
+    if ending not in readers:
+        allowed_file(name, base_folder, allow_paths, label)
+        raise SceneError(f"{label} is of no kind that can be read; {what} may be {', '.join(readers)}")
+    file, _ = open_named_file(name, base_folder, allow_paths, label, limit)
+    with file:
+        try:
+            return readers[ending](file, label)
+        except ValueError as error:
+            raise SceneError(f"{label} is no readable {ending} file: {error}") from None
+        except OSError as error:
+            raise SceneError(f"{label} cannot be read: {error.strerror or error}") from None

@@ -1,6 +1,6 @@
 """Grids of numbers in space, such as the density of a cloud: their files, and checks of what those hold."""
 
 from clrender.grids.data import GridData
-from clrender.grids.read import GRID_ENDINGS, grid_names, read_grid
+from clrender.grids.read import grid_names, read_grid
 
-__all__ = ["GRID_ENDINGS", "GridData", "grid_names", "read_grid"]
+__all__ = ["GridData", "grid_names", "read_grid"]

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 from clrender.grids.data import GridData
-from clrender.grids.sparse import DenseBox
-from clrender.wording import quoted
+from clrender.grids.sparse import DenseBox, chosen_grid
 
 __all__ = ["nanovdb_names", "read_nanovdb"]
 
@@ -96,17 +95,9 @@ def read_nanovdb(file: BinaryIO, label: str, name: str = "density") -> GridData:
         It is no such file, or a damaged one.
     """
     metas = _metas(file)
-    floats = [each for each in metas if _has_numbers(each)]
-    if not floats:
-        names = ", ".join(ascii(each.name) for each in metas)[:200]
-        raise SceneError(f"{label} has no grid of floats, but {names}; convert it")
-    others = floats[:1] if name == "density" else []
-    found = [*(each for each in floats if each.name == name), *others]
-    if not found:
-        names = ", ".join(ascii(each.name) for each in metas)[:200]
-        raise SceneError(f"{label} has no grid {quoted(name)}, but {names}; name one of them")
-    file.seek(found[0].at)
-    return _dense(_grid_bytes(file, found[0], label), found[0].kind, label)
+    chosen = chosen_grid(metas, [each for each in metas if _has_numbers(each)], name, label)
+    file.seek(chosen.at)
+    return _dense(_grid_bytes(file, chosen, label), chosen.kind, label)
 
 
 def nanovdb_names(file: BinaryIO) -> tuple[str, ...]:

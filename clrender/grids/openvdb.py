@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from clrender.errors import SceneError
 from clrender.extras import install_command, lacking
 from clrender.grids.data import GridData
-from clrender.grids.sparse import DenseBox
+from clrender.grids.sparse import DenseBox, chosen_grid
 from clrender.wording import quoted
 
 __all__ = ["read_openvdb", "vdb_names"]
@@ -145,14 +145,10 @@ def read_openvdb(file: BinaryIO, label: str, name: str = "density") -> GridData:
     """
     stream = _Stream(_content(file))
     entries = _entries(stream)
-    floats = [each for each in entries if each.tree == _TREE]
-    found = [each for each in floats if each.name == name] or (floats[:1] if name == "density" else [])
-    if not found:
-        names = ", ".join(ascii(each.name) for each in entries)[:200]
-        raise SceneError(f"{label} has no grid {quoted(name)} of floats, but {names}; name one of them, or convert it")
-    if found[0].parent:
-        raise SceneError(f"{label}: the grid {quoted(found[0].name)} is an instance of another one; name that")
-    return _dense(stream, found[0], label)
+    chosen = chosen_grid(entries, [each for each in entries if each.tree == _TREE], name, label)
+    if chosen.parent:
+        raise SceneError(f"{label}: the grid {quoted(chosen.name)} is an instance of another one; name that")
+    return _dense(stream, chosen, label)
 
 
 def _content(file: BinaryIO) -> NDArray[np.uint8]:

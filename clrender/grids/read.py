@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO, Final
 
 from clrender.errors import SceneError
-from clrender.files.named import allowed_file, open_named_file
+from clrender.files.named import open_named_file, read_named_file
 from clrender.files.npy import read_npy_header, read_npy_items
 from clrender.grids.data import VALUE_LIMIT, GridData
 from clrender.grids.nanovdb import nanovdb_names, read_nanovdb
@@ -16,9 +17,8 @@ from clrender.grids.openvdb import read_openvdb, vdb_names
 from clrender.grids.vol import read_vol
 from clrender.wording import quoted
 
-__all__ = ["GRID_ENDINGS", "SPARSE_ENDINGS", "grid_names", "read_grid"]
+__all__ = ["SPARSE_ENDINGS", "grid_names", "read_grid"]
 
-GRID_ENDINGS: Final = (".npy", ".vol", ".nvdb", ".vdb")
 SPARSE_ENDINGS: Final = (".nvdb", ".vdb")
 """Of files that may have several grids, each with a name."""
 _FILE_LIMIT: Final = 2**33
@@ -43,22 +43,13 @@ def read_grid(
     SceneError
         If it may not be read, or is no grid of numbers that are not below 0.
     """
-    label, ending = f"{place}: {quoted(name)}", Path(name).suffix.lower()
-    if ending not in GRID_ENDINGS:
-        allowed_file(name, base_folder, allow_paths, label)
-        raise SceneError(f"{label} is of no kind that can be read; grids may be {', '.join(GRID_ENDINGS)}")
-    file, _ = open_named_file(name, base_folder, allow_paths, label, _FILE_LIMIT)
-    with file:
-        try:
-            if ending == ".npy":
-                return _numpy(file, label)
-            if ending == ".vol":
-                return read_vol(file, label)
-            return (read_nanovdb if ending == ".nvdb" else read_openvdb)(file, label, within)
-        except ValueError as error:
-            raise SceneError(f"{label} is no readable {ending} file: {error}") from None
-        except OSError as error:
-            raise SceneError(f"{label} cannot be read: {error.strerror or error}") from None
+    readers: dict[str, Callable[[BinaryIO, str], GridData]] = {
+        ".npy": _numpy,
+        ".vol": read_vol,
+        ".nvdb": partial(read_nanovdb, name=within),
+        ".vdb": partial(read_openvdb, name=within),
+    }
+    return read_named_file(name, base_folder, allow_paths, place, readers, "grids", _FILE_LIMIT)
 
 
 def grid_names(name: str, base_folder: Path, allow_paths: Sequence[Path], place: str) -> tuple[str, ...]:

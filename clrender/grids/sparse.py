@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +11,50 @@ from numpy.typing import NDArray
 from clrender.errors import SceneError
 from clrender.exact.matrices import determinant
 from clrender.grids.data import SIDE_LIMIT, VALUE_LIMIT, GridData
+from clrender.wording import quoted
 
-__all__ = ["DenseBox"]
+__all__ = ["DenseBox", "chosen_grid"]
+
+
+class _Named(Protocol):
+    """What has a name."""
+
+    @property
+    def name(self) -> str:
+        """Of a grid."""
+
+
+_Entry = TypeVar("_Entry", bound=_Named)
 
 _ALWAYS_TAKEN: Final = 2**24
 _SPARSEST: Final = 1024
 """Numbers of a box for each that is stored; a damaged file may place a few of them far away."""
+
+
+def chosen_grid(entries: Sequence[_Entry], floats: Sequence[_Entry], name: str, label: str) -> _Entry:
+    """The grid of a name, or in the place of a missing density the first one.
+
+    Parameters
+    ----------
+    entries : sequence
+        All grids of a file, each with a `name`.
+    floats : sequence
+        Those of numbers.
+    name : str
+    label : str
+        Beginning of error messages.
+
+    Raises
+    ------
+    SceneError
+        There is none.
+    """
+    found = [each for each in floats if each.name == name] or (floats[:1] if name == "density" else [])
+    if not found:
+        names = ", ".join(ascii(each.name) for each in entries)[:200]
+        text = f"has no grid {quoted(name)} of floats; its grids are {names}"
+        raise SceneError(f"{label} {text}; name one of floats, or convert it")
+    return found[0]
 
 
 class DenseBox:

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final
 
 import numpy as np
 
-from clrender.errors import SceneError
-from clrender.files.named import allowed_file, open_named_file
+from clrender.files.named import read_named_file
 from clrender.measured.data import MeasuredFile
-from clrender.wording import quoted
 
 __all__ = ["MEASURED_ENDINGS", "read_measured"]
 
 MEASURED_ENDINGS: Final = (".bsdf", ".binary")
+"""Of files of the RGL and of the MERL database; which one it is of, its content says."""
 _FILE_LIMIT: Final = 2**31
 
 
@@ -34,15 +33,9 @@ def read_measured(name: str, base_folder: Path, allow_paths: Sequence[Path], pla
     SceneError
         If it may not be read, or is no file of the RGL or the MERL database.
     """
-    label = f"{place}: {quoted(name)}"
-    if Path(name).suffix.lower() not in MEASURED_ENDINGS:
-        allowed_file(name, base_folder, allow_paths, label)
-        kinds = " (RGL) or ".join(MEASURED_ENDINGS) + " (MERL)"
-        raise SceneError(f"{label} is of no kind that can be read; measured reflectance may be {kinds}")
-    file, size = open_named_file(name, base_folder, allow_paths, label, _FILE_LIMIT)
-    with file:
-        try:
-            data = file.read(size + 1)
-        except OSError as error:
-            raise SceneError(f"{label} cannot be read: {error.strerror or error}") from None
-    return MeasuredFile.checked(np.frombuffer(data, np.uint8), label)
+    readers = dict.fromkeys(MEASURED_ENDINGS, _read)
+    return read_named_file(name, base_folder, allow_paths, place, readers, "measured reflectance", _FILE_LIMIT)
+
+
+def _read(file: BinaryIO, label: str) -> MeasuredFile:
+    return MeasuredFile.checked(np.frombuffer(file.read(), np.uint8), label)

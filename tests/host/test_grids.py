@@ -136,7 +136,7 @@ def test_openvdb_files(tmp_path: Path, first: tuple[int, int, int], way: tuple[s
     [
         ({"grid_class": "level set"}, "is a level set"),
         ({"background": 1.0}, "has 1 everywhere outside"),
-        ({"kind": "vec3s"}, "has no grid \"density\" of floats, but 'density'"),
+        ({"kind": "vec3s"}, "has no grid \"density\" of floats; its grids are 'density'"),
     ],
 )
 def test_refused_openvdb_files(tmp_path: Path, keys: dict[str, Any], said: str) -> None:
@@ -194,7 +194,9 @@ def test_nanovdb_files_of_several_grids(tmp_path: Path) -> None:
     for within, factor in (("density", 2.0), ("temperature", 3.0), ("heat", 1.0)):
         grid = read_grid("a.nvdb", tmp_path, (), "here", within)
         assert np.array_equal(grid.values[1:-1, 1:-1, 1:-1].transpose(2, 1, 0), VALUES * np.float32(factor))
-    with pytest.raises(SceneError, match="has no grid \"cold\", but 'heat', 'density', 'temperature'"):
+    with pytest.raises(
+        SceneError, match="has no grid \"cold\" of floats; its grids are 'heat', 'density', 'temperature'"
+    ):
         read_grid("a.nvdb", tmp_path, (), "here", "cold")
 
 
@@ -216,7 +218,7 @@ def test_nanovdb_files_of_several_grids(tmp_path: Path) -> None:
         ("a.nvdb", nanovdb_bytes(VALUES, background=1.0), "outside of what it stores"),
         ("a.nvdb", nanovdb_bytes(VALUES, grid_class=1), "is a level set"),
         ("a.nvdb", head(NVDB, 14, b"\2\0"), "is compressed by blosc"),
-        ("a.nvdb", head(NVDB, 16 + 32, b"\2\0\0\0"), "has no grid of floats"),
+        ("a.nvdb", head(NVDB, 16 + 32, b"\2\0\0\0"), 'has no grid "density" of floats'),
         ("a.txt", b"", "grids may be .npy, .vol, .nvdb, .vdb"),
     ],
 )

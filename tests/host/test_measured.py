@@ -137,7 +137,7 @@ def test_other_files_are_refused(tmp_path: Path, content: bytes, said: str) -> N
 
 
 def test_names_are_checked(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r"may be \.bsdf \(RGL\) or \.binary \(MERL\)"):
+    with pytest.raises(SceneError, match=r"measured reflectance may be \.bsdf, \.binary"):
         read_measured("a.txt", tmp_path, (), "here")
     with pytest.raises(SceneError, match="lies outside"):
         read_measured("../a.bsdf", tmp_path, (), "here")
