@@ -51,6 +51,9 @@ MATERIAL_FLAG_BECKMANN: Final = 8
 MATERIAL_FLAG_SINGLE_SCATTERING: Final = 16
 """Flags of a material's row: a wall without thickness; black from behind; a metal by its colour, not by eta and k."""
 
+COLORS_PER_DOUBLING: Final = 64
+"""Entries of a table of black bodies' colours in which the temperature doubles."""
+
 MEASURED_MERL: Final = 1
 MEASURED_JACOBIAN: Final = 2
 MEASURED_ISOTROPIC: Final = 4
@@ -579,7 +582,7 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("CHANNELS", 15, 1, "bits: 1 or 3"),
         ("VALUES", 16, 1, "bits: word of grid_words where its numbers begin"),
         ("COLORS", 17, 1, "bits: word where the colours begin that numbers stand for; 0: for themselves"),
-        ("COLOR_SCALE", 18, 1, "by which a number, less the next, is the place of its colour"),
+        ("COLOR_SCALE", 18, 1, "by which a number, less the next, is its temperature over that of the first colour"),
         ("COLOR_OFFSET", 19, 1, ""),
         ("COLOR_LAST", 20, 1, "place of the last"),
     ),

@@ -22,6 +22,7 @@
 #define MATERIAL_FLAG_SCHLICK 4u
 #define MATERIAL_FLAG_BECKMANN 8u
 #define MATERIAL_FLAG_SINGLE_SCATTERING 16u
+#define COLORS_PER_DOUBLING 64u
 #define MEASURED_MERL 1u
 #define MEASURED_JACOBIAN 2u
 #define MEASURED_ISOTROPIC 4u
@@ -431,7 +432,7 @@ typedef struct {
 #define GRID_COLORS_ROW_CHANNELS 15     // bits: 1 or 3
 #define GRID_COLORS_ROW_VALUES 16       // bits: word of grid_words where its numbers begin
 #define GRID_COLORS_ROW_COLORS 17       // bits: word where the colours begin that numbers stand for; 0: for themselves
-#define GRID_COLORS_ROW_COLOR_SCALE 18  // by which a number, less the next, is the place of its colour
+#define GRID_COLORS_ROW_COLOR_SCALE 18  // by which a number, less the next, is its temperature over that of the first colour
 #define GRID_COLORS_ROW_COLOR_OFFSET 19
 #define GRID_COLORS_ROW_COLOR_LAST 20   // place of the last
 

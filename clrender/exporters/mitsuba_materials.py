@@ -15,6 +15,7 @@ from clrender.exporters.mitsuba_xml import Element, element, value
 from clrender.exporters.surfaces import ONCE, alphas_of, is_rough, without_measured
 from clrender.exporters.target import Target
 from clrender.flatten.hair import hair_absorption
+from clrender.flatten.measured import is_anisotropic
 from clrender.measured import MeasuredFile
 from clrender.scene.materials import (
     Conductor,
@@ -130,6 +131,9 @@ class MaterialWriter:
         if isinstance(material, Measured):
             file = self._target.scene.measured(str(at[-1]), material)
             if file.has_spectra:
+                if is_anisotropic(self._target.scene, material):
+                    sentence = "where the x axis of measured reflectance lies: there along the texture coordinate u"
+                    self._target.leave_out(sentence, *at)
                 return self._measured(material, file)
             material = without_measured(self._target, material, at, "diffuse: Mitsuba reads files of RGL with spectra")
         if isinstance(material, Lambert):

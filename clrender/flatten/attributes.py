@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.errors import SceneError
 from clrender.exact.matrices import product
+from clrender.flatten.measured import is_anisotropic
 from clrender.flatten.plugin_rows import needs_uvs
 from clrender.meshes.data import MeshData
 from clrender.scene.description import Scene
-from clrender.scene.materials import PluginMaterial, material_textures
+from clrender.scene.materials import Material, Measured, PluginMaterial, material_parts, material_textures
 from clrender.scene.shapes import Box, Curves, Disk, Mesh, Quad, Shape, Sphere
 from clrender.scene.textures import Checker, ImageTexture, MaterialTexture, NormalMap, Ramp
 from clrender.scene.transforms import Affine
@@ -59,12 +60,18 @@ def has_tangents(scene: Scene, index: int) -> bool:
     shape = scene.shapes[index]
     if not isinstance(shape, Mesh) or shape.material is None:
         return False
-    material = scene.materials[shape.material]
-    asked = getattr(material, "anisotropy", 0.0) != 0.0
-    if isinstance(material, PluginMaterial):
-        asked = any(each.name == material.plugin and "tangents" in each.header.needs for each in scene.plugins)
+    asked = any(_is_turned(scene, part) for part in material_parts(scene.materials, shape.material))
     asked = asked or any(isinstance(texture, NormalMap) for _, texture in _textures(scene, shape))
     return asked and scene.mesh(index).tangents is not None
+
+
+def _is_turned(scene: Scene, material: Material) -> bool:
+    """Whether a material is not the same in all directions around the normal."""
+    if isinstance(material, PluginMaterial):
+        return any(each.name == material.plugin and "tangents" in each.header.needs for each in scene.plugins)
+    if isinstance(material, Measured):
+        return is_anisotropic(scene, material)
+    return bool(getattr(material, "anisotropy", 0.0) != 0.0)
 
 
 def _textures(scene: Scene, shape: Shape) -> Iterator[tuple[str, MaterialTexture]]:

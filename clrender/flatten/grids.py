@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.errors import SceneError
+from clrender.exact.angles import logarithm_of, power_of_two
 from clrender.exact.matrices import inverse, times
 from clrender.scene.grid_placement import grid_placement
 from clrender.scene.medium import Temperature
@@ -33,9 +34,8 @@ _WORD_LIMIT: Final = 2**31
 _LARGEST: Final = 1e15
 """Largest number of the map from the world to a grid."""
 _COLDEST: Final = 100.0
-_FINEST_STEP: Final = 10.0
-_MOST_STEPS: Final = 2000
-"""Most entries of a table of black bodies' colours, which are `_FINEST_STEP` kelvin apart or more."""
+_STEPS_PER_DOUBLING: Final = layout.COLORS_PER_DOUBLING
+_LOG_2: Final = 0.6931471805599453
 _PEAK: Final = 4.0956746e-15
 """Radiance of a black body at the peak of its spectrum over the fifth power of its temperature, W/(m2 sr nm K5)."""
 _COLUMNS: Final = {name: slice(at, at + count) for name, at, count, _ in layout.ROWS["GRID"]}
@@ -140,8 +140,8 @@ def _field_row(scene: Scene, name: str, key: str, grid: Grid, words: _Words, ori
     row[_FIELD["LAST"]] = np.array(data.sides[::-1]) - 1
     row[_FIELD["CHANNELS"]], row[_FIELD["VALUES"]], row[_FIELD["COLORS"]] = map(_bits, (data.channels, values, colors))
     if isinstance(grid, Temperature):
-        row[_FIELD["COLOR_SCALE"]] = grid.scale / _kelvin_step(_hottest(grid, data))
-        row[_FIELD["COLOR_OFFSET"]], row[_FIELD["COLOR_LAST"]] = grid.offset, count - 1
+        row[_FIELD["COLOR_SCALE"]], row[_FIELD["COLOR_OFFSET"]] = grid.scale / _COLDEST, grid.offset
+        row[_FIELD["COLOR_LAST"]] = count - 1
     return row
 
 
@@ -193,7 +193,7 @@ def _all_words(scene: Scene, media: Sequence[tuple[str, Grids]]) -> _Words:
             data = scene.grid(name, key, grid)
             numbers = data.values.reshape(-1)
             if isinstance(grid, Temperature):
-                colors = _black_body_colors(_hottest(grid, data))
+                colors = _black_body_colors(_color_count(grid, data))
                 at, of_colors = added(name, key, numbers, colors.reshape(-1))
                 fields[_field_key(grid)] = at, of_colors, len(colors)
             else:
@@ -202,21 +202,16 @@ def _all_words(scene: Scene, media: Sequence[tuple[str, Grids]]) -> _Words:
     return _Words(parts[0] if len(parts) == 1 else np.concatenate(parts), bricks, fields)
 
 
-def _hottest(grid: Temperature, data: GridData) -> float:
-    """Highest temperature of a grid, kelvin, at least 0."""
-    return max((float(data.values.max()) - grid.offset) * grid.scale, 0.0)
+def _color_count(grid: Temperature, data: GridData) -> int:
+    """Entries of a table of colours up to the highest temperature of a grid."""
+    hottest = max((float(data.values.max()) - grid.offset) * grid.scale, _COLDEST)
+    return int(logarithm_of(hottest / _COLDEST) / _LOG_2 * _STEPS_PER_DOUBLING) + 2
 
 
-def _kelvin_step(hottest: float) -> float:
-    """Kelvin between the entries of a table of colours."""
-    return max(_FINEST_STEP, hottest / _MOST_STEPS)
-
-
-def _black_body_colors(hottest: float) -> _Floats:
-    """(N, 3) colours of black bodies from 0 K on, of spectra that are 1 at their peak."""
-    step = _kelvin_step(hottest)
-    count = int(hottest / step) + 2
-    return np.array([black_body_hue(step * number) for number in range(count)], np.float32)
+def _black_body_colors(count: int) -> _Floats:
+    """(N, 3) colours of black bodies from the coldest on, whose temperatures grow by one factor."""
+    steps = [power_of_two(number / _STEPS_PER_DOUBLING) for number in range(count)]
+    return np.array([black_body_hue(_COLDEST * each) for each in steps], np.float32)
 
 
 @lru_cache(maxsize=4096)

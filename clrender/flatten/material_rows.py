@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.flatten.hair import hair_color, hair_numbers
-from clrender.flatten.measured import MeasuredArrays, measured_color
+from clrender.flatten.measured import MeasuredArrays, is_anisotropic, measured_color
 from clrender.flatten.media import MATCHED_IOR, Solid, solid_of
 from clrender.flatten.microfacets import fresnel, fresnel_average
 from clrender.flatten.plugin_rows import parameter_numbers, plugin_number, used_plugins
-from clrender.measured import RglTables
 from clrender.scene.materials import (
     Conductor,
     Dielectric,
@@ -133,7 +132,7 @@ def flat_materials(scene: Scene, medium_of: Mapping[Solid, int], measured: Measu
             if isinstance(material, PluginMaterial):
                 _fill_plugin(scene, material, rows[number])
             if isinstance(material, Measured):
-                _fill_measured(scene, name, material, measured, rows[number])
+                _fill_measured(scene, material, measured, rows[number])
         if has_row(material):
             row["kind"], row["row"] = layout.MATERIAL_BY_ROW, number
     for solid, number in list(numbered.items())[len(scene.materials) :]:
@@ -271,10 +270,9 @@ def _fill_plugin(scene: Scene, material: PluginMaterial, row: _Row) -> None:
     _put(row, ROUGHNESS=1.0, ANISOTROPY=1.0 if turned else 0.0, ROTATION=turn)
 
 
-def _fill_measured(scene: Scene, name: str, material: Measured, measured: MeasuredArrays, row: _Row) -> None:
+def _fill_measured(scene: Scene, material: Measured, measured: MeasuredArrays, row: _Row) -> None:
     """Write where the tables of a material are. An isotropic one needs no tangents."""
-    tables = scene.measured(name, material).tables
-    turned = isinstance(tables, RglTables) and not tables.isotropic
+    turned = is_anisotropic(scene, material)
     turn = (material.anisotropy_rotation / 360.0) % 1.0
     _put(row, MEASURED=_bits(measured.head_of[material.file]), FLAGS=_sides(material))
     _put(row, ROUGHNESS=1.0, ANISOTROPY=1.0 if turned else 0.0, ROTATION=turn)

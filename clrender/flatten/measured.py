@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from clrender.scene.materials import Measured
     from clrender.scene.values import Vector
 
-__all__ = ["MeasuredArrays", "flat_measured", "measured_color"]
+__all__ = ["MeasuredArrays", "flat_measured", "is_anisotropic", "measured_color"]
 
 _Doubles: TypeAlias = NDArray[np.float64]
 _Floats: TypeAlias = NDArray[np.float32]
@@ -105,6 +105,13 @@ def _flat(scene: Scene) -> MeasuredArrays:
     if not rows:
         return MeasuredArrays(np.zeros((1, _ROW), np.float32), np.zeros(1, np.float32), head_of)
     return MeasuredArrays(np.concatenate(rows).reshape(-1, _ROW), np.concatenate(parts), head_of)
+
+
+def is_anisotropic(scene: Scene, material: Measured) -> bool:
+    """Whether a measured material is not the same in all directions around the normal."""
+    name = next(name for name, each in scene.measured_materials() if each is material)
+    tables = scene.measured(name, material).tables
+    return isinstance(tables, RglTables) and not tables.isotropic
 
 
 def measured_color(scene: Scene, name: str, material: Measured) -> Vector:

@@ -92,6 +92,7 @@ class GridData:
             least, most = float(sheet.min()), float(sheet.max())
             if not (least >= 0.0 and most <= _LARGEST):
                 bad = np.argwhere(~((sheet >= 0.0) & (sheet <= _LARGEST)))[0].tolist()
-                text = f"has {float(sheet[tuple(bad)]):g} at {[z, *bad]}, but densities are from 0 to {_LARGEST:g}"
+                text = f"has {float(sheet[tuple(bad)]):g} at {[z, *bad]}"
+                text += f", but numbers of grids are from 0 to {_LARGEST:g}; change the file"
                 raise SceneError(f"{label} {text}")
         return cls(numbers, _unit_box() if placement is None else placement)

@@ -97,7 +97,7 @@ def read_nanovdb(file: BinaryIO, label: str, name: str = "density") -> GridData:
     metas = _metas(file)
     chosen = chosen_grid(metas, [each for each in metas if _has_numbers(each)], name, label)
     file.seek(chosen.at)
-    return _dense(_grid_bytes(file, chosen, label), chosen.kind, label)
+    return _dense(_grid_bytes(file, chosen, label), chosen.kind, chosen.name, label)
 
 
 def nanovdb_names(file: BinaryIO) -> tuple[str, ...]:
@@ -176,7 +176,7 @@ def _grid_bytes(file: BinaryIO, meta: _Meta, label: str) -> NDArray[np.uint8]:
     return np.frombuffer(data, np.uint8)
 
 
-def _dense(data: NDArray[np.uint8], wanted: int, label: str) -> GridData:
+def _dense(data: NDArray[np.uint8], wanted: int, name: str, label: str) -> GridData:
     """All values in the box of the active ones."""
     if len(data) < _GRID_BYTES + 64 + _ROOT_BYTES or data[:8].tobytes() not in _MAGICS:
         raise ValueError("a grid does not begin as one")
@@ -191,15 +191,21 @@ def _dense(data: NDArray[np.uint8], wanted: int, label: str) -> GridData:
     low, high = _numbers(data, root, "<i4", 6).astype(np.int64).reshape(2, 3)
     tiles = int(_numbers(data, root + 24, "<u4", 1)[0])
     background = float(_numbers(data, root + 28, "<f4", 1)[0])
-    if background != 0.0:
+    if background != 0.0 and not (background > 0.0 and name != "density"):
         raise SceneError(f"{label} has {background:g} everywhere outside of what it stores; a density has 0 there")
-    box = DenseBox(low.tolist(), high.tolist(), len(data) // 4, label)
+    if (high < low).any():  # empty, such as a frame before anything burns
+        low = high = np.zeros(3, np.int64)
+    box = DenseBox(low.tolist(), high.tolist(), len(data) // 4, label, background)
     if tiles > max(len(data) - root, 0) // _TILE_BYTES:
         raise ValueError("its tree has more branches than bytes")
     uppers = []
+    keys: set[int] = set()
     for number in range(tiles):
         at = root + _ROOT_BYTES + number * _TILE_BYTES
         key, child = _numbers(data, at, "<u8", 2).tolist()
+        if key in keys:
+            raise ValueError("two branches of its tree are in one place")
+        keys.add(key)
         origin = np.array([_wrapped(key >> 42), _wrapped(key >> 21), _wrapped(key)])
         if child:
             uppers.append((root + child, origin))

@@ -33,6 +33,7 @@ _MOST_ENTRIES: Final = 4096
 _MOST_GRIDS: Final = 1024
 _COORDINATE_LIMIT: Final = 2**30
 _BLOSC_HEAD: Final = 16
+_MOST_TILES: Final = 2**22
 _MOST_OF_TILE: Final = 2**15
 """What a tile counts among the numbers that are stored: a large one takes as little room in a file as a small one."""
 # What a node says about its inactive values (io::writeCompressedValues)
@@ -195,35 +196,60 @@ def _dense(stream: _Stream, entry: _Entry, label: str) -> GridData:
     (buffers, background, tiles, children) = stream.unpack("IfII")
     if buffers != 1:
         raise ValueError("its tree has several buffers")
-    if background != 0.0:
+    if background != 0.0 and not (background > 0.0 and entry.name != "density"):
         raise SceneError(f"{label} has {background:g} everywhere outside of what it stores; a density has 0 there")
     how = _How(any(meta.get("is_saved_as_half_float", b"")), compression, background)
-    cubes: list[tuple[NDArray[np.int64], int, float]] = []
+    tree = _Tree()
     if tiles > stream.rest // 17 or children > stream.rest // 12:
         raise ValueError("its tree has more branches than bytes")
     for _ in range(tiles):
-        x, y, z, value, _ = stream.unpack("3ifb")
-        if value != 0.0:
-            cubes.append((np.array([x, y, z], np.int64), 4096, value))
-    leaves: list[NDArray[np.int64]] = []
+        x, y, z, value, active = stream.unpack("3ifb")
+        tree.root(x, y, z)
+        if active:
+            tree.add(np.array([[x, y, z]], np.int64), 4096, np.array([value], np.float32))
     for _ in range(children):
-        _branch(stream, np.array(stream.unpack("3i"), np.int64), 32, 128, how, cubes, leaves)
+        x, y, z = stream.unpack("3i")
+        tree.root(x, y, z)
+        _branch(stream, np.array([x, y, z], np.int64), 32, 128, how, tree)
     stream.seek(entry.blocks)
-    blocks = [_values(stream, stream.mask(512), how).reshape(8, 8, 8) for _ in leaves]
-    parts = [(origin, 8) for origin in leaves] + [(origin, side) for origin, side, _ in cubes]
-    if not parts:
-        raise SceneError(f"{label} has no numbers")
-    low = np.min([origin for origin, _ in parts], axis=0)
-    high = np.max([origin + side - 1 for origin, side in parts], axis=0)
-    if max(np.abs(low).max(), np.abs(high).max()) > _COORDINATE_LIMIT:
-        raise ValueError("a branch of its tree is too far away")
-    stored = 512 * len(leaves) + sum(min(side * side * side, _MOST_OF_TILE) for _, side, _ in cubes)
-    box = DenseBox(low.tolist(), high.tolist(), stored, label)
-    for origin, side, value in cubes:
-        box.fill(origin, side, value)
-    for origin, block in zip(leaves, blocks, strict=True):
+    blocks = [_values(stream, stream.mask(512), how).reshape(8, 8, 8) for _ in tree.leaves]
+    parts = [(origin[None], 8) for origin in tree.leaves] + [(origins, side) for origins, side, _ in tree.cubes]
+    if not parts:  # such as a frame before anything burns
+        parts = [(np.zeros((1, 3), np.int64), 1)]
+    low = np.min([origins.min(axis=0) for origins, _ in parts], axis=0)
+    high = np.max([origins.max(axis=0) + side - 1 for origins, side in parts], axis=0)
+    stored = 512 * len(tree.leaves) + sum(len(values) * min(side**3, _MOST_OF_TILE) for _, side, values in tree.cubes)
+    box = DenseBox(low.tolist(), high.tolist(), stored, label, background)
+    for origins, side, values in tree.cubes:
+        for origin, value in zip(origins, values.tolist(), strict=True):
+            box.fill(origin, side, value)
+    for origin, block in zip(tree.leaves, blocks, strict=True):
         box.put(origin, block)
     return box.placed(matrix, vector)
+
+
+class _Tree:
+    """Leaves of a tree, and cubes of one value, which are active and not the background."""
+
+    def __init__(self) -> None:
+        self.leaves: list[NDArray[np.int64]] = []
+        self.cubes: list[tuple[NDArray[np.int64], int, NDArray[np.float32]]] = []
+        self._roots: set[tuple[int, int, int]] = set()
+        self._count = 0
+
+    def root(self, x: int, y: int, z: int) -> None:
+        """A branch of the root begins there, and no other one."""
+        if (x, y, z) in self._roots or any(each % 4096 or abs(each) > _COORDINATE_LIMIT for each in (x, y, z)):
+            raise ValueError("a branch of its tree is in a place where none can be")
+        self._roots.add((x, y, z))
+
+    def add(self, origins: NDArray[np.int64], side: int, values: NDArray[np.float32]) -> None:
+        """Cubes of a side."""
+        self._count += len(values)
+        if self._count > _MOST_TILES:
+            raise ValueError(f"its tree has more than {_MOST_TILES} tiles")
+        if len(values):
+            self.cubes.append((origins, side, values))
 
 
 def _map(stream: _Stream, label: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -241,30 +267,21 @@ def _map(stream: _Stream, label: str) -> tuple[NDArray[np.float64], NDArray[np.f
     return np.diag(scales), vector
 
 
-def _branch(
-    stream: _Stream,
-    origin: NDArray[np.int64],
-    side: int,
-    step: int,
-    how: _How,
-    cubes: list[tuple[NDArray[np.int64], int, float]],
-    leaves: list[NDArray[np.int64]],
-) -> None:
+def _branch(stream: _Stream, origin: NDArray[np.int64], side: int, step: int, how: _How, tree: _Tree) -> None:
     """The topology of a node, whose entries have so many values a side."""
     count = side * side * side
     is_child, is_active = stream.mask(count), stream.mask(count)
     values = _values(stream, is_active, how)
     number = np.arange(count)
     cell = np.stack([number // (side * side), number // side % side, number % side], axis=1)
-    origins = origin + cell * step
-    for index in np.flatnonzero(~is_child & (values != 0.0)).tolist():
-        cubes.append((origins[index], step, float(values[index])))
-    for index in np.flatnonzero(is_child).tolist():
+    tiles = ~is_child & is_active & (values != how.background)
+    tree.add(origin + cell[tiles] * step, step, values[tiles])
+    for child in origin + cell[is_child] * step:
         if step == 8:
             stream.take(64)
-            leaves.append(origins[index])
+            tree.leaves.append(child)
         else:
-            _branch(stream, origins[index], 16, 8, how, cubes, leaves)
+            _branch(stream, child, 16, 8, how, tree)
 
 
 def _values(stream: _Stream, is_active: NDArray[np.bool_], how: _How) -> NDArray[np.float32]:
@@ -301,6 +318,8 @@ def _numbers(stream: _Stream, count: int, how: _How) -> NDArray[np.float32]:
             raise ValueError("a node has another size than it says")
         return np.frombuffer(stream.take(size), kind).astype(np.float32)
     data = stream.take(packed)
+    if size == 0:
+        return np.zeros(0, np.float32)  # blosc has a head for nothing, too
     raw = _unblosc(data, size) if how.compression & _BLOSC else _unzipped(data, size)
     return np.frombuffer(raw, kind).astype(np.float32)
 

@@ -51,7 +51,7 @@ def chosen_grid(entries: Sequence[_Entry], floats: Sequence[_Entry], name: str, 
     """
     found = [each for each in floats if each.name == name] or (floats[:1] if name == "density" else [])
     if not found:
-        names = ", ".join(ascii(each.name) for each in entries)[:200]
+        names = ", ".join(ascii(each.name) for each in entries)[:200] or "none"
         text = f"has no grid {quoted(name)} of floats; its grids are {names}"
         raise SceneError(f"{label} {text}; name one of floats, or convert it")
     return found[0]
@@ -68,6 +68,8 @@ class DenseBox:
         About how many numbers the tree has.
     label : str
         Beginning of error messages.
+    background : float
+        In place of zeros.
 
     Raises
     ------
@@ -75,7 +77,9 @@ class DenseBox:
         It is too large, or nearly all of it is empty.
     """
 
-    def __init__(self, low: Sequence[int], high: Sequence[int], stored: int, label: str) -> None:
+    def __init__(
+        self, low: Sequence[int], high: Sequence[int], stored: int, label: str, background: float = 0.0
+    ) -> None:
         first, sides = np.array(low, np.int64), np.array(high, np.int64) - np.array(low, np.int64) + 1
         if (sides < 1).any() or (sides > SIDE_LIMIT).any() or int(np.prod(sides)) > VALUE_LIMIT:
             shape = " x ".join(str(side) for side in sides)
@@ -84,7 +88,7 @@ class DenseBox:
             text = f"spreads {stored} numbers over a box of {' x '.join(str(side) for side in sides)}"
             raise SceneError(f"{label} {text}; leave out what is far away, or divide the grid")
         self._label, self._low = label, first - 1
-        self._values = np.zeros(sides + 2, np.float32)  # x, y, z, as trees count
+        self._values = np.full(sides + 2, background, np.float32)  # x, y, z, as trees count
 
     def fill(self, origin: NDArray[np.int64], side: int, value: float) -> None:
         """Fill a cube with one number."""
@@ -96,7 +100,7 @@ class DenseBox:
         self._values[into] = block[out_of]
 
     def placed(self, matrix: NDArray[np.float64], vector: NDArray[np.float64]) -> GridData:
-        """The grid, with an affine map from coordinates to metres.
+        """The grid, with an affine map from coordinates to metres. Numbers below 0, which solvers leave, count as 0.
 
         Raises
         ------
@@ -109,7 +113,9 @@ class DenseBox:
         placement = np.concatenate([matrix * np.array(self._values.shape)[None, :], corner[:, None]], axis=1)
         if not np.isfinite(placement).all() or abs(determinant(matrix)) < 1e-30:
             raise ValueError("its map to the world cannot be inverted")
-        return GridData.checked(np.ascontiguousarray(self._values.transpose(2, 1, 0)), self._label, placement)
+        return GridData.checked(
+            np.ascontiguousarray(np.maximum(self._values, 0.0).transpose(2, 1, 0)), self._label, placement
+        )
 
     def _overlap(self, origin: NDArray[np.int64], side: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
         """The part of a cube that lies in the box: where in the box, and where in the cube."""

@@ -22,6 +22,8 @@ _HALF_PI: Final = 1.5707963267948966
 _TWO_PI: Final = 6.283185307179586
 _SLACK: Final = 1e-3
 _LARGEST: Final = 1e9
+_BRIGHTEST: Final = 1e4
+_NARROWEST: Final = 1e-4
 _MOST_ANGLES: Final = 1024
 _MOST_SIDE: Final = 4096
 _MOST_NUMBERS: Final = 2**28
@@ -111,13 +113,13 @@ def rgl_tables(fields: Mapping[str, NDArray[Any]]) -> RglTables:
         _check_numbers(name, array)
         if min(array.shape) < 2 or max(array.shape) > _MOST_SIDE:
             raise ValueError(f"{name} has {array.shape} numbers, but 2 to {_MOST_SIDE} along each side are known")
+    if not facets.any() or not float(projected.min()) > _NARROWEST:
+        raise ValueError(f"ndf is 0 everywhere, or sigma is below {_NARROWEST:g} somewhere")
     jacobian = fields.get("jacobian")
     if jacobian is None or jacobian.size != 1:
         raise ValueError("it has no field jacobian of one number")
     values = _values(fields, (*seen, *luminance.shape[2:]))
-    return RglTables(
-        theta, phi, normals, luminance, values, facets, np.maximum(projected, np.float32(1e-8)), bool(jacobian.item())
-    )
+    return RglTables(theta, phi, normals, luminance, values, facets, projected, bool(jacobian.item()))
 
 
 def merl_table(content: NDArray[np.uint8]) -> MerlTable:
@@ -207,6 +209,6 @@ def _values(fields: Mapping[str, NDArray[Any]], shape: tuple[int, ...]) -> _Floa
             if weights.any():
                 sums += planes[:, :, number, :, :, None] * weights
         values = sums
-    if not (np.isfinite(values).all() and float(np.abs(values).max()) <= _LARGEST):
+    if not (np.isfinite(values).all() and float(np.abs(values).max()) <= _BRIGHTEST):
         raise ValueError("its colours are not finite, or too large")
     return np.ascontiguousarray(np.maximum(values, 0.0), np.float32)

@@ -247,7 +247,9 @@ class Scene(SceneContents):
         environments : mapping of str to array_like, optional
             By the `file` of the environment: (H, W, 3) floats, latitude-longitude, radiance.
         grids : mapping of str to array_like, optional
-            By the `file` of the density of media: (nz, ny, nx), not below 0.
+            By the `file` of the density of media, or of their albedo, emission or temperature: (nz, ny, nx), or of
+            colours (nz, ny, nx, 3), not below 0. In the place of a ``.vdb`` or ``.nvdb`` file a grid of another name
+            than density has the name of the file, a space and its own.
         curves : mapping of str to array_like, optional
             By the `file` of shapes of type ``curves``: (strands, points, 3 or 4), metres, the fourth the radius; or
             (points, 3 or 4), in which rows that are not numbers part two strands.

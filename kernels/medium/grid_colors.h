@@ -5,6 +5,7 @@
 #ifndef MEDIUM_GRID_COLORS_H
 #define MEDIUM_GRID_COLORS_H
 
+#include "core/power.h"
 #include "medium/grid.h"
 
 #ifdef GRIDS
@@ -62,12 +63,14 @@ static vec3 grid_colors_at(const Scene* scene, vuint table, vec3 point, vmask wh
     const vuint of_numbers = where ? vfloat_bits(more[GRID_COLORS_ROW_COLORS - 16]) : splat_uint(0u);
     const vmask stands = of_numbers != 0u;
     if (lane_any(stands)) {
-        const vfloat place = (found[0] - more[GRID_COLORS_ROW_COLOR_OFFSET - 16]) * more[GRID_COLORS_ROW_COLOR_SCALE - 16];
-        const GridPlace c = grid_place(stands ? place : splat(0.0f), stands ? more[GRID_COLORS_ROW_COLOR_LAST - 16] : splat(1.0f));
+        const vfloat heat = (found[0] - more[GRID_COLORS_ROW_COLOR_OFFSET - 16]) * more[GRID_COLORS_ROW_COLOR_SCALE - 16];
+        const vmask warm = stands & (heat > 1.0f);
+        const vfloat place = log2_of(warm ? heat : splat(1.0f)) * (float)COLORS_PER_DOUBLING;
+        const GridPlace c = grid_place(place, stands ? more[GRID_COLORS_ROW_COLOR_LAST - 16] : splat(1.0f));
         const vuint begin = of_numbers + c.before * 3u, three = splat_uint(3u);
         const vec3 color = vec3_of(grid_between(words, begin, three, c.share), grid_between(words, begin + 1u, three, c.share),
                                    grid_between(words, begin + 2u, three, c.share));
-        colors = choose(stands, color, colors);
+        colors = choose(stands, choose(warm, color, vec3_all(0.0f)), colors);
     }
     return colors;
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from grid_files import nanovdb_bytes, vol_bytes
 from vdb_files import vdb_bytes
 
 import clrender
+from clrender import layout
 from clrender.errors import SceneError
 from clrender.exporters import (
     exported,
@@ -23,7 +25,7 @@ from clrender.exporters import (
     write_mitsuba,
 )
 from clrender.flatten.flat_scene import flatten
-from clrender.flatten.grids import brick_words
+from clrender.flatten.grids import black_body_hue, brick_words
 from clrender.grids import GridData, grid_names, read_grid
 from clrender.grids.sparse import DenseBox
 from clrender.scene.grid_placement import grid_placement
@@ -109,7 +111,7 @@ NVDB = nanovdb_bytes(VALUES)
 @pytest.mark.parametrize("first", [(0, 0, 0), (-5, -130, 4090)])
 @pytest.mark.parametrize(
     "way",
-    [(), ("zipped",), ("half", "zipped"), ("masked",), ("blosc",), ("tiles",), ("masked", "blosc", "half", "tiles")],
+    [(), ("zipped",), ("half", "zipped"), ("masked",), ("masked", "blosc"), ("tiles",), ("blosc", "half", "tiles")],
     ids=lambda way: "-".join(way) or "plain",
 )
 def test_openvdb_files(tmp_path: Path, first: tuple[int, int, int], way: tuple[str, ...]) -> None:
@@ -150,6 +152,43 @@ def test_numbers_that_are_far_apart_are_refused() -> None:
     with pytest.raises(SceneError, match="here spreads 1000 numbers over a box of 512 x 512 x 512; leave out"):
         DenseBox((0, 0, 0), (2**9 - 1,) * 3, 1000, "here")
     DenseBox((0, 0, 0), (2**9 - 1,) * 3, 2**18, "here")
+
+
+def test_empty_trees_are_empty_grids(tmp_path: Path) -> None:
+    """Such as the first frame of a simulation."""
+    nothing = np.zeros((3, 3, 3), np.float32)
+    for name, data in (
+        ("a.vdb", vdb_bytes({"density": nothing}, tiles=True)),
+        ("a.nvdb", _emptied(nanovdb_bytes(VALUES))),
+    ):
+        grid = read(tmp_path, name, data)
+        assert grid.values.shape == (3, 3, 3) and not grid.values.any()
+
+
+def _emptied(data: bytes) -> bytes:
+    """A grid without branches, whose box is empty."""
+    root = data.rindex(struct.pack("<6i", 0, 0, 0, 3, 4, 5))
+    return head(data, root, struct.pack("<6iI", *[2**31 - 1] * 3, *[-(2**31)] * 3, 0))
+
+
+def test_numbers_below_zero_of_sparse_files_are_zero(tmp_path: Path) -> None:
+    grid = read(tmp_path, "a.vdb", vdb_bytes({"density": VALUES - 1.0}))
+    assert grid.values.min() == 0.0 and grid.values.max() == (VALUES - 1.0).max()
+
+
+def test_ambient_temperatures_are_the_background(tmp_path: Path) -> None:
+    heat = vdb_bytes({"temperature": VALUES * 900.0}, background=293.0)
+    (tmp_path / "a.vdb").write_bytes(heat)
+    grid = read_grid("a.vdb", tmp_path, (), "here", "temperature")
+    assert grid.values[0, 0, 0] == 293.0 and grid.values.max() == (VALUES * np.float32(900.0)).max()
+
+
+def test_trees_that_repeat_a_branch_are_refused(tmp_path: Path) -> None:
+    data = bytearray(vdb_bytes({"density": VALUES[:, :, :2]}, (4094, 0, 0)))
+    second = data.index(struct.pack("<3i", 4096, 0, 0))
+    data[second : second + 4] = struct.pack("<i", 0)
+    with pytest.raises(SceneError, match="a branch of its tree is in a place where none can be"):
+        read(tmp_path, "a.vdb", bytes(data))
 
 
 def test_blosc_needs_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -204,8 +243,8 @@ def test_nanovdb_files_of_several_grids(tmp_path: Path) -> None:
     ("name", "data", "said"),
     [
         ("a.npy", npy(VALUES[0]), "must hold numbers of the shape (nz, ny, nx)"),
-        ("a.npy", npy(-VALUES), "densities are from 0"),
-        ("a.npy", npy(np.where(VALUES.max() == VALUES, np.nan, VALUES)), "densities are from 0"),
+        ("a.npy", npy(-VALUES), "numbers of grids are from 0"),
+        ("a.npy", npy(np.where(VALUES.max() == VALUES, np.nan, VALUES)), "numbers of grids are from 0"),
         ("a.npy", npy(VALUES)[:-4], "bytes of numbers"),
         ("a.npy", npy(VALUES.astype(complex)), "must hold numbers"),
         ("a.vol", vol_bytes(VALUES)[:-1], "bytes of numbers"),
@@ -361,7 +400,7 @@ def test_pbrt_grids(tmp_path: Path) -> None:
     [
         ('"string type" "uniformgrid" "float density" [1 2]', "has 2 densities for 1 x 1 x 1"),
         ('"string type" "uniformgrid"', 'has no "density"'),
-        ('"string type" "uniformgrid" "float density" [-1]', "densities are from 0"),
+        ('"string type" "uniformgrid" "float density" [-1]', "numbers of grids are from 0"),
         ('"string type" "nanovdb"', 'has no "filename"'),
     ],
 )
@@ -543,6 +582,40 @@ def test_refused_pbrt_colours(tmp_path: Path, medium: str, said: str) -> None:
     (tmp_path / "a.pbrt").write_text(PBRT.format(f'MakeNamedMedium "m" {medium}'))
     with pytest.raises(SceneError, match=re.escape(said)):
         clrender.load(tmp_path / "a.pbrt")
+
+
+@pytest.mark.parametrize(
+    ("keys", "emission", "density"),
+    [
+        ('"rgb sigma_a" [1 0 0] "rgb sigma_s" [0 0 0] "rgb Le" [1 1 1]', (1.0, 0.0, 0.0), True),
+        ('"rgb sigma_a" [0 0 0] "rgb sigma_s" [0 0 0]', (0.0, 0.0, 0.0), False),
+        ('"rgb sigma_a" [1 1 1] "rgb sigma_s" [1 1 1] "float scale" 0', (0.0, 0.0, 0.0), False),
+    ],
+)
+def test_pbrt_grids_of_little_or_nothing(tmp_path: Path, keys: str, emission: Any, density: bool) -> None:
+    (tmp_path / "a.pbrt").write_text(PBRT.format(f'MakeNamedMedium "m" "string type" "rgbgrid" {keys}'))
+    (medium,) = clrender.load(tmp_path / "a.pbrt").media.values()
+    assert (medium.emission == (0.0, 0.0, 0.0)) == (emission == (0.0, 0.0, 0.0))
+    assert [each > 0.0 for each in medium.emission] == [each > 0.0 for each in emission]
+    assert (medium.density is not None) == density
+
+
+def test_one_hot_place_leaves_the_colours_of_others() -> None:
+    values = np.full((2, 2, 2), 1200.0, np.float32)
+    values[0, 0, 0] = 1e6
+    content = described({"file": "a"})
+    content["media"]["smoke"] |= {"emission": 1.0, "temperature": {"file": "t"}}
+    scene = clrender.Scene(**content).with_arrays(grids={"a": VALUES, "t": values})
+    arrays = flatten(scene, 8, 8).arrays
+    columns = layout.columns("GRID_COLORS")
+    row = arrays["grid_rows"].reshape(-1, 32)[1]
+    first, count = row.view(np.uint32)[columns["COLORS"]], int(row[columns["COLOR_LAST"]]) + 1
+    colors = arrays["grid_words"][first : first + 3 * count].reshape(count, 3)
+    place = np.log2(1200.0 / 100.0) * layout.COLORS_PER_DOUBLING
+    low = int(place)
+    red = colors[low, 0] + (place - low) * (colors[low + 1, 0] - colors[low, 0])
+    assert red == pytest.approx(black_body_hue(1200.0)[0], rel=5e-3)
+    assert count < 900
 
 
 def test_hues_of_pbrt_grids_that_vary_are_told(tmp_path: Path) -> None:

@@ -102,6 +102,8 @@ def _with(**changed: Any) -> dict[str, Any]:
         (_with(theta_i=np.array([0.5, 0.2, 1.0], np.float32)), "theta_i must ascend"),
         (_with(theta_i=np.array([0.5, np.nan, 1.0], np.float32)), "theta_i must be"),
         (_with(sigma=np.full((8, 8), -1.0, np.float32)), "sigma has no numbers, or such"),
+        (_with(sigma=np.zeros((8, 8), np.float32)), "sigma is below 0.0001 somewhere"),
+        (_with(ndf=np.zeros((8, 8), np.float32)), "ndf is 0 everywhere"),
         (_with(ndf=np.full((8, 8), np.inf, np.float32)), "ndf has no numbers, or such"),
         (_with(ndf=np.ones((8, 1), np.float32)), "2 to 4096 along each side"),
         (_with(vndf=np.zeros((1, 3, 8, 8), np.float32)), "vndf is 0 for all half vectors"),
@@ -245,3 +247,20 @@ def test_mitsuba_gets_the_same_file_and_other_programs_a_colour(tmp_path: Path, 
     assert "measured reflectance" in note and 'type="diffuse"' in (tmp_path / "other.xml").read_text()
     for export in (exported_to_cycles(scene_in(tmp_path), "f"), exported_to_luxcore(scene_in(tmp_path), "f")):
         assert any("measured reflectance" in each for each in export.notes)
+
+
+def test_anisotropic_ones_follow_the_tangents_of_meshes(tmp_path: Path, paint: Path) -> None:
+    write_tensors(tmp_path / "brushed.bsdf", rgl_fields(0.3, 5, **SMALL))
+    corners = {
+        "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]],
+        "faces": [[0, 1, 2]],
+        "tangents": [[1.0, 0.0, 0.0, 1.0]] * 3,
+    }
+    mixture = {"type": "mix", "materials": ["paint", "other"]}
+    for file, asked in ((paint.name, False), ("brushed.bsdf", True)):
+        for material in ("paint", "mixed"):
+            content = described(file)
+            content["shapes"] = [{"type": "mesh", "file": "m", "material": material}]
+            content["materials"] |= {"other": {"type": "lambert", "reflectance": [0.5] * 3}, "mixed": mixture}
+            scene = clrender.Scene(**content).placed("test", tmp_path, ()).with_arrays(meshes={"m": corners})
+            assert flatten(scene, 8, 8).features.tangents == asked

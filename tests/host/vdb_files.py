@@ -138,9 +138,9 @@ def _numbers(values: NDArray[Any], how: _How) -> bytes:
     if how.compression & 4:
         from numcodecs.blosc import compress
 
-        packed = bytes(compress(raw, b"lz4", 5, 1)) if raw else b""
+        packed = bytes(compress(raw, b"lz4", 5, 1))
     else:
         packed = zlib.compress(raw)
-    if len(packed) >= len(raw):
+    if len(packed) >= len(raw) > 0:
         return struct.pack("<q", -len(raw)) + raw
     return struct.pack("<q", len(packed)) + packed

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
+from clrender.grids import GridData
 from clrender.importers.mitsuba.plugins import Plugin
 from clrender.importers.mitsuba.textures import TextureReader
 from clrender.importers.shared.matrices import transform_key
@@ -14,6 +17,8 @@ from clrender.wording import quoted
 __all__ = ["MediumReader"]
 
 _MOST_G = 0.99
+_ONE = "density of 1"
+"""Name of a grid for media of which only the albedo is one."""
 
 
 class MediumReader:
@@ -69,9 +74,10 @@ class MediumReader:
             extinction = (1.0, 1.0, 1.0) if density is not None else self._color(plugin, "sigma_t", 1.0)
             volume = plugin.child("albedo")
             albedos = None if volume is None or volume.type != "gridvolume" else self._grid(volume)
-            if albedos is not None and density is None:
-                self._staging.note(f"{plugin.label} has a grid of albedos but none of densities: 0.75 in its place")
-                albedos = None
+            if albedos is not None and density is None:  # the same everywhere
+                extinction = self._color(plugin, "sigma_t", 1.0)
+                self._staging.draft.grids[_ONE] = GridData(np.ones((1, 1, 1), np.float32))
+                density = {**albedos, "file": _ONE}
             albedo = (1.0, 1.0, 1.0) if albedos is not None else self._color(plugin, "albedo", 0.75)
             scattering = tuple(t * a for t, a in zip(extinction, albedo, strict=True))  # type: ignore[assignment]
             absorption = tuple(t * (1.0 - a) for t, a in zip(extinction, albedo, strict=True))  # type: ignore[assignment]

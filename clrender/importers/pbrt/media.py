@@ -159,17 +159,19 @@ class MediumReader:
                 f"in the medium {quoted(name)}, colours weaken alike everywhere: by the mean of their hues"
             )
         share = np.minimum(turned / np.where(extinction > _LEAST_EXTINCTION, extinction, 1.0), 1.0)
-        scale = parameters.number("scale", 1.0)
+        scale = max(parameters.number("scale", 1.0), 0.0)
         made: dict[str, Any] = {
             "scattering": [scale * each for each in hue.tolist()],
             "g": min(max(parameters.number("g", 0.0), -_MOST_G), _MOST_G),
-            "density": {**self._kept(name, "density", density, parameters, matrix), "edges": "fall"},
-            "albedo": self._kept(name, "albedo", share, parameters, matrix),
         }
-        factor = scale * parameters.number("Lescale", 1.0)
-        if emitted is not None and emitted.any() and factor > 0.0:
-            made["emission"] = [factor] * 3
-            made["emission_grid"] = self._kept(name, "Le", lost * emitted / some, parameters, matrix)
+        if any(each > 0.0 for each in made["scattering"]):
+            made["density"] = {**self._kept(name, "density", density, parameters, matrix), "edges": "fall"}
+            made["albedo"] = self._kept(name, "albedo", share, parameters, matrix)
+            factor = scale * parameters.number("Lescale", 1.0)
+            if emitted is not None and emitted.any() and factor > 0.0:
+                # What weakens no light sends none
+                made["emission"] = [factor if each > 0.0 else 0.0 for each in hue.tolist()]
+                made["emission_grid"] = self._kept(name, "Le", lost * emitted / some, parameters, matrix)
         self._named[name] = self._new(name, made)
         self._tell_unused(parameters)
 
@@ -178,6 +180,8 @@ class MediumReader:
         values = parameters.numbers(key, 3)
         if values is None:
             return None
+        if not (values >= 0.0).all():
+            raise parameters.fault(f"a number of {quoted(key)} is below 0", key)
         nz, ny, nx = sides
         if min(sides) < 1 or len(values) != nz * ny * nx:
             raise parameters.fault(f"the medium has {len(values)} colours of {quoted(key)} for {nx} x {ny} x {nz}", key)
