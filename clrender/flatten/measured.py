@@ -198,11 +198,6 @@ def _of_rgl(tables: RglTables) -> _Tables:
     flags = layout.MEASURED_JACOBIAN if tables.has_jacobian else 0
     flags |= layout.MEASURED_ISOTROPIC if tables.isotropic else 0
     flags |= {1: 0, 2: layout.MEASURED_HALVES, 4: layout.MEASURED_QUARTERS}[tables.symmetry]
-    # Over the warped square, light is reflected in proportion to the values: all else is the density of visible normals
-    weights = _trapezoid(tables.values.shape[2])
-    albedo = np.zeros((*tables.values.shape[:2], 3))
-    for y, x in np.ndindex(len(weights), len(weights)):
-        albedo += tables.values[:, :, y, x] * (weights[y] * weights[x])
     return _Tables(
         flags=flags,
         theta=tables.theta.astype(np.float64),
@@ -212,8 +207,42 @@ def _of_rgl(tables: RglTables) -> _Tables:
         values=tables.values,
         facets=tables.facets,
         projected=tables.projected,
-        albedo=np.minimum(albedo, 1.0),
+        albedo=np.minimum(_warped_albedo(tables) if tables.has_jacobian else _plain_albedo(tables), 1.0),
     )
+
+
+def _warped_albedo(tables: RglTables) -> _Doubles:
+    """Over the warped square light is reflected as the values are: all else is the density of visible normals."""
+    weights = _trapezoid(tables.values.shape[2])
+    albedo = np.zeros((*tables.values.shape[:2], 3))
+    for y, x in np.ndindex(len(weights), len(weights)):
+        albedo += tables.values[:, :, y, x] * (weights[y] * weights[x])
+    return albedo
+
+
+def _plain_albedo(tables: RglTables) -> _Doubles:
+    """The integral of values that are the reflectance times the cosine, over the half vectors of `normals`."""
+    _, rows, column = _integrated(tables.normals.astype(np.float64))
+    height, width = rows.shape[2:]
+    u, v = np.arange(width) / (width - 1.0), np.arange(height) / (height - 1.0)
+    tilted = np.array([sin_cos(each) for each in (u * u * _HALF_PI).tolist()])
+    across, down = _trapezoid(width), _trapezoid(height)
+    side = tables.values.shape[2]
+    albedo = np.zeros((*tables.values.shape[:2], 3))
+    for p, t in np.ndindex(*albedo.shape[:2]):
+        so, co = sin_cos(float(tables.theta[t]))
+        azimuth = 0.0 if tables.isotropic else float(tables.phi[p])
+        turned = np.array([sin_cos(each - azimuth)[1] for each in ((2.0 * v - 1.0) * _PI).tolist()])
+        toward = np.maximum(so * turned[:, None] * tilted[:, 0] + co * tilted[:, 1], 0.0)
+        above = 2.0 * toward * tilted[:, 1] > co  # where the light comes from
+        area = np.where(above, 4.0 * toward * (2.0 * _PI * _PI) * u * tilted[:, 0], 0.0)
+        # Where the map has taken each half vector from
+        ends = rows[p, t, :, -1:]
+        x = np.rint(rows[p, t] / np.where(ends > 0.0, ends, 1.0) * (side - 1)).astype(np.int64)
+        y = np.rint(column[p, t] * (side - 1)).astype(np.int64)
+        light = tables.values[p, t, y[:, None], x] * area[..., None]
+        albedo[p, t] = ((light * across[:, None]).cumsum(axis=1)[:, -1] * down[:, None]).cumsum(axis=0)[-1]
+    return albedo
 
 
 def _trapezoid(count: int) -> _Doubles:

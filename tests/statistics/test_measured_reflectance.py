@@ -39,6 +39,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     fields = gray(rgl_fields(0.5, spectral=True, side=16, views=5))
     fields["spectra"] = fields["spectra"] * np.array([1.0, 0.9, 0.6, 0.2, 0.05], np.float32)[:, None, None, None]
     write_tensors(made / "irreciprocal.bsdf", fields)
+    fields = {**gray(rgl_fields(0.4, spectral=True, side=32, views=5)), "jacobian": np.zeros(1, np.uint8)}
+    fields["spectra"] = fields["spectra"] * np.float32(0.2)
+    write_tensors(made / "plain.bsdf", fields)
     write_merl(made / "merl.binary", merl)
     return made
 
@@ -134,7 +137,7 @@ def test_directions_have_the_density_that_is_said(
     assert weight.max() < 1.5
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*KINDS, "plain"])
 def test_the_albedo_is_what_is_reflected(device: Device, folder: Path, kind: str) -> None:
     for degrees in (10.0, 45.0, 70.0):
         wo = towards(degrees)
