@@ -6,7 +6,7 @@ Offsets and sizes are those of version 32 of the format, whose nodes begin at mu
 from __future__ import annotations
 
 import struct
-import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, BinaryIO, Final, TypeAlias
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
+from clrender.grids.compression import require_blosc, unblosced, unzipped
 from clrender.grids.data import GridData
 from clrender.grids.sparse import DenseBox, chosen_grid
 
@@ -27,7 +28,9 @@ _FLOAT: Final = 1
 _QUANTIZED: Final = {13: 4, 14: 8, 15: 16, 16: 0}
 """Types of grids whose leaves have codes in the place of floats: bits of a code, or 0 where each leaf has its own."""
 _LEVEL_SET: Final = 1
-_CODECS: Final = {0: "none", 1: "zip", 2: "blosc"}
+_UNCOMPRESSED, _ZIP, _BLOSC = range(3)
+_BLOSC_CHUNK: Final = 2**30
+"""Bytes of a grid that are compressed together."""
 _HEADER: Final = struct.Struct("<8sIHH")
 _HEAD_BYTES: Final = _HEADER.size
 _META: Final = struct.Struct("<QQQQII6d6i3dI4I3IHHI")
@@ -156,24 +159,29 @@ def _exactly(file: BinaryIO, count: int) -> bytes:
 
 def _grid_bytes(file: BinaryIO, meta: _Meta, label: str) -> NDArray[np.uint8]:
     """The bytes of a grid, decompressed."""
-    if meta.codec == 0:
+    if meta.codec == _UNCOMPRESSED:
         if meta.grid_bytes != meta.file_bytes:
             raise ValueError("its grid is not compressed, but has another size than its bytes in the file")
         return np.frombuffer(_exactly(file, meta.grid_bytes), np.uint8)
-    if meta.codec != 1:
-        name = _CODECS.get(meta.codec, str(meta.codec))
-        raise SceneError(f"{label} is compressed by {name}; write it uncompressed, or with zip")
-    (size,) = struct.unpack("<Q", _exactly(file, 8))
-    if size + 8 != meta.file_bytes:
+    if meta.codec == _ZIP:
+        parts = [_part(file, meta, 0, meta.grid_bytes, unzipped)]
+    elif meta.codec == _BLOSC:
+        require_blosc(label)
+        starts = range(0, meta.grid_bytes, _BLOSC_CHUNK)
+        parts = [_part(file, meta, start, _BLOSC_CHUNK, unblosced) for start in starts]
+    else:
+        raise SceneError(f"{label} is compressed in an unknown way; write it uncompressed, or with zip")
+    if file.tell() != meta.at + meta.file_bytes:
         raise ValueError("its compressed grid has another size than its head says")
-    inflater = zlib.decompressobj()
-    try:
-        data = inflater.decompress(_exactly(file, size), meta.grid_bytes)
-    except zlib.error as error:
-        raise ValueError(f"its grid cannot be decompressed: {error}") from None
-    if len(data) != meta.grid_bytes or not inflater.eof:
-        raise ValueError("its decompressed grid has another size than its head says")
-    return np.frombuffer(data, np.uint8)
+    return np.frombuffer(parts[0] if len(parts) == 1 else b"".join(parts), np.uint8)
+
+
+def _part(file: BinaryIO, meta: _Meta, start: int, most: int, decompressed: Callable[[bytes, int], bytes]) -> bytes:
+    """What begins at `start` of a grid, decompressed: its size in the file, and then that many bytes."""
+    (size,) = struct.unpack("<Q", _exactly(file, 8))
+    if size > meta.file_bytes:
+        raise ValueError("its compressed grid has another size than its head says")
+    return decompressed(_exactly(file, size), min(most, meta.grid_bytes - start))
 
 
 def _dense(data: NDArray[np.uint8], wanted: int, name: str, label: str) -> GridData:

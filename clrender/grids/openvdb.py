@@ -7,16 +7,14 @@ and then the numbers of all leaves.
 from __future__ import annotations
 
 import struct
-import zlib
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import Any, BinaryIO, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
-from clrender.extras import install_command, lacking
+from clrender.grids.compression import require_blosc, unblosced, unzipped
 from clrender.grids.data import GridData
 from clrender.grids.sparse import DenseBox, chosen_grid
 from clrender.wording import quoted
@@ -32,7 +30,6 @@ _MOST_TEXT: Final = 2**16
 _MOST_ENTRIES: Final = 4096
 _MOST_GRIDS: Final = 1024
 _COORDINATE_LIMIT: Final = 2**30
-_BLOSC_HEAD: Final = 16
 _MOST_TILES: Final = 2**22
 _MOST_OF_TILE: Final = 2**15
 """What a tile counts among the numbers that are stored: a large one takes as little room in a file as a small one."""
@@ -185,10 +182,8 @@ def _dense(stream: _Stream, entry: _Entry, label: str) -> GridData:
     (compression,) = stream.unpack("I")
     if compression & ~(_ZIP | _ACTIVE_MASK | _BLOSC):
         raise ValueError("it is compressed in an unknown way")
-    if compression & _BLOSC and find_spec("numcodecs") is None:
-        text = f"{label} is compressed by blosc, which needs numcodecs"
-        cure = f"install it with `{install_command('vdb')}`, or write the file with zip"
-        raise lacking("vdb", SceneError(f"{text}; {cure}"))
+    if compression & _BLOSC:
+        require_blosc(label)
     meta = stream.metadata()
     if meta.get("class") == b"level set":
         raise SceneError(f"{label} is a level set, whose numbers are distances; convert it to a fog volume")
@@ -320,27 +315,5 @@ def _numbers(stream: _Stream, count: int, how: _How) -> NDArray[np.float32]:
     data = stream.take(packed)
     if size == 0:
         return np.zeros(0, np.float32)  # blosc has a head for nothing, too
-    raw = _unblosc(data, size) if how.compression & _BLOSC else _unzipped(data, size)
+    raw = (unblosced if how.compression & _BLOSC else unzipped)(data, size)
     return np.frombuffer(raw, kind).astype(np.float32)
-
-
-def _unzipped(data: bytes, size: int) -> bytes:
-    inflater = zlib.decompressobj()
-    try:
-        raw = inflater.decompress(data, size)
-    except zlib.error as error:
-        raise ValueError(f"a node cannot be decompressed: {error}") from None
-    if len(raw) != size:
-        raise ValueError("a decompressed node has another size than it should have")
-    return raw
-
-
-def _unblosc(data: bytes, size: int) -> bytes:
-    from numcodecs.blosc import decompress
-
-    if len(data) < _BLOSC_HEAD or struct.unpack("<2I", data[4:8] + data[12:16]) != (size, len(data)):
-        raise ValueError("a compressed node has another size than it should have")
-    try:
-        return bytes(decompress(data))
-    except RuntimeError as error:
-        raise ValueError(f"a node cannot be decompressed: {error}") from None

@@ -47,8 +47,17 @@ class Grid(Part):
     @property
     def asset(self) -> str:
         """Names what is read from the file: of an ``.nvdb`` or ``.vdb`` one of several grids."""
-        named = self.file.lower().endswith((".nvdb", ".vdb")) and self.name != "density"
-        return f"{self.file} {self.name}" if named else self.file
+        return f"{self.file} {self.name}" if self._may_be_one_of_several and self.name != "density" else self.file
+
+    @property
+    def _may_be_one_of_several(self) -> bool:
+        return self.file.lower().endswith((".nvdb", ".vdb"))
+
+    @model_validator(mode="after")
+    def _is_named_in_its_file(self) -> Self:
+        if not self._may_be_one_of_several and self.name != type(self).model_fields["name"].default:
+            raise fault("medium", "is of a grid in an .nvdb or .vdb file; others have one grid: leave it out", "name")
+        return self
 
     @model_validator(mode="after")
     def _has_a_volume(self) -> Self:

@@ -56,7 +56,7 @@ def make_files(folder: Path) -> None:
     model = Model()
     model.node(mesh=model.quad())
     (folder / "model.glb").write_bytes(model.glb())
-    for name in ("sky.hdr", "tiles.png", "tiles-normal.png", "leaf.png", "cumulus.npy", "down.npy"):
+    for name in ("sky.hdr", "tiles.png", "tiles-normal.png", "leaf.png", "cumulus.npy", "plume.npy", "down.npy"):
         shutil.copy(_SCENES / name, folder / name)
     shutil.copy(_SCENES / "tiles.png", folder / "slide.png")
     shutil.copytree(_SCENES / "plugins", folder / "scenes" / "plugins")

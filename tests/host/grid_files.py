@@ -29,6 +29,7 @@ def nanovdb_bytes(
     *,
     name: str = "density",
     codec: int = 0,
+    chunk: int = 2**30,
     tiles: bool = False,
     background: float = 0.0,
     grid_class: int = 2,
@@ -97,6 +98,11 @@ def nanovdb_bytes(
     if codec == 1:
         packed = zlib.compress(packed)
         packed = struct.pack("<Q", len(packed)) + packed
+    if codec == 2:
+        from numcodecs.blosc import compress
+
+        parts = [compress(packed[at : at + chunk], b"lz4", 9, 1) for at in range(0, total, chunk)]
+        packed = b"".join(struct.pack("<Q", len(part)) + part for part in parts)
     head = struct.pack("<8sIHH", b"NanoVDB2", 32 << 21 | 6 << 10, 1, codec)
     meta = struct.pack("<QQQQII6d6i3dI4I3IHHI", total, len(packed), 0, values.size, kind, grid_class, *[0.0] * 6,
                        *low.tolist(), *high.tolist(), voxel, voxel, voxel, len(name) + 1, len(leaves), len(lowers),

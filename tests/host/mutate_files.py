@@ -153,7 +153,8 @@ def originals(folder: Path, ending: str) -> list[bytes]:
         numbers = image[:7, :6, :].clip(0.0)
         if ending == ".vol":
             return [vol_bytes(numbers), vol_bytes(numbers.astype(np.uint8), (-1, -1, -1, 1, 1, 1))]
-        return [nanovdb_bytes(numbers, codec=1, tiles=True), nanovdb_bytes(numbers, (-9, 4090, 3), codec=0)]
+        grids = [nanovdb_bytes(numbers, codec=codec, tiles=True) for codec in (1, 2)]
+        return [*grids, nanovdb_bytes(numbers, (-9, 4090, 3), codec=0)]
     if ending in (".gltf", ".glb", MESHOPT):
         model = meshopt_compressed(glTF()) if ending == MESHOPT else glTF()
         return [model.gltf() if ending == ".gltf" else model.glb()]

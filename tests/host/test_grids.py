@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 import struct
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from clrender.exporters import (
 from clrender.flatten.flat_scene import flatten
 from clrender.flatten.grids import black_body_hue, brick_words
 from clrender.grids import GridData, grid_names, read_grid
+from clrender.grids.compression import unzipped
 from clrender.grids.sparse import DenseBox
 from clrender.scene.grid_placement import grid_placement
 from clrender.scene.medium import Density
@@ -78,9 +80,12 @@ def test_mitsuba_files(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("first", [(0, 0, 0), (-5, -130, 4090)])
-@pytest.mark.parametrize("way", [{}, {"codec": 1}, {"tiles": True}], ids=["leaves", "compressed", "tiles"])
-def test_nanovdb_files(tmp_path: Path, first: tuple[int, int, int], way: dict[str, Any]) -> None:
+@pytest.mark.parametrize("way", [{}, {"codec": 1}, {"codec": 2, "chunk": 2**19}, {"tiles": True}], ids=str)
+def test_nanovdb_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, first: tuple[int, int, int], way: dict[str, Any]
+) -> None:
     """One more value on each side: the zeros to which densities fall."""
+    monkeypatch.setattr("clrender.grids.nanovdb._BLOSC_CHUNK", 2**19)  # so that a grid has several parts
     given = np.random.RandomState(2).uniform(size=(20, 13, 150)).astype(np.float32)
     given[:10, :10, :10] = 0.5
     grid = read(tmp_path, "a.nvdb", nanovdb_bytes(given, first, 0.25, (1.0, 2.0, 3.0), **way))
@@ -191,12 +196,25 @@ def test_trees_that_repeat_a_branch_are_refused(tmp_path: Path) -> None:
         read(tmp_path, "a.vdb", bytes(data))
 
 
-def test_blosc_needs_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "a.vdb").write_bytes(vdb_bytes({"density": VALUES}, blosc=True))
-    monkeypatch.setattr("clrender.grids.openvdb.find_spec", lambda _: None)
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [("a.vdb", vdb_bytes({"density": VALUES}, blosc=True)), ("a.nvdb", nanovdb_bytes(VALUES, codec=2))],
+    ids=["openvdb", "nanovdb"],
+)
+def test_blosc_needs_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, data: bytes) -> None:
+    (tmp_path / name).write_bytes(data)
+    monkeypatch.setattr("clrender.grids.compression.find_spec", lambda _: None)
     with pytest.raises(SceneError, match="compressed by blosc, which needs numcodecs; install it") as info:
-        read_grid("a.vdb", tmp_path, (), "here")
+        read_grid(name, tmp_path, (), "here")
     assert info.value.extra == "vdb"
+
+
+def test_zip_goes_on_to_the_end_of_its_data() -> None:
+    """Of some data the last bytes come out before the end of the block is read, and of others there is nothing."""
+    for size in range(300):
+        assert unzipped(zlib.compress(bytes(size)), size) == bytes(size)
+        with pytest.raises(ValueError, match="another size"):
+            unzipped(zlib.compress(bytes(size + 1)), size)
 
 
 @pytest.mark.parametrize("way", [{}, {"zipped": True}, {"blosc": True, "masked": True, "half": True}])
@@ -256,7 +274,10 @@ def test_nanovdb_files_of_several_grids(tmp_path: Path) -> None:
         ("a.nvdb", head(NVDB, 8, b"\0\0\0\0"), "its version is 0"),
         ("a.nvdb", nanovdb_bytes(VALUES, background=1.0), "outside of what it stores"),
         ("a.nvdb", nanovdb_bytes(VALUES, grid_class=1), "is a level set"),
-        ("a.nvdb", head(NVDB, 14, b"\2\0"), "is compressed by blosc"),
+        ("a.nvdb", head(NVDB, 14, b"\3\0"), "is compressed in an unknown way"),
+        ("a.nvdb", head(NVDB, 14, b"\2\0"), "another size than its head says"),
+        ("a.nvdb", nanovdb_bytes(VALUES, codec=2)[:-9], "ends too early"),
+        ("a.nvdb", nanovdb_bytes(VALUES, codec=2, chunk=2**18), "another size than it should have"),
         ("a.nvdb", head(NVDB, 16 + 32, b"\2\0\0\0"), 'has no grid "density" of floats'),
         ("a.txt", b"", "grids may be .npy, .vol, .nvdb, .vdb"),
     ],
@@ -273,6 +294,7 @@ def test_refused_files(tmp_path: Path, name: str, data: bytes, said: str) -> Non
         (described({"file": "a.npy", "box": [[0, 0, 0], [1, 0, 1]]}), "media.smoke.density.box has no volume"),
         (described({"file": "a.npy", "transform": {"scale": 0.0}}), "must not be zero"),
         (described({"file": "a.npy", "edges": "soft"}), "edges"),
+        (described({"file": "a.npy", "name": "fog"}), "media.smoke.density.name is of a grid in an .nvdb or .vdb"),
         (described({"file": "a.npy"}, fog="smoke"), "give a box as large an `interior`"),
         (described({}), "file"),
         ({**described(None), "media": {"smoke": {"emission": [0, 1, 0], "absorption": [1, 0, 1]}}}, "shines in green"),

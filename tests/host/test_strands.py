@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ from cases import for_each
 from PIL import Image
 
 import clrender
+from clrender.curves import read_mitsuba_hair
 from clrender.errors import SceneError
 from clrender.exporters import exported_to_mitsuba
 from clrender.flatten.hair import hair_absorption, hair_color, hair_numbers
@@ -241,6 +244,68 @@ def test_mitsuba_instances_scale_radii(tmp_path: Path) -> None:
     uneven = mitsuba(tmp_path, group + instance.format('x="1" y="8" z="1"'))
     ((_, data),) = strands(uneven)
     assert data.radii[0] == pytest.approx(0.2) and "keep round cross sections" in " ".join(uneven.notes)
+
+
+OLD = '<scene version="0.6.0"><sensor type="perspective"/><emitter type="constant"/>{}</scene>'
+OLD_HAIR = """<shape type="hair"><string name="filename" value="a.hair"/><float name="radius" value="0.02"/>
+    <float name="angleThreshold" value="2"/>{}</shape>"""
+STRANDS = ([[0, 0, 0], [0, 1, 0], [0, 2, 0.5]], [[9, 9, 9]], [[1, 0, 0], [1, 1.5, 0]])
+
+
+def hair_text(*strands: Any) -> bytes:
+    return "# two\n{}".format("\n\n".join("\n".join(" ".join(map(str, p)) for p in each) for each in strands)).encode()
+
+
+def hair_bytes(*strands: Any, begin: float = np.inf) -> bytes:
+    numbers = [number for each in strands for number in [begin, *np.ravel(each).tolist()]]
+    return b"BINARY_HAIR" + struct.pack(f"<I{len(numbers) - 1}f", sum(map(len, strands)), *numbers[1:])
+
+
+@pytest.mark.parametrize("written", [hair_text, hair_bytes])
+def test_hair_of_mitsuba_06(tmp_path: Path, written: Any) -> None:
+    """Its transform scales the radius; a strand of a single point has nothing to see."""
+    (tmp_path / "a.hair").write_bytes(written(*STRANDS))
+    scaled = '<transform name="toWorld"><scale value="3"/></transform><bsdf type="diffuse"/>'
+    (tmp_path / "a.xml").write_text(OLD.format(OLD_HAIR.format(scaled)))
+    scene = clrender.load(tmp_path / "a.xml")
+    assert not scene.notes
+    ((shape, data),) = strands(scene)
+    assert shape.basis == "linear" and shape.profile == "round"
+    assert data.counts.tolist() == [3, 2] and data.radii == pytest.approx(np.full(5, 0.06))
+    assert data.points.tolist() == [[0, 0, 0], [0, 3, 0], [0, 6, 1.5], [3, 0, 0], [3, 4.5, 0]]
+
+
+def test_hair_of_mitsuba_06_says_what_is_left_out(tmp_path: Path) -> None:
+    (tmp_path / "a.hair").write_bytes(hair_text(*STRANDS))
+    (tmp_path / "a.xml").write_text(OLD.format(OLD_HAIR.format('<float name="reduction" value="0.5"/>')))
+    (note,) = clrender.load(tmp_path / "a.xml").notes
+    assert '"reduction" of hair is left out' in note
+    (tmp_path / "a.xml").write_text(OLD.format(OLD_HAIR.format("").replace("0.02", "-0.02")))
+    with pytest.raises(SceneError, match=re.escape('the "radius" of the shape of type "hair" is -0.02')):
+        clrender.load(tmp_path / "a.xml")
+
+
+@for_each(
+    "data, said",
+    [
+        (b"0 0 0\n0 1\n", "line 2 does not begin with the three numbers"),
+        (b"0 0 0\n0 1 x 2\n", "line 2 does not begin with the three numbers"),
+        (b"0 0 0\n0 nan 0\n", "has nan in point 1"),
+        (b"", "has no control points"),
+        (b"0 0 0\n\n1 1 1\n", "has no control points"),
+        (b"BINARY_HAIR\1\0", "ends too early"),
+        (hair_bytes(*STRANDS)[:-1], "ends too early"),
+        (hair_bytes([[0.0, 0.0, np.inf]], [[1.0, 2.0, 3.0]]), "a strand begins within a point"),
+        (b"BINARY_HAIR\xff\xff\xff\xff", "has more than"),
+    ],
+)
+def test_damaged_hair_of_mitsuba_06(tmp_path: Path, data: bytes, said: str) -> None:
+    (tmp_path / "a.hair").write_bytes(data)
+    with pytest.raises(SceneError, match=re.escape(said)) as info:
+        read_mitsuba_hair("a.hair", tmp_path, (), "here")
+    assert 'here: "a.hair"' in str(info.value)
+    (tmp_path / "a.xml").write_text(OLD.format(OLD_HAIR.format("") + '<shape type="sphere"/>'))
+    assert any(said in note for note in clrender.load(tmp_path / "a.xml").notes)
 
 
 @for_each(

@@ -44,6 +44,7 @@ def measured(name: str, content: Json, white: bool) -> None:
     if draw.chance(0.2):
         varied: tuple[Json, ...] = ({"ramp": [0.2, 0.9]}, {"checker": [0.3, 1.0]}, {"texture": "numbers.png"})
         made["opacity"] = draw.one((draw.between(0.3, 1.0), draw.one(varied if textured else (0.5,))))
+        made |= {"opacity_cutoff": draw.between(0.2, 0.8)} if draw.chance(0.4) else {}
     materials["measured"] = made
     wanted = "measured"
     if "opacity" not in made and draw.chance(0.3):

@@ -69,7 +69,9 @@ def _shape(draw: Draw) -> Json:
     if draw.chance(0.6):
         radii = [radii, draw.one((0.0, draw.between(0.01, 0.1)))]
     made = {"type": "curves", "points": points, "radius": radii, "basis": basis}
-    made |= {"profile": "ribbon"} if draw.chance(0.3) else {}
+    made["profile"] = "ribbon" if draw.chance(0.3) else "round"
+    if made["profile"] == "ribbon" and draw.chance(0.6):
+        made["normals"] = [draw.point(1.0) for _ in range(draw.one((1, len(points))))]
     return made | ({"counts": counts} if len(counts) > 1 or draw.chance(0.3) else {})
 
 

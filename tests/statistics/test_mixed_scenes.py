@@ -56,6 +56,7 @@ NEVER = {
     ("Camera", "rolling_shutter"),  # refused by half of the integrators (tests/image/test_motion_blur.py)
     *((shape, "interior") for shape in ("Quad", "Disk", "Triangle")),  # of closed shapes
     *(("Curves", key) for key in ("emission", "interior", "flip_normals")),  # refused
+    *((grid, "name") for grid in ("Density", "ColorGrid", "Temperature")),  # of sparse files (tests/host/test_grids.py)
     ("MeshPose", "file"),  # (tests/image/test_deforming.py)
     *(("Subsurface", key) for key in ("opacity", "opacity_cutoff")),  # refused
 }

@@ -162,6 +162,7 @@ class ShapeReader:
             "serialized": self._file,
             "bsplinecurve": self._curves,
             "linearcurve": self._curves,
+            "hair": self._curves,
         }
         if plugin.type not in known:
             self._staging.note(f"{plugin.label} is not known and left out")
@@ -282,7 +283,10 @@ class ShapeReader:
         self._staging.mesh(described, "cylinder", lambda: cylinder_mesh(1.0, 0.0, 1.0), matrix, plugin.line)
 
     def _curves(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
-        """Strands of a text file. Their own transform does not scale their radii, but that of an instance does."""
+        """Strands of a file. Their own transform does not scale their radii, but that of an instance does.
+
+        Mitsuba 0.6's `hair` has one radius, which its transform scales.
+        """
         file = plugin.text("filename")
         if not file:
             raise plugin.fault(f'{plugin.label} has no "filename"; give it')
@@ -295,13 +299,15 @@ class ShapeReader:
         own = plugin.matrix()
         if not is_affine(own):
             raise plugin.fault("the shape's transform is no affine one that can be inverted; give it another")
-        data = self._staging.curves_of_file(file, plugin.line)
+        hair = plugin.type == "hair"
+        data = self._staging.curves_of_file(file, plugin.line, hair=hair)
         if data is None:
             return
-        if data.radii is None:
+        radii = np.full(len(data.points), self._hair_radius(plugin)) if hair else data.radii
+        if radii is None:
             raise plugin.fault(f"{quoted(file)} has no radii; give them as the fourth number of each line")
         draft = self._staging.draft
-        rows = placed_rows(draft, np.column_stack([data.points, data.radii]), own, scaled=False)
+        rows = placed_rows(draft, np.column_stack([data.points, radii]), own, scaled=hair)
         outer = product(matrix, inverse(own))
         if not is_similarity(outer):
             rows, outer = placed_rows(draft, rows, outer), np.eye(4)
@@ -310,9 +316,18 @@ class ShapeReader:
         same = (each for each, held in draft.curves.items() if held.sha256() == made.sha256())
         name = next(same, name)
         draft.curves[name] = made
-        basis = "linear" if plugin.type == "linearcurve" else "bspline"
+        basis = "bspline" if plugin.type == "bsplinecurve" else "linear"
         shape = {"type": "curves", "file": name, "basis": basis, **described}
         self._staging.shape(shape, outer, plugin.line)
+
+    def _hair_radius(self, plugin: Plugin) -> float:
+        radius = plugin.number("radius", 0.025)
+        if not radius >= 0.0:
+            raise plugin.fault(f'the "radius" of {plugin.label} is {radius:g}; give a number that is not below 0')
+        if plugin.number("reduction", 0.0) != 0.0:
+            self._staging.note('"reduction" of hair is left out: all strands are there, with their own radius')
+        plugin.ignore("angle_threshold")
+        return radius
 
     def _file(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
         file = plugin.text("filename")

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 from clrender.importers.shared.matrices import Matrix, handedness, is_affine, is_similarity
 
 __all__ = ["fault_of_motion", "motion_keys"]
+
+_OF_ONE_SCALE: Final = ("sphere", "disk", "curves", "bsplinecurve", "linearcurve", "hair")
+"""Shapes, as scene files and Mitsuba call them, that have radii."""
 
 
 def fault_of_motion(shape: str, matrices: Sequence[Matrix]) -> str:
@@ -25,7 +28,9 @@ def fault_of_motion(shape: str, matrices: Sequence[Matrix]) -> str:
         handedness(a) != handedness(b) for a, b in itertools.pairwise(matrices)
     ):
         return "a motion makes a shape flat on its way"
-    if shape in ("sphere", "disk", "curves", "bsplinecurve", "linearcurve") and not all(map(is_similarity, matrices)):
+    if shape in ("sphere", "disk", "curves", "bsplinecurve", "linearcurve", "hair") and not all(
+        map(is_similarity, matrices)
+    ):
         return "a motion stretches a sphere, disk or curve"
     return ""
 

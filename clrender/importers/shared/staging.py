@@ -10,7 +10,7 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from clrender.curves import CurveData, read_curves
+from clrender.curves import CurveData, read_curves, read_mitsuba_hair
 from clrender.errors import OutOfMemory, SceneError
 from clrender.exact.matrices import inner, length, product, times
 from clrender.files.named import allowed_file
@@ -265,10 +265,12 @@ class Staging:
         """Read a file of measured reflectance; the result is its name in the draft's. See `grid_of_file`."""
         return self._kept(uri, line, self.draft.measured, read_measured)
 
-    def curves_of_file(self, uri: str, line: int) -> CurveData | None:
-        """Strands of a text file; one that is missing or damaged is left out, with a note. See `grid_of_file`."""
+    def curves_of_file(self, uri: str, line: int, *, hair: bool = False) -> CurveData | None:
+        """Strands of a text file, or of one of Mitsuba 0.6's `hair`; one that is missing or damaged is left out, with a
+        note. See `grid_of_file`.
+        """
         read: dict[str, CurveData] = {}
-        name = self._kept(uri, line, read, partial(read_curves, ending=".txt"))
+        name = self._kept(uri, line, read, read_mitsuba_hair if hair else partial(read_curves, ending=".txt"))
         return None if name is None else read[name]
 
     def _kept(self, uri: str, line: int, kept: dict[str, _T], read: Callable[..., _T]) -> str | None:
