@@ -246,6 +246,32 @@ def test_mitsuba_instances_scale_radii(tmp_path: Path) -> None:
     assert data.radii[0] == pytest.approx(0.2) and "keep round cross sections" in " ".join(uneven.notes)
 
 
+def test_pbrt_instances_stretch_curves(tmp_path: Path) -> None:
+    """One copy of the strands for each transform; radii grow by its mean scale."""
+    curve = f'Shape "curve" "point3 P" [{POINTS}] "float width" 0.1\n'
+    instances = "".join(
+        f'AttributeBegin\n{where}\nObjectInstance "a"\nAttributeEnd\n'
+        for where in ("Scale 1 8 1", "Scale 1 8 1", "Scale 2 2 2", "Scale 8 1 -1")
+    )
+    scene = pbrt(tmp_path, f'ObjectBegin "a"\n{curve}ObjectEnd\n{instances}')
+    (note,) = scene.notes
+    assert "keep round cross sections" in note
+    same, equal, even, mirrored = strands(scene)
+    assert same[0].file == equal[0].file and len({shape.file for shape, _ in strands(scene)}) == 3
+    for (shape, data), scale in ((same, [1, 8, 1]), (mirrored, [8, 1, -1])):
+        assert shape.transform.is_similarity() and data.radii == pytest.approx(np.full(4, 0.1))
+        assert data.points == pytest.approx(np.reshape(list(map(float, POINTS.split())), (4, 3)) * scale)
+    assert even[1].radii == pytest.approx(np.full(4, 0.05))
+
+
+@for_each("kind", ["cylinder", "flat", "ribbon"])
+def test_pbrt_curves_that_are_made_flat_are_left_out(tmp_path: Path, kind: str) -> None:
+    facing = '"normal N" [0 0 1  0 0 1]' if kind == "ribbon" else ""
+    curve = f'Shape "curve" "string type" "{kind}" "point3 P" [{POINTS}] "float width" 0.1 {facing}'
+    (note,) = pbrt(tmp_path, f'Shape "sphere"\nScale 0 1 1\n{curve}').notes
+    assert note.endswith("line 7: the curve's transform cannot be inverted; give it another: left out")
+
+
 OLD = '<scene version="0.6.0"><sensor type="perspective"/><emitter type="constant"/>{}</scene>'
 OLD_HAIR = """<shape type="hair"><string name="filename" value="a.hair"/><float name="radius" value="0.02"/>
     <float name="angleThreshold" value="2"/>{}</shape>"""

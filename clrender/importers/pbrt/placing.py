@@ -14,9 +14,10 @@ from clrender.exact.matrices import determinant, length, lengths, product, times
 from clrender.importers.pbrt.film import Exposure
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
-from clrender.importers.shared.matrices import Matrix, handedness, is_affine, translation
+from clrender.importers.shared.matrices import Matrix, handedness, is_affine, is_similarity, translation
 from clrender.importers.shared.motions import fault_of_motion, motion_keys
 from clrender.importers.shared.staging import Staging
+from clrender.importers.shared.strands import StrandCollector
 from clrender.wording import quoted
 
 __all__ = ["Part", "Placer"]
@@ -52,10 +53,12 @@ class Placer:
     ----------
     staging : Staging
     textures : TextureReader
+    strands : StrandCollector
+        Those of the curves.
     """
 
-    def __init__(self, staging: Staging, textures: TextureReader) -> None:
-        self._staging, self._textures = staging, textures
+    def __init__(self, staging: Staging, textures: TextureReader, strands: StrandCollector) -> None:
+        self._staging, self._textures, self._strands = staging, textures, strands
         self.exposure = Exposure()
         """What the film makes of all light."""
         self.times = 0.0, 1.0
@@ -78,10 +81,11 @@ class Placer:
             self._staging.note(f"{cause}: what moves like that stands where it is at first")
             matrix, way = product(way[0], matrix), None
         if not is_affine(matrix):
-            fault = self._staging.fault(part.line, "the shape's transform cannot be inverted; give it another")
-            self._staging.draft.leave_out(fault, self._staging.files.source, self._staging.files.strict)
+            self._staging.leave_out(part.line, "the shape's transform cannot be inverted; give it another")
             return
         described = dict(part.described)
+        if described["type"] == "curves" and not is_similarity(matrix):
+            described["file"], matrix = self._strands.stretched(described["file"], matrix), np.eye(4)
         if way is not None:
             self.moves = True
             described["motion"] = motion_keys(list(zip(self.times, way, strict=True)))

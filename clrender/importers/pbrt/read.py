@@ -24,6 +24,7 @@ from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.pbrt.tokens import FILE_LIMIT, Directive, directives
 from clrender.importers.shared.matrices import Matrix, inverse, is_affine
 from clrender.importers.shared.staging import Staging
+from clrender.importers.shared.strands import StrandCollector
 from clrender.wording import quoted, suggestion
 
 __all__ = ["read"]
@@ -68,9 +69,10 @@ class _World:
         self._textures = TextureReader(self.staging)
         self._media = MediumReader(self.staging, self._textures)
         self._materials = MaterialReader(self.staging, self._textures, self._media)
-        self._shapes = ShapeReader(self.staging, self._textures, self._materials)
+        self._strands = StrandCollector(self.staging.draft)
+        self._shapes = ShapeReader(self.staging, self._textures, self._materials, self._strands)
         self._lights = LightReader(self.staging, self._textures)
-        self._placer = Placer(self.staging, self._textures)
+        self._placer = Placer(self.staging, self._textures, self._strands)
         self._settings = Settings(self.staging)
         self._state = Graphics()
         self._stack: list[Graphics] = []
@@ -133,7 +135,7 @@ class _World:
 
     def finish(self) -> None:
         """Complete the scene after the last directive."""
-        self._shapes.finish()
+        self._strands.finish()
         if self._stack:
             self.staging.note("blocks of attributes are left open at the end of the file")
         self._settings.finish(self._placer.times, self._placer.moves)

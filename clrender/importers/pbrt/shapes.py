@@ -15,7 +15,7 @@ from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.state import Graphics
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.shared.loop_subdivision import subdivided
-from clrender.importers.shared.matrices import Matrix
+from clrender.importers.shared.matrices import Matrix, is_affine
 from clrender.importers.shared.meshes import (
     cylinder_mesh,
     disk_part_mesh,
@@ -64,16 +64,15 @@ class ShapeReader:
     staging : Staging
     textures : TextureReader
     materials : MaterialReader
+    strands : StrandCollector
+        Gets curves.
     """
 
-    def __init__(self, staging: Staging, textures: TextureReader, materials: MaterialReader) -> None:
-        self._staging, self._textures, self._materials = staging, textures, materials
+    def __init__(
+        self, staging: Staging, textures: TextureReader, materials: MaterialReader, strands: StrandCollector
+    ) -> None:
+        self._staging, self._textures, self._materials, self._strands = staging, textures, materials, strands
         self._count = 0
-        self._strands = StrandCollector(staging.draft)
-
-    def finish(self) -> None:
-        """Hand over what is collected until the end of the file."""
-        self._strands.finish()
 
     def curve(self, parameters: Parameters, state: Graphics, matrix: Matrix, group: Hashable) -> dict[str, Any] | None:
         """A curve, which goes into the shape of others of its material, if there is one.
@@ -103,6 +102,9 @@ class ShapeReader:
         for unknown in parameters.unused():
             self._staging.note(f'{quoted(unknown)} of a shape of type "curve" is not understood and does nothing')
         if not described:
+            return None
+        if not is_affine(matrix):
+            self._staging.leave_out(parameters.line, "the curve's transform cannot be inverted; give it another")
             return None
         key = group, described.get("material")
         if curve.normals is None:

@@ -69,6 +69,10 @@ class Staging:
         """Add a note about a deviation from the file, without duplicates."""
         self.draft.note(sentence)
 
+    def leave_out(self, line: int, sentence: str) -> None:
+        """Leave something out, and tell why; in strict reading, raise. See `fault` and `Draft.leave_out`."""
+        self.draft.leave_out(self.fault(line, sentence), self.files.source, self.files.strict)
+
     def fault(self, line: int, sentence: str, source: str | None = None) -> SceneError:
         """An error that names the file and the line.
 

@@ -69,6 +69,7 @@ class StrandCollector:
         self._draft = draft
         self._collected: dict[Hashable, tuple[str, list[_Floats]]] = {}
         self._ribbons: dict[Hashable, tuple[str, list[MeshData]]] = {}
+        self._stretched: dict[tuple[str, bytes], tuple[str, Matrix]] = {}
 
     def add(self, key: Hashable, rows: _Floats, basis: str) -> dict[str, Any] | None:
         """Add a strand.
@@ -104,6 +105,18 @@ class StrandCollector:
         self._ribbons[key] = name, [ribbon]
         return {"type": "mesh", "file": name}
 
+    def stretched(self, name: str, matrix: Matrix) -> str:
+        """The file of a shape's strands under a transform that is no similarity, which the shape itself cannot have.
+
+        Parameters
+        ----------
+        name : str
+            The shape's file, as `add` returned it.
+        matrix : (4, 4) float64
+        """
+        new = f"{name}, stretched {len(self._stretched) + 1}"
+        return self._stretched.setdefault((name, matrix.tobytes()), (new, matrix))[0]
+
     def finish(self) -> None:
         """Write all strands to the draft.
 
@@ -115,6 +128,10 @@ class StrandCollector:
         for name, strands in self._collected.values():
             counts = np.array([len(each) for each in strands], np.int64)
             self._draft.curves[name] = CurveData.checked(np.concatenate(strands), counts, name)
+        for (name, _), (new, matrix) in self._stretched.items():
+            data = self._draft.curves[name]
+            rows = placed_rows(self._draft, data.rows, matrix)
+            self._draft.curves[new] = CurveData.checked(rows, data.counts, new)
         for name, ribbons in self._ribbons.values():
             self._draft.meshes[name] = _joined(ribbons)
 
