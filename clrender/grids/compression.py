@@ -50,7 +50,7 @@ def unzipped(data: bytes, size: int) -> bytes:
     """
     inflater = zlib.decompressobj()
     try:
-        raw = inflater.decompress(data, size + 1)  # with room for one more it goes on to the end of the data
+        raw = inflater.decompress(data, size + 1)  # one more than is right, as 0 would be no limit
     except zlib.error as error:
         raise ValueError(f"a part of it cannot be decompressed: {error}") from None
     if len(raw) != size or not inflater.eof:

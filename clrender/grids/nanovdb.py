@@ -93,7 +93,8 @@ def read_nanovdb(file: BinaryIO, label: str, name: str = "density") -> GridData:
     Raises
     ------
     SceneError
-        It has no such grid, or is a level set, or has numbers that are not allowed.
+        It has no such grid, or is a level set, or has numbers that are not allowed; or it is compressed by blosc, and
+        the extra is missing.
     ValueError
         It is no such file, or a damaged one.
     """

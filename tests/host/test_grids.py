@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 import struct
+import tracemalloc
 import zlib
 from pathlib import Path
 from typing import Any
@@ -111,6 +112,8 @@ def head(data: bytes, at: int, new: bytes) -> bytes:
 
 
 NVDB = nanovdb_bytes(VALUES)
+ZIPPED = nanovdb_bytes(VALUES, codec=1)
+(ZIPPED_BYTES,) = struct.unpack("<Q", ZIPPED[24:32])
 
 
 @pytest.mark.parametrize("first", [(0, 0, 0), (-5, -130, 4090)])
@@ -209,8 +212,15 @@ def test_blosc_needs_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, 
     assert info.value.extra == "vdb"
 
 
-def test_zip_goes_on_to_the_end_of_its_data() -> None:
-    """Of some data the last bytes come out before the end of the block is read, and of others there is nothing."""
+def test_zip_gives_what_is_expected_and_never_much_more() -> None:
+    much = zlib.compress(bytes(2**25))
+    for size in (0, 1):
+        tracemalloc.start()
+        with pytest.raises(ValueError, match="another size"):
+            unzipped(much, size)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < 2**20
     for size in range(300):
         assert unzipped(zlib.compress(bytes(size)), size) == bytes(size)
         with pytest.raises(ValueError, match="another size"):
@@ -277,6 +287,7 @@ def test_nanovdb_files_of_several_grids(tmp_path: Path) -> None:
         ("a.nvdb", head(NVDB, 14, b"\3\0"), "is compressed in an unknown way"),
         ("a.nvdb", head(NVDB, 14, b"\2\0"), "another size than its head says"),
         ("a.nvdb", nanovdb_bytes(VALUES, codec=2)[:-9], "ends too early"),
+        ("a.nvdb", head(ZIPPED, 24, struct.pack("<Q", ZIPPED_BYTES + 1)), "another size than its head says"),
         ("a.nvdb", nanovdb_bytes(VALUES, codec=2, chunk=2**18), "another size than it should have"),
         ("a.nvdb", head(NVDB, 16 + 32, b"\2\0\0\0"), 'has no grid "density" of floats'),
         ("a.txt", b"", "grids may be .npy, .vol, .nvdb, .vdb"),
