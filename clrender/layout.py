@@ -169,6 +169,18 @@ FILTER_LINE_SLOPE: Final = 3
 """Columns of a segment of the filter's absolute value, normalized to the integral 1: the integral before the segment,
 its start, pixels, and its value and slope there."""
 
+LIFTING_LIGHTNESSES: Final = 24
+LIFTING_CHROMAS: Final = 40
+"""Nodes of the table of colours' spectra along the largest channel, and along each of the others relative to it."""
+
+SPECTRA_LINES: Final = 95
+SPECTRA_SEGMENTS: Final = 256
+SPECTRA_FILM: Final = 2 * SPECTRA_SEGMENTS + 4
+SPECTRA_LIFTING: Final = SPECTRA_FILM + 4 * (SPECTRA_LINES + 1)
+SPECTRA_GIVEN: Final = SPECTRA_LIFTING + 12 * LIFTING_LIGHTNESSES * LIFTING_CHROMAS**2
+"""Wavelengths of tables of spectra; segments of the inverse of their distribution, with which the array begins; and
+where in it red, green and blue of the film begin, the table of colours' spectra, and the spectra of the scene."""
+
 CAMERA_PERSPECTIVE: Final = 0
 CAMERA_ORTHOGRAPHIC: Final = 1
 CAMERA_PANORAMIC: Final = 2
@@ -393,7 +405,8 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("less_height", "uint", "rows"),
         ("views", "uint", "cameras whose images lie below each other in the film; 0: there is one"),
         ("view_rows", "uint", "rows of the film for each of them, a multiple of 4"),
-        ("unused", "uint[2]", "fills the struct up to a multiple of 16 bytes, as a compiler does"),
+        ("spectral", "uint", "1: wavelengths in the place of red, green and blue"),
+        ("unused", "uint", "fills the struct up to a multiple of 16 bytes, as a compiler does"),
     ),
 }
 

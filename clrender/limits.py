@@ -19,6 +19,7 @@ __all__ = [
     "Bytes",
     "Choice",
     "Domain",
+    "Flag",
     "NotAllowed",
     "Range",
     "Region",
@@ -218,6 +219,32 @@ class Choice:
 
     def _refused(self, value: object) -> NotAllowed:
         return NotAllowed(f"is {shown(value)}, but must be {self.words}{nearest(value, self.members)}")
+
+
+@dataclass(frozen=True)
+class Flag:
+    """Yes or no."""
+
+    @property
+    def words(self) -> str:
+        return "true or false"
+
+    @property
+    def metavar(self) -> str:
+        return "[true|false]"
+
+    def accept(self, value: object) -> bool:
+        if isinstance(value, bool) or type(value).__name__ in ("bool_", "bool"):
+            return bool(value)
+        raise NotAllowed(f"is {shown(value)}, but must be {self.words}")
+
+    def parse(self, text: str) -> bool:
+        if text in ("true", "false"):
+            return text == "true"
+        raise NotAllowed(f"is {shown(text)}, but must be {self.words}")
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "boolean"}
 
 
 @dataclass(frozen=True)

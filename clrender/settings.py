@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from clrender.errors import UsageError
 from clrender.integrators import INTEGRATORS
-from clrender.limits import Bytes, Choice, Domain, NotAllowed, Range, Region, given_too, nearest, shown
+from clrender.limits import Bytes, Choice, Domain, Flag, NotAllowed, Range, Region, given_too, nearest, shown
 from clrender.process.memory import check_image, film_bytes
 
 if TYPE_CHECKING:
@@ -295,6 +295,13 @@ class RenderSettings:
         "also that of lights without extent",
         late=True,
     )
+    spectral: bool = _setting(
+        False,
+        Flag(),
+        "Render wavelengths in the place of red, green and blue",
+        "off",
+        late=True,
+    )
     patches: int = _setting(
         8000,
         Range(1, 2**20, whole=True),
@@ -494,6 +501,7 @@ class RenderSettings:
             "reuse": self.reuse,
             "replicate_spp": self.replicate_spp or 0,
             "light_paths": self.light_paths or self.width * self.height,
+            "spectral": int(self.spectral),
             "specular_chains": int(self.specular_chains == "on" and self._has_chains and indirect == 1),
             **self._crop_values(),
             **(fixed or {}),

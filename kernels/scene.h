@@ -3,6 +3,7 @@
 #define SCENE_H
 
 #include "geometry/bvh.h"
+#include "spectral/wavelengths.h"
 #include "types.h"
 #ifdef PATH_GUIDED
 #include "guiding/field.h"
@@ -47,6 +48,7 @@
     X(uint, instance_motions) /* of each, where its motion is among these knots: geometry/motion.h */                        \
     X(float, motion_rows)                                                                                                   \
     X(float, camera_knots)   /* and those of cameras that move */                                                           \
+    X(float, spectra)        /* tables of wavelengths: spectral/color.h */                                                  \
     X(float, chain_table)    /* of specular chains, where they are sampled: specular/table.h */                             \
     X(Camera, camera)                                                                                                       \
     X(Settings, settings)
@@ -66,6 +68,9 @@
 typedef struct {
     SCENE_ARRAYS(SCENE_MEMBER_)
     Bvh bvh, masked;
+#ifdef SPECTRAL
+    Wavelengths wavelengths;     // at which colors are read: spectral/color.h
+#endif
 #ifdef PATH_GUIDED
     Field field;
 #endif

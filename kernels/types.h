@@ -103,6 +103,13 @@
 #define FILTER_LINE_PLACE 1u
 #define FILTER_LINE_HEIGHT 2u
 #define FILTER_LINE_SLOPE 3u
+#define LIFTING_LIGHTNESSES 24u
+#define LIFTING_CHROMAS 40u
+#define SPECTRA_LINES 95u
+#define SPECTRA_SEGMENTS 256u
+#define SPECTRA_FILM 516u
+#define SPECTRA_LIFTING 900u
+#define SPECTRA_GIVEN 461700u
 #define CAMERA_PERSPECTIVE 0u
 #define CAMERA_ORTHOGRAPHIC 1u
 #define CAMERA_PANORAMIC 2u
@@ -276,7 +283,8 @@ typedef struct {
     uint less_height;           // rows
     uint views;                 // cameras whose images lie below each other in the film; 0: there is one
     uint view_rows;             // rows of the film for each of them, a multiple of 4
-    uint unused[2];             // fills the struct up to a multiple of 16 bytes, as a compiler does
+    uint spectral;              // 1: wavelengths in the place of red, green and blue
+    uint unused;                // fills the struct up to a multiple of 16 bytes, as a compiler does
 } Settings;
 
 #define FIELD_ROW_BINS 0                // bits: the bin of each of FIELD_BINS equal shares of the directions, four in a word

@@ -14,7 +14,7 @@ from click.shell_completion import CompletionItem
 
 from clrender.cli.completing import complete_devices, complete_files, complete_scenes
 from clrender.image.exposure import PHOTOGRAPHIC
-from clrender.limits import Choice, Domain, NotAllowed, Range, shown
+from clrender.limits import Choice, Domain, Flag, NotAllowed, Range, shown
 from clrender.settings import PIXEL_LIMIT, SETTINGS
 
 __all__ = [
@@ -106,6 +106,9 @@ def setting_option(name: str, default: Any = None, help: str = "") -> Callable[[
     setting = SETTINGS[name]
     assert setting.option is not None
     words = default if default is not None else setting.default_words
+    if isinstance(setting.domain, Flag):
+        both = f"{setting.option}/--no-{setting.option.removeprefix('--')}"
+        return click.option(both, name, default=default, help=help or f"{setting.help} ({words}).")
     return click.option(
         setting.option,
         name,

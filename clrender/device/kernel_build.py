@@ -121,6 +121,10 @@ def kernel_build(
         defines["PATH_SPLITS"] = 1
     if chains:
         defines["SPECULAR_CHAINS"] = 1
+    if settings["spectral"][0]:
+        defines["SPECTRAL"] = 1
+    else:
+        defines.pop("DISPERSION", None)
     platform = device.info.platform.lower()
     if parts and device.is_cpu and not any(name in platform for name in _NO_PREFETCH):
         defines["PREFETCH"] = 1

@@ -15,10 +15,11 @@ from clrender.device.scene_trees import SceneTrees, masked_primitives
 from clrender.errors import MemoryRefused, RenderError
 from clrender.files.package_data import kernels_folder
 from clrender.flatten.chains import chain_table
+from clrender.flatten.spectral import spectral_arrays
 from clrender.process.memory import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from clrender.device.device import Buffer, Device
     from clrender.flatten.flat_scene import FlatScene
@@ -188,6 +189,7 @@ class SceneArrays:
         self._device = device
         self._scene = scene
         self._chains: Buffer | None = None
+        self._spectral: dict[str, Buffer] = {}
         self.rates: dict[tuple[str, bytes], float] = {}
         triangles, primitives = scene.triangle_count, scene.triangle_count + scene.analytic_count
         device.common_program(large=primitives > _MANY_PRIMITIVES)
@@ -223,7 +225,8 @@ class SceneArrays:
             "camera_knots": device.upload(scene.camera_knots),
         }
         self.buffers["chain_table"] = self.buffers["light_alias"]  # a substitute, which no kernel without chains reads
-        self._compute_rows(scene, arrays)
+        self.buffers["spectra"] = self.buffers["light_alias"]  # likewise, without wavelengths
+        self._compute_rows(scene, arrays, self.buffers)
         for buffer in arrays.values():
             device.release(buffer)
 
@@ -232,18 +235,18 @@ class SceneArrays:
         give = {name: self._device.upload if name in _AS_THEY_ARE else self._device.share for name in names}
         return {name: put(_with_first_rows(scene.arrays[name])) for name, put in give.items()}
 
-    def _compute_rows(self, scene: FlatScene, arrays: dict[str, Buffer]) -> None:
+    def _compute_rows(self, scene: FlatScene, arrays: Mapping[str, Buffer], into: Mapping[str, Buffer]) -> None:
         """Compute the rows that kernels read."""
         triangles, count = np.uint32(scene.triangle_count), scene.triangle_count + scene.analytic_count
         geometry: list[Buffer | np.generic] = [arrays[name] for name in ("vertices", "triangles", "analytic_shapes")]
         more: list[Buffer | np.generic] = [arrays[name] for name in ("primitive_shape", "shapes", "materials")]
-        rows = self.buffers["primitive_rows"]
+        rows = into["primitive_rows"]
         self._rows("primitives", count, [*geometry, *more, triangles, np.uint32(count), rows])
         if len(scene.arrays["normals"]) > 1:
             normals: list[Buffer | np.generic] = [arrays["normals"], *geometry[:2], triangles]
-            self._rows("normals", scene.triangle_count, [*normals, self.buffers["normal_rows"]])
+            self._rows("normals", scene.triangle_count, [*normals, into["normal_rows"]])
         lights = len(scene.arrays["lights"])
-        light_rows = [self.buffers["light_rows"], self.buffers["light_alias"]]
+        light_rows = [into["light_rows"], into["light_alias"]]
         self._rows("lights", lights, [arrays["lights"], *geometry, triangles, np.uint32(lights), *light_rows])
         self._device.finish()
 
@@ -290,7 +293,7 @@ class SceneArrays:
             for name in _AS_THEY_ARE:
                 if scene.arrays[name].tobytes() != self._scene.arrays[name].tobytes():
                     device.write(self.buffers[name], _with_first_rows(self._with_roots(scene, name)))
-            self._compute_rows(scene, arrays)
+            self._compute_rows(scene, arrays, self.buffers)
         finally:
             for buffer in arrays.values():
                 device.release(buffer)
@@ -298,6 +301,7 @@ class SceneArrays:
         if self._chains is not None:
             device.release(self._chains)
             self._chains = None
+        self._forget_spectral()
         self._scene = scene
         return True
 
@@ -332,6 +336,34 @@ class SceneArrays:
                 return None
             self._chains = self._device.upload(table)
         return self._chains
+
+    def spectral(self) -> dict[str, Buffer]:
+        """Arrays that kernels read in place of others if they render wavelengths, uploaded at the first call."""
+        if not self._spectral:
+            arrays = spectral_arrays(self._scene.arrays, self._scene.spectral)
+            self._spectral = {name: self._device.upload(_with_first_rows(array)) for name, array in arrays.items()}
+            if "materials" in arrays or "lights" in arrays:
+                self._compute_spectral_rows()
+        return self._spectral
+
+    def _compute_spectral_rows(self) -> None:
+        """Compute the rows of primitives and lights again, with spectra in the place of colours."""
+        names = (
+            "vertices",
+            "triangles",
+            "analytic_shapes",
+            "primitive_shape",
+            "shapes",
+            "materials",
+            "lights",
+            "normals",
+        )
+        arrays = self._given(self._scene, [name for name in names if name not in self._spectral])
+        for name in ("primitive_rows", "light_rows", "light_alias"):
+            self._spectral[name] = self._device.empty(self.buffers[name].nbytes)
+        self._compute_rows(self._scene, {**arrays, **self._spectral}, {**self.buffers, **self._spectral})
+        for buffer in arrays.values():
+            self._device.release(buffer)
 
     @property
     def node_count(self) -> int:
@@ -372,12 +404,18 @@ class SceneArrays:
         trees, self._own_trees = self._own_trees, None
         return trees
 
+    def _forget_spectral(self) -> None:
+        for buffer in self._spectral.values():
+            self._device.release(buffer)
+        self._spectral = {}
+
     def release(self) -> None:
         """Release the device memory, but for BVHs that are others'."""
         lent = () if self._own_trees else [buffer for tree in self._trees for buffer in tree.buffers]
         if self._chains is not None:
             self._device.release(self._chains)
             self._chains = None
+        self._forget_spectral()
         for buffer in dict.fromkeys(self.buffers.values()):  # unused entries are duplicates of others
             if buffer not in lent:
                 self._device.release(buffer)

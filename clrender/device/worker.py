@@ -171,6 +171,7 @@ class DeviceWorker:
             staged = launch.staged and pipeline.staged
             stand_ins = launch.stand_ins and not staged
             any_scene = (stand_ins or (launch.code == "any" and not prepare)) and not scene.features.rare
+            any_scene = any_scene and not settings["spectral"][0]
             universal = build(universal=True) if any_scene else None
             self._own = universal if universal and launch.code == "any" else build()
             self.lanes = self._own.lanes
@@ -202,6 +203,8 @@ class DeviceWorker:
             self._done_at = 0.0
             self._rays = 0
             named = {**self._arrays.buffers, "settings": self._settings_buffer}
+            if settings["spectral"][0]:
+                named |= self._arrays.spectral()
             if table is not None:
                 named["chain_table"] = table
             self.scene_arguments = [named[name] for name in scene_array_names()]

@@ -24,7 +24,7 @@ __all__ = ["Features"]
 _CALIBRATED: Final = (layout.CAMERA_BROWN_CONRADY, layout.CAMERA_KANNALA_BRANDT)
 
 
-_RARE: Final = ("motion", "deformation", "grids", "glowing_media", "curves", "hair", "measured")
+_RARE: Final = ("motion", "deformation", "grids", "glowing_media", "curves", "hair", "measured", "dispersion")
 """Features that no program for any scene has."""
 
 
@@ -76,6 +76,8 @@ class Features:
         Some shapes are curves; some material is hair.
     measured : bool
         Some material's reflectance is measured.
+    dispersion : bool
+        Some index of refraction depends on the wavelength, where wavelengths are rendered.
     plugins : tuple of (str, str)
         Names and texts of the kernel files that some materials' plugins make; see `clrender.plugins.kernel_files`.
     """
@@ -109,6 +111,7 @@ class Features:
     curves: bool = False
     hair: bool = False
     measured: bool = False
+    dispersion: bool = False
     plugins: tuple[tuple[str, str], ...] = ()
 
     @property

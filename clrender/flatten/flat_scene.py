@@ -29,6 +29,7 @@ from clrender.flatten.media import Media, Solid, scene_media, solid_of
 from clrender.flatten.microfacets import albedo_tables
 from clrender.flatten.motion import camera_knots, knot_rows
 from clrender.flatten.plugin_rows import used_plugins
+from clrender.flatten.spectral import SpectralPlace, disperses
 from clrender.flatten.surfaces import flat_surfaces
 from clrender.flatten.texture_rows import flat_textures
 from clrender.scene.description import (
@@ -107,6 +108,8 @@ class FlatScene:
         Of each row of ``lights``, its light group; empty for none.
     camera_free : float
         Up to this `clrender.flatten.touching.camera_reach` the arrays do not depend on it.
+    spectral : tuple of SpectralPlace
+        Numbers of the arrays that are spectra where wavelengths are rendered.
     """
 
     arrays: Mapping[str, NDArray[Any]]
@@ -125,6 +128,7 @@ class FlatScene:
     origin: Vector = (0.0, 0.0, 0.0)
     light_groups: tuple[str, ...] = ()
     camera_free: float = math.inf
+    spectral: tuple[SpectralPlace, ...] = ()
 
     @property
     def sha256(self) -> str:
@@ -295,6 +299,9 @@ def flatten(
     hidden = hidden or scene.has_shadow_catchers
     if hidden:
         digest.update(b"hidden environment")
+    spectral = (*materials.spectral, *media.spectral, *lights.spectral)
+    for place in spectral:
+        digest.update(f"spectrum {place.array} {place.rows} {place.column}".encode() + place.values.tobytes())
     plugins = used_plugins(scene)
     for each in plugins:
         digest.update(f"plugin {each.name} {each.sha256}".encode())
@@ -308,7 +315,9 @@ def flatten(
         analytic_count=analytic_count,
         light_count=lights.count,
         light_levels=tree.levels if tree else 0,
-        features=Features.of(arrays, camera, media, instances, hidden, plugins),
+        features=dataclasses.replace(
+            Features.of(arrays, camera, media, instances, hidden, plugins), dispersion=disperses(spectral)
+        ),
         instances=instances,
         arrays_sha256=digest.hexdigest(),
         notes=scene.notes,
@@ -323,6 +332,7 @@ def flatten(
         origin=origin,
         light_groups=lights.groups,
         camera_free=surfaces.camera_free,
+        spectral=spectral,
     )
 
 

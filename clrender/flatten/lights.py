@@ -23,12 +23,14 @@ from clrender.flatten.lamps import AT_POINT, LAMP_KINDS, POINT_KINDS, Lamp, lamp
 from clrender.flatten.light_tree import Emitters, LightTree, light_tree
 from clrender.flatten.motion import Knots, swept_boxes
 from clrender.flatten.sky import Sun, sky_picture
+from clrender.flatten.spectral import SpectralPlace
 from clrender.flatten.surface_arrays import FlatSurfaces
 from clrender.flatten.surfaces import triangle_areas
 from clrender.flatten.texture_rows import FlatTextures
 from clrender.scene.description import DirectionalLight, Scene, SunSkyLight
 from clrender.scene.motion import matrices_of
 from clrender.scene.shapes import Disk, Sphere
+from clrender.scene.spectra import SpectralColor
 from clrender.scene.values import POWER_LIMIT, Color, length
 from clrender.wording import place
 
@@ -61,6 +63,8 @@ class FlatLights:
         If it is used instead of the alias table.
     groups : tuple of str
         Light group of each row; empty for none.
+    spectral : tuple of SpectralPlace
+        Rows whose light is a spectrum.
     """
 
     rows: _Rows
@@ -68,6 +72,7 @@ class FlatLights:
     environment: int
     tree: LightTree | None
     groups: tuple[str, ...] = ()
+    spectral: tuple[SpectralPlace, ...] = ()
 
 
 def flat_environment(scene: Scene, compensated: bool = False) -> EnvironmentTable:
@@ -136,6 +141,7 @@ def flat_lights(
     ways: list[tuple[slice, Knots]] = []
     darkest: dict[int, float] = {}
     means: dict[int, NDArray[np.float64]] = {}
+    spectral: list[SpectralPlace] = []
     for index in range(len(scene.shapes)):
         emission = shape_emission(scene, index)
         if emission is None:
@@ -161,6 +167,7 @@ def flat_lights(
         groups.append(_group(scene.shapes[index], count))
         if texture is None:
             some["radiance"][:, :3] = emission.constant
+            spectral += _spectral(range(total, total + count), emission.color, emission.constant)
             powers.append(math.pi * areas * _luminance(emission.constant))
         else:
             if index not in means:
@@ -177,6 +184,7 @@ def flat_lights(
         if isinstance(light, AT_POINT):
             lamp = lamps[total] = lamp_at(light, tables)
             color, factor, kind = lamp.intensity, lamp.flux, lamp.kind
+            said = getattr(light, "intensity", None)
             if max(color) > POWER_LIMIT:
                 bright = f"makes an intensity of {max(color):g} W/sr; at most {POWER_LIMIT:g} is known"
                 raise SceneError(f"{scene.source}: lights[{index}].scale: {bright}")
@@ -184,11 +192,13 @@ def flat_lights(
             row["axis"], row["zero"], row["table"] = lamp.axis, lamp.zero, lamp.table
         elif isinstance(light, DirectionalLight):
             color, factor, kind = light.irradiance, math.pi * radius * radius, layout.LIGHT_DIRECTIONAL
+            said = light.irradiance
             size = length(light.direction)
             row["position"][0, :3] = [x / size for x in light.direction]
         else:
             color, factor = around.radiance, 4.0 * math.pi * math.pi * radius * radius * around.sampled
             kind = layout.LIGHT_ENVIRONMENT
+            said = getattr(light, "radiance", None)
         if isinstance(light, SunSkyLight) and tables.sun is not None:
             solid_angle = 2.0 * math.pi * tables.sun.spread
             rows.append(_sun_row(scene, light, tables.sun))
@@ -202,10 +212,12 @@ def flat_lights(
         row["alias_threshold"], row["place"] = 1.0, layout.NONE
         if kind == layout.LIGHT_ENVIRONMENT and around.sampled == 0.0:
             unsampled.append(row)
+            of_unsampled = said, color
             last = _group(light, 1)
             continue
         if kind == layout.LIGHT_ENVIRONMENT:
             environment = total
+        spectral += _spectral(range(total, total + 1), said, color)
         rows.append(row)
         groups.append(_group(light, 1))
         powers.append(np.array([factor * _luminance(color)]))
@@ -213,20 +225,29 @@ def flat_lights(
     if unsampled:
         environment = total
         groups.append(last)
+        spectral += _spectral(range(total, total + 1), *of_unsampled)
     lights = np.concatenate([np.zeros(0, dtype=layout.dtype("Light")), *rows, *unsampled])
     of_groups = tuple(np.concatenate([np.zeros(0, "U1"), *groups]).tolist())
     if total == 0:
-        return FlatLights(lights, 0, environment, None, of_groups)
+        return FlatLights(lights, 0, environment, None, of_groups, tuple(spectral))
     power = np.concatenate(powers)
     shares = np.ones(total) if choice == "uniform" else power
     sampled = lights[:total]
     sampled["probability"], sampled["alias_threshold"], sampled["alias"] = alias_table(shares)
     sampled["place"] = layout.NONE
     if total < 2 or choice in ("power", "uniform") or (choice == "auto" and total < _TREE_FROM):
-        return FlatLights(lights, total, environment, None, of_groups)
+        return FlatLights(lights, total, environment, None, of_groups, tuple(spectral))
     tree = light_tree(_emitters(sampled, power, radius, surfaces, lamps, ways))
     sampled["place"] = tree.place
-    return FlatLights(lights, total, environment, tree, of_groups)
+    return FlatLights(lights, total, environment, tree, of_groups, tuple(spectral))
+
+
+def _spectral(rows: range, said: object, color: Color) -> list[SpectralPlace]:
+    """Rows of lights of this colour, if a spectrum says it."""
+    if not isinstance(said, SpectralColor) or max(said) == 0.0:
+        return []
+    factor = max(color) / max(said)
+    return [SpectralPlace("lights", slice(rows.start, rows.stop), "radiance", 3, said.values * factor)]
 
 
 def _group(light: Any, count: int) -> NDArray[np.str_]:

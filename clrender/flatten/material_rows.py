@@ -16,7 +16,9 @@ from clrender.flatten.measured import MeasuredArrays, is_anisotropic, measured_c
 from clrender.flatten.media import MATCHED_IOR, Solid, solid_of
 from clrender.flatten.microfacets import fresnel, fresnel_average
 from clrender.flatten.plugin_rows import parameter_numbers, plugin_number, used_plugins
+from clrender.flatten.spectral import SpectralPlace
 from clrender.scene.materials import (
+    BASE_COLORS,
     Conductor,
     Dielectric,
     Hair,
@@ -31,6 +33,7 @@ from clrender.scene.materials import (
     Subsurface,
     passes_light,
 )
+from clrender.scene.spectra import DispersiveIndex, SpectralColor
 from clrender.scene.textures import Checker, ImageTexture, PluginTexture, Ramp
 from clrender.scene.values import Vector
 
@@ -66,6 +69,8 @@ class MaterialArrays:
         Whether any needs the albedo tables of Beckmann's distribution.
     turned_glass : bool
         Whether any needs those of anisotropic glass.
+    spectral : tuple of SpectralPlace
+        Numbers of both arrays that depend on the wavelength.
     """
 
     materials: NDArray[np.void]
@@ -73,6 +78,7 @@ class MaterialArrays:
     by_row: bool
     beckmann: bool
     turned_glass: bool
+    spectral: tuple[SpectralPlace, ...] = ()
 
 
 def has_row(material: Material) -> bool:
@@ -114,6 +120,7 @@ def flat_materials(scene: Scene, medium_of: Mapping[Solid, int], measured: Measu
     by_row = any(has_row(material) for material in scene.materials.values())
     rows = np.zeros((len(scene.materials), 32) if by_row else (1, 16), np.float32)
     numbers = {name: number for number, name in enumerate(scene.materials)}
+    spectral: list[SpectralPlace] = []
     for number, (name, material) in enumerate(scene.materials.items()):
         row = materials[number]
         row["medium"] = medium_of.get((name, None), 0)
@@ -135,10 +142,12 @@ def flat_materials(scene: Scene, medium_of: Mapping[Solid, int], measured: Measu
                 _fill_measured(scene, material, measured, rows[number])
         if has_row(material):
             row["kind"], row["row"] = layout.MATERIAL_BY_ROW, number
+        spectral += _spectral(material, number, by_row)
     for solid, number in list(numbered.items())[len(scene.materials) :]:
         row = materials[number]
         if solid[0] is not None:
             materials[number] = materials[numbers[solid[0]]]
+            spectral += _spectral(scene.materials[solid[0]], number, False)
             row["medium"] = medium_of.get(solid, 0)
         elif solid[1] is not None:
             row["kind"], row["color"], row["ior"] = layout.MATERIAL_DIELECTRIC, (1.0, 1.0, 1.0, 0.0), 1.0
@@ -147,7 +156,43 @@ def flat_materials(scene: Scene, medium_of: Mapping[Solid, int], measured: Measu
             row["kind"], row["color"], row["ior"] = layout.MATERIAL_LAMBERT, (0.0, 0.0, 0.0, _MOST_TERMINATION), 1.0
     beckmann = by_row and any(_compensates_beckmann(material) for material in scene.materials.values())
     turned_glass = any(_is_anisotropic_glass(material) for material in scene.materials.values())
-    return MaterialArrays(materials, rows.reshape(-1, 16), by_row, beckmann, turned_glass)
+    return MaterialArrays(materials, rows.reshape(-1, 16), by_row, beckmann, turned_glass, tuple(spectral))
+
+
+_SPECTRAL: Final = {
+    **dict.fromkeys(BASE_COLORS, "COLOR"),
+    "specular_color": "SPECULAR_COLOR",
+    "sheen_color": "SHEEN_COLOR",
+    "diffuse_transmission_color": "DIFFUSE_TRANSMISSION_COLOR",
+}
+"""Columns of colours that may be spectra."""
+
+
+def _spectral(material: Material, number: int, by_row: bool) -> list[SpectralPlace]:
+    """What depends on the wavelength of a material with this row of `MaterialArrays.materials`, and of its rows."""
+    columns: dict[str, tuple[int, NDArray[np.float64]]] = {}
+    for key, column in _SPECTRAL.items():
+        color = getattr(material, key, None)
+        if isinstance(color, SpectralColor):
+            columns[column] = 3, color.values
+    if isinstance(material, Conductor) and (index := material.spectral_index) is not None:
+        pairs = list(zip(index[0].tolist(), index[1].tolist(), strict=True))
+        columns |= {"ETA": (3, index[0]), "K": (3, index[1])}
+        columns["COLOR"] = 3, np.array([fresnel(1.0, n, k) for n, k in pairs])
+        columns["FRESNEL"] = 3, np.array([fresnel_average(n, k) for n, k in pairs])
+    if isinstance(material, Dielectric | Principled) and isinstance(ior := material.spectral_ior, DispersiveIndex):
+        outside = material.exterior_ior if isinstance(material, Dielectric) else 1.0
+        columns["IOR"] = 1, ior.values / outside
+    places = [
+        SpectralPlace("materials", number, {"COLOR": "color", "IOR": "ior"}[column], count, values)
+        for column, (count, values) in columns.items()
+        if column in ("COLOR", "IOR")
+    ]
+    if by_row:
+        for column, (count, values) in columns.items():
+            at = _COLUMNS[column].start
+            places.append(SpectralPlace("material_rows", 2 * number + at // 16, at % 16, count, values))
+    return places
 
 
 def _is_anisotropic_glass(material: Material) -> bool:

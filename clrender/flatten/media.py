@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.errors import SceneError
+from clrender.flatten.spectral import SpectralPlace
 from clrender.flatten.subsurface import single_scattering
 from clrender.scene.description import Scene
 from clrender.scene.materials import Dielectric, Material, Principled, Subsurface
 from clrender.scene.medium import Grids
 from clrender.scene.shapes import Shape
+from clrender.scene.spectra import DispersiveIndex
 from clrender.scene.values import Vector
 
 __all__ = ["MATCHED_IOR", "MEDIA_LIMIT", "Media", "Solid", "absorption_coefficients", "scene_media", "solid_of"]
@@ -78,6 +80,8 @@ class Media:
         Whether any medium shines.
     grids : tuple of (str, Grids)
         Grids of media, each with the name of one that has them, in the order of the heads that rows name.
+    spectral : tuple of SpectralPlace
+        Numbers of `rows` that depend on the wavelength.
     """
 
     rows: NDArray[np.float32]
@@ -89,6 +93,7 @@ class Media:
     fog: bool = False
     glows: bool = False
     grids: tuple[tuple[str, Grids], ...] = ()
+    spectral: tuple[SpectralPlace, ...] = ()
 
 
 def solid_of(shape: Shape) -> Solid:
@@ -145,7 +150,12 @@ def scene_media(scene: Scene) -> Media:
     rows = _rows(outside, numbers, len(unranked), list(grids))
     fog = max(outside.scattering) > 0.0 or max(outside.emission) > 0.0
     named = tuple((name or "", each) for each, name in grids.items())
-    return Media(rows, of_solid, frozenset(dark), scatters, straight, subsurface, fog, glows, named)
+    spectral = tuple(
+        SpectralPlace("media_rows", number, _COLUMNS["IOR"].start, 1, medium.ior.values)
+        for medium, number in numbers.items()
+        if isinstance(medium.ior, DispersiveIndex)
+    )
+    return Media(rows, of_solid, frozenset(dark), scatters, straight, subsurface, fog, glows, named, spectral)
 
 
 def _solids(scene: Scene) -> dict[Solid, Dielectric | Principled | Subsurface]:
@@ -202,10 +212,10 @@ def _medium(scene: Scene, solid: Solid, material: Dielectric | Principled | Subs
         return _below(material)
     priority = material.priority if isinstance(material, Dielectric) else None
     if solid[1] is None:
-        return _Medium(priority, material.ior, absorption_coefficients(material))
+        return _Medium(priority, material.spectral_ior, absorption_coefficients(material))
     medium = scene.media[solid[1]]
-    found = _Medium(priority, material.ior, *medium.numbers, emission=medium.emission)
-    if medium.grids is None or found == _Medium(priority, material.ior):
+    found = _Medium(priority, material.spectral_ior, *medium.numbers, emission=medium.emission)
+    if medium.grids is None or found == _Medium(priority, material.spectral_ior):
         return found
     return found._replace(grids=medium.grids, name=solid[1])
 

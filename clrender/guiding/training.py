@@ -290,6 +290,7 @@ def _training_settings(request: Request) -> tuple[npt.NDArray[np.void], int, int
     settings["replicate_spp"] = samples
     settings["filter_weight"], settings["filter_negative"] = 0.0, layout.FILTER_LINES
     settings["shadow_rays"] = settings["indirect_rays"] = 1
+    settings["spectral"] = 0  # its numbers are luminances
     settings["light_samples"] = settings["light_samples"].clip(0, 1)
     settings["bsdf_samples"] = settings["bsdf_samples"].clip(0, 1)
     return settings, width, height, samples

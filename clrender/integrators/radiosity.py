@@ -12,6 +12,7 @@ INTEGRATOR: Final = Integrator(
     Pipeline("radiosity/display.cl", "integrator_radiosity"),
     leaves_out=(CAUSTICS,),
     bias="discretised",
+    takes={"spectral": (False,)},
     materials=("lambert",),
     environment_pictures=False,
     opacity=False,

@@ -82,6 +82,8 @@ _DEPTH: Final = 64
 """Samples per pixel in a unit that goes to a cluster: a third of the bytes that units of 16 samples would take."""
 
 _Arrays = dict[str, npt.NDArray[np.float32]]
+_COLORS: Final = {"spectral": 0}
+"""Settings of layers, which show colours."""
 
 
 class JobRender:
@@ -271,7 +273,7 @@ class JobRender:
             self._launch, samples=samples * math.prod(self._settings.film_size), stand_ins=STAND_INS
         )
         make = partial(
-            self._residency.worker, flat=flat, settings=self._settings.struct(self._plan.tile), launch=launch
+            self._residency.worker, flat=flat, settings=self._settings.struct(self._plan.tile, _COLORS), launch=launch
         )
         stop, tell = self._should_stop, self._residency.tell
         return hit_counts(self._residency.devices, make, self._settings, samples, stop, tell)
@@ -639,7 +641,7 @@ class JobRender:
         make = partial(
             self._residency.worker,
             flat=flat,
-            settings=self._settings.struct(self._plan.tile),
+            settings=self._settings.struct(self._plan.tile, _COLORS),
             launch=dataclasses.replace(
                 self._launch, samples=most * math.prod(self._settings.film_size), stand_ins=STAND_INS
             ),

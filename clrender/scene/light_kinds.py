@@ -11,6 +11,7 @@ from pydantic import BeforeValidator, Field, Strict, WithJsonSchema, model_valid
 from clrender.errors import SceneError
 from clrender.exact.angles import sin_cos_degrees
 from clrender.exact.elementary import degrees_of
+from clrender.scene.spectra import LightColor
 from clrender.scene.sun_position import parsed_time, sun_position
 from clrender.scene.values import (
     NUMBER_OR_TRIPLE,
@@ -81,7 +82,7 @@ class PointLight(_Grouped):
 
     type: Literal["point"]
     position: Vector
-    intensity: Color = Field(description="radiant intensity, W/sr")
+    intensity: LightColor = Field(description="radiant intensity, W/sr")
 
 
 class SpotLight(_Grouped):
@@ -90,7 +91,7 @@ class SpotLight(_Grouped):
     type: Literal["spot"]
     position: Vector
     direction: Vector = Field(description="axis of the cone")
-    intensity: Color = Field(description="radiant intensity along the axis, W/sr")
+    intensity: LightColor = Field(description="radiant intensity along the axis, W/sr")
     cone_degrees: Annotated[Finite, Field(gt=0.0, le=360.0)] = Field(description="full opening angle of the cone")
     blend: Share = Field(
         0.15, description="fraction of the cone's solid angle over which the intensity falls off to zero"
@@ -174,7 +175,7 @@ class DirectionalLight(_Grouped):
 
     type: Literal["directional"]
     direction: Vector = Field(description="direction in which the light travels")
-    irradiance: Color = Field(description="irradiance on a perpendicular surface, W/m2")
+    irradiance: LightColor = Field(description="irradiance on a perpendicular surface, W/m2")
 
     @model_validator(mode="after")
     def _has_a_direction(self) -> DirectionalLight:
@@ -192,7 +193,7 @@ class EnvironmentLight(_Grouped):
     late_keys: ClassVar[frozenset[str]] = frozenset({"visible_to_camera", "light_group"})
 
     type: Literal["environment"]
-    radiance: Color | None = Field(None, description="constant radiance, W/(sr m2)")
+    radiance: LightColor | None = Field(None, description="constant radiance, W/(sr m2)")
     file: FileName | None = Field(
         None,
         description="environment map, instead of `radiance`: `.exr .hdr .pfm`, or a picture in sRGB, whose white is 1",

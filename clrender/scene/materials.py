@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
-from pydantic import AfterValidator, AliasChoices, BeforeValidator, Field, Strict, WithJsonSchema, model_validator
+from pydantic import (
+    AfterValidator,
+    AliasChoices,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    Strict,
+    ValidationError,
+    WithJsonSchema,
+    model_validator,
+)
 
 from clrender.meshes.data import COORDINATE_LIMIT
 from clrender.scene.frozen import FrozenDict
-from clrender.scene.metals import METALS
+from clrender.scene.metals import METALS, metal_spectra
+from clrender.scene.spectra import Dispersion, SpectralColor
 from clrender.scene.textures import (
     BumpMap,
     ColorOrTexture,
@@ -87,6 +98,9 @@ _Radius: TypeAlias = Annotated[
 ]
 _NO_INSIDE: Final = "cannot be given beside thin: such a wall has no inside; leave it out"
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     _Metal: TypeAlias = str
 else:
     _Metal = Literal[tuple(METALS)]
@@ -173,14 +187,43 @@ class _Microfacets(Part):
     )
 
 
+def _with_index(given: Any) -> Any:
+    """The keys of a material with its `ior`, where its `dispersion` says that."""
+    said = given.get("dispersion") if isinstance(given, Mapping) else None
+    if not said or "ior" in given or (isinstance(said, Mapping) and list(said) == ["abbe"]):
+        return given
+    try:
+        dispersion = Dispersion.model_validate(said)
+    except ValidationError:
+        return {**given, "ior": 1.5}  # the key itself is refused in its place
+    return given if dispersion.abbe is not None else {**given, "ior": float(dispersion.indices(1.0))}
+
+
+def _ior_by_dispersion(schema: dict[str, Any]) -> None:
+    """Say in a JSON Schema that ``ior`` is needed only where no dispersion says it."""
+    schema["required"] = [key for key in schema["required"] if key != "ior"]
+
+
+def _check_dispersion(ior: float, dispersion: Dispersion | None) -> None:
+    if dispersion is None or dispersion.abbe is not None:
+        return
+    said = float(dispersion.indices(1.0))
+    if abs(ior - said) > 1e-9:
+        raise fault("material", f"is {ior:g}, but its dispersion says {said:.6g}; leave it out", "ior")
+
+
 class Dielectric(_Bumpy, _Microfacets):
     """Smooth or rough interface between transparent media: `ior` behind the front side, `exterior_ior` in front of it.
 
     With a `priority`, it is instead the medium inside closed shapes: where they overlap, the highest priority applies.
     """
 
+    late_keys: ClassVar[frozenset[str]] = frozenset({"dispersion"})
+    model_config = ConfigDict(json_schema_extra=_ior_by_dispersion)
+
     type: Literal["dielectric"]
-    ior: Index
+    ior: Index = Field(description="index of refraction; with a `dispersion` that says it, not needed")
+    dispersion: Dispersion | None = Field(None, description="index of refraction by wavelength (`spectral`)")
     exterior_ior: Index = 1.0
     roughness: ShareOrTexture = Field(0.0, description="microfacet alpha is its square; 0: smooth")
     thin: Flag = Field(False, description="thin wall: both interfaces at zero thickness, without refraction")
@@ -190,6 +233,16 @@ class Dielectric(_Bumpy, _Microfacets):
     attenuation_color: _AttenuationColor = None
     attenuation_distance: _AttenuationDistance = None
 
+    @model_validator(mode="before")
+    @classmethod
+    def _has_an_index(cls, given: Any) -> Any:
+        return _with_index(given)
+
+    @property
+    def spectral_ior(self) -> float:
+        """`ior`, with its values by wavelength if there is a dispersion."""
+        return self.ior if self.dispersion is None else self.dispersion.indices(self.ior)
+
     @model_validator(mode="after")
     def _is_a_medium(self) -> Dielectric:
         if self.thin and self.priority is not None:
@@ -198,6 +251,7 @@ class Dielectric(_Bumpy, _Microfacets):
             sentence = "cannot be given beside priority: the volume that is outside has its own index; leave it out"
             raise fault("material", sentence, "exterior_ior")
         _check_attenuation(self)
+        _check_dispersion(self.ior, self.dispersion)
         return self
 
     @property
@@ -254,12 +308,20 @@ class Conductor(_Opaque, _Microfacets):
             return METALS[self.metal]
         return (self.eta, self.k) if self.eta is not None and self.k is not None else None
 
+    @property
+    def spectral_index(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """The same at the lines of tables of spectra, if that is known, each (95,) float64."""
+        if self.metal is not None:
+            return metal_spectra(self.metal)
+        eta, k = self.eta, self.k
+        return (eta.values, k.values) if isinstance(eta, SpectralColor) and isinstance(k, SpectralColor) else None
+
 
 class Principled(_Opaque):
     """Metal, plastic, glass, cloth and blends of them: the metallic-roughness model of glTF 2.0 with its extensions."""
 
     late_keys: ClassVar[frozenset[str]] = frozenset(
-        {"diffuse_transmission", "diffuse_transmission_color", "microfacets"}
+        {"diffuse_transmission", "diffuse_transmission_color", "microfacets", "dispersion"}
     )
 
     type: Literal["principled"]
@@ -270,6 +332,7 @@ class Principled(_Opaque):
         "ggx", description="distribution of the microfacet normals; `beckmann`: without transmission, coat and sheen"
     )
     ior: Annotated[Index, Field(ge=1.0)] = 1.5
+    dispersion: Dispersion | None = Field(None, description="index of refraction by wavelength (`spectral`)")
     specular: ShareOrTexture = Field(1.0, description="strength of the dielectric reflection")
     specular_color: ReflectanceOrTexture = Field(
         (1.0, 1.0, 1.0), description="colour of the dielectric reflection at normal incidence"
@@ -298,9 +361,20 @@ class Principled(_Opaque):
     )
     emission_strength: Power = 1.0
 
+    @model_validator(mode="before")
+    @classmethod
+    def _has_an_index(cls, given: Any) -> Any:
+        return _with_index(given)
+
+    @property
+    def spectral_ior(self) -> float:
+        """`ior`, with its values by wavelength if there is a dispersion."""
+        return self.ior if self.dispersion is None else self.dispersion.indices(self.ior)
+
     @model_validator(mode="after")
     def _absorbs_inside(self) -> Principled:
         _check_attenuation(self)
+        _check_dispersion(self.ior, self.dispersion)
         if self.attenuation_color is not None and self.transmission == 0.0:
             sentence = "does nothing without transmission; give it some, or leave both out"
             raise fault("material", sentence, "attenuation_color")

@@ -5,7 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, TypeAlias
 
-__all__ = ["METALS"]
+import numpy as np
+from numpy.typing import NDArray
+
+from clrender.exact.matrices import interpolated
+from clrender.spectra.colors import table_wavelengths
+
+__all__ = ["METALS", "metal_spectra"]
 
 _Triple: TypeAlias = tuple[float, float, float]
 
@@ -32,3 +38,15 @@ Ag, Au, Cu: Johnson and Christy, Phys. Rev. B 6 (1972). Co, Cr, Fe, Mn, Ni, Pd, 
 Al: Rakić, Applied Optics 34 (1995). Hg, liquid: Inagaki, Arakawa and Williams, Phys. Rev. B 23 (1981). Pt, W: Rakić et
 al., Applied Optics 37 (1998).
 """
+
+_WAVELENGTHS: Final = (451.0, 549.0, 617.0)
+
+
+def metal_spectra(name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Real and imaginary part of a metal's index at the lines of tables of spectra, (95,) float64 each.
+
+    Linear between the wavelengths of `METALS`, and constant beyond.
+    """
+    at = table_wavelengths()
+    n, k = (interpolated(at, _WAVELENGTHS, part[::-1]) for part in METALS[name])
+    return n, k

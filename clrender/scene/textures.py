@@ -8,6 +8,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias, get_args
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, StringConstraints, Tag, WithJsonSchema
 
 from clrender.scene.frozen import FrozenDict
+from clrender.scene.spectra import light_branch, reflectance_branch, spectrum_form
 from clrender.scene.values import Color, Finite, Name, Part, Power, Reflectance, Share, fault
 
 __all__ = [
@@ -154,6 +155,8 @@ def _form(value: Any) -> str:
     """Tag of the union member below that a value is meant for; `validation_errors` knows these tags."""
     if isinstance(value, Part):
         return next((f"<{name}>" for name, table in _FORMS.items() if isinstance(value, table)), "<constant>")
+    if spectrum_form(value):
+        return "<spectrum>"
     if isinstance(value, Mapping):
         return next((f"<{name}>" for name in ("checker", "ramp", "plugin") if name in value), "<texture>")
     return "<constant>"
@@ -176,10 +179,10 @@ _Texture: TypeAlias = (
 )
 _Made: TypeAlias = Annotated[PluginTexture, Tag("<plugin>")]
 ReflectanceOrTexture: TypeAlias = Annotated[
-    Annotated[Reflectance, Tag("<constant>")] | _Texture | _Made, Discriminator(_form)
+    Annotated[Reflectance, Tag("<constant>")] | reflectance_branch | _Texture | _Made, Discriminator(_form)
 ]
 ColorOrTexture: TypeAlias = Annotated[
-    Annotated[Color, Tag("<constant>")] | _Texture, Discriminator(_form), BeforeValidator(_picture)
+    Annotated[Color, Tag("<constant>")] | light_branch | _Texture, Discriminator(_form), BeforeValidator(_picture)
 ]
 ShareOrTexture: TypeAlias = Annotated[Annotated[Share, Tag("<constant>")] | _Texture | _Made, Discriminator(_form)]
 PictureShare: TypeAlias = Annotated[

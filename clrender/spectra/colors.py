@@ -20,10 +20,13 @@ __all__ = [
     "Color",
     "blackbody_color",
     "blackbody_xyz",
+    "daylight",
     "light_color",
     "luminance",
+    "observer",
     "reflectance_color",
     "reflectance_weights",
+    "table_wavelengths",
     "value_at",
 ]
 
@@ -48,6 +51,21 @@ def _table() -> tuple[_Floats, _Floats, _Floats]:
     text = resources.files(__package__).joinpath("cie_1931.txt").read_text(encoding="ascii")
     rows = np.array([line.split() for line in text.splitlines() if not line.startswith("#")], np.float64)
     return rows[:, 0], rows[:, 1:4], rows[:, 4]
+
+
+def table_wavelengths() -> _Floats:
+    """Wavelengths of the table of colour matching functions, 360 to 830 nm in steps of 5, (95,) float64."""
+    return _table()[0]
+
+
+def observer() -> _Floats:
+    """Colour matching functions of the CIE 1931 standard observer at these wavelengths, (95, 3) float64."""
+    return _table()[1]
+
+
+def daylight() -> _Floats:
+    """Relative radiance of the illuminant D65 at these wavelengths, (95,) float64."""
+    return _table()[2]
 
 
 def luminance(color: Color) -> float:

@@ -188,7 +188,7 @@ static uint light_path_splat(const Scene* scene, const LightPath* p, const Light
     EACH_PACKET(k) shadow_start(scene, &shadows, k, &shadow, k == 0 ? asked : mask_none());
     shadow_finish(scene, &shadows);
     const vmask arrives = asked & shadow_arrives(&shadows, 0, &left);
-    if (lane_any(arrives)) splat_add(splats, place.slot, left, arrives);
+    if (lane_any(arrives)) splat_add(splats, place.slot, color_of_film(scene, left), arrives);
     return lane_count(asked);
 }
 

@@ -2,6 +2,7 @@
 #undef TERMINATOR_OFFSET         // it moves light from a surface and not to it: a path would depend on the way it is made
 #define PASSAGE_TO_CAMERA        // where the only shadow rays of this program go
 #define PATH_BIDIRECTIONAL
+#define SHARED_TIME              // with the paths from the camera
 #include "bidirectional/light_path.h"
 
 // As many as keep the lanes full. With one lane there is nothing to fill, and a driver that lets work-items run side by side may allow a
@@ -18,5 +19,6 @@ __kernel GROUPED void light_paths(SCENE_PARAMETERS uint pass, uint first, uint l
     splats.first_slot = first_slot;
     splats.slot_count = slot_count;
     const uint begin = first + (uint)get_global_id(0) * LIGHT_PATHS_PER_ITEM, end = min(last, begin + LIGHT_PATHS_PER_ITEM);
+    scene_at_pass(&scene, pass);
     ray_counts[get_global_id(0)] = begin < end ? light_paths_trace(&scene, &splats, pass, begin, end, vertices, counts, most) : 0u;
 }

@@ -29,7 +29,7 @@ static vfloat vertex_reach(const Scene* scene, const Interior* in, const Surface
     const vmask medium = bsdf_in_medium(b);
     if (!lane_any(medium)) return cosine;
     vfloat row[16];
-    lane_rows(scene->media_rows, medium ? interior_top(in) : splat_uint(0u), row);
+    interior_row(scene, medium ? interior_top(in) : splat_uint(0u), row);
     const vec3 extinction = vec3_row(row, MEDIUM_ROW_EXTINCTION);
     const vfloat reach = (extinction.x + extinction.y + extinction.z) * (1.0f / 3.0f);
     return medium ? reach * medium_density(scene, row, s->point, medium) : cosine;

@@ -19,6 +19,7 @@ typedef struct {
 #define SET_PIXEL 0u                       // of the start at the camera: place in the pixel
 #define SET_LENS 1u                        // place on the lens
 #define SET_TIME 2u                        // while the shutter is open
+#define SET_WAVELENGTH 3u                  // wavelengths of the path
 #define SET_LIGHT 0u                       // of a vertex, and of the start at a light: which light, and where on it
 #define SET_LIGHT_DIGITS 1u                // more digits for the choice of the light
 #define SET_BSDF 2u                        // direction

@@ -11,6 +11,7 @@
 #include "geometry/traverse.h"
 #include "plugin/given.h"
 #include "scene.h"
+#include "spectral/color.h"
 #ifdef TEXTURES
 #include "texture/mapping.h"
 #endif
@@ -28,6 +29,9 @@ typedef struct {
     vec3 color;
     vfloat termination, ior;
     vuint kind;          // MATERIAL_*
+#ifdef DISPERSION
+    vmask disperses;     // its index depends on the wavelength
+#endif
 #ifdef TEXTURES
     Attributes attributes;
 #endif
@@ -175,7 +179,12 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
     lane_rows(scene->primitive_rows, placed.row, row);
     s.color = vec3_row(row, PRIMITIVE_ROW_COLOR);
     s.termination = row[PRIMITIVE_ROW_TERMINATION];
+#ifdef DISPERSION
+    s.disperses = mask_none();
+    s.ior = color_index(scene, row[PRIMITIVE_ROW_IOR], &s.disperses);
+#else
     s.ior = row[PRIMITIVE_ROW_IOR];
+#endif
     s.light = vfloat_bits(row[PRIMITIVE_ROW_LIGHT]);
     const vuint kind_and_flags = vfloat_bits(row[PRIMITIVE_ROW_KIND]);
     s.kind = kind_and_flags & ((1u << ROW_FLAGS) - 1u);

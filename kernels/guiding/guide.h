@@ -21,7 +21,11 @@
 #define GUIDE_SURVIVAL_SCALE 2.0f
 #define GUIDE_MOST_WEIGHT 4.0f
 
+#ifdef SPECTRAL
+static vfloat guide_luminance(vec3 at_wavelengths) { return (at_wavelengths.x + at_wavelengths.y + at_wavelengths.z) * (1.0f / 3.0f); }
+#else
 static vfloat guide_luminance(vec3 color) { return fma(color.x, splat(0.2126f), fma(color.y, splat(0.7152f), color.z * 0.0722f)); }
+#endif
 
 // The paths whose weight guiding has let grow so much that it may not grow any more: directions of the BSDF and paths that are not ended keep it.
 static vmask guide_is_heavy(const Path* path) { return largest(path->throughput) * path->index_squared > GUIDE_MOST_WEIGHT; }

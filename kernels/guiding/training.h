@@ -60,7 +60,11 @@ static float training_luminance(__global const uint* row, uint column, float x, 
     const float r = training_ratio(x - as_float(row[column]), as_float(row[RECORD_ROW_THROUGHPUT]));
     const float g = training_ratio(y - as_float(row[column + 1]), as_float(row[RECORD_ROW_THROUGHPUT + 1]));
     const float b = training_ratio(z - as_float(row[column + 2]), as_float(row[RECORD_ROW_THROUGHPUT + 2]));
+#ifdef SPECTRAL
+    return fmax((r + g + b) * (1.0f / 3.0f), 0.0f);
+#else
     return fmax(fma(r, 0.2126f, fma(g, 0.7152f, b * 0.0722f)), 0.0f);
+#endif
 }
 
 // sums: [cell][TRAINING_SUMS][2], the low word first; counts: of records, of each place in the nodes. `scale`: the inverse of the image's mean.

@@ -85,8 +85,9 @@ static Join bdpt_join(const Scene* scene, const LightVertices* light, const Path
 }
 
 // For all packets: joins on their way.
-static void bdpt_sample_joins(const Scene* scene, const LightVertices* light, Path* path, const Vertex* vertex, Direct* joined, PoolStats* stats) {
+static void bdpt_sample_joins(const Scene* scenes, const LightVertices* light, Path* path, const Vertex* vertex, Direct* joined, PoolStats* stats) {
     EACH_PACKET(k) {
+        const Scene* scene = scene_of(scenes, k);
         joined->arriving[k] = vec3_all(0.0f);
         joined->shadow[k] = shadow_none();
         vmask asked = vertex[k].samples_lights & vertex[k].traced;
@@ -109,8 +110,8 @@ static void bdpt_add_joins(const Scene* scene, Path* path, Direct* joined) {
 }
 
 static void bdpt_trace(const Scene* given, const LightVertices* light, Pool* pool, PoolStats* stats) {
-    Scene here = *given;
-    const Scene* scene = &here;
+    Scene scene[SCENES];
+    scenes_of(given, scene);
     CameraRays waiting = camera_rays_none();
     Path path[PACKETS];
     FreePath free[PACKETS];
@@ -120,31 +121,32 @@ static void bdpt_trace(const Scene* given, const LightVertices* light, Pool* poo
     EACH_PACKET(k) path[k] = path_none();
 
     while (path_next_of_all(scene, pool, &waiting, path)) {
-        scene_settings_again(&here, path[0].depth);
+        scene_settings_again(scene, path[0].depth);
 
         // Find where each ray meets the scene; paths that met the same kind of material go on side by side
+        EACH_SCENE(k) path_look(&scene[k], pool, &path[k]);
         path_find(scene, path, free, hit);
-        EACH_PACKET(k) path_travel(scene, &path[k], &free[k], &hit[k]);
-        path_regroup(scene, path, hit);
+        EACH_PACKET(k) path_travel(scene_of(scene, k), &path[k], &free[k], &hit[k]);
+        if (path_regroup(scene, path, hit)) EACH_SCENE(k) path_look(&scene[k], pool, &path[k]);
 
         // Add the light that the surface there sends out by itself, or the environment where there is none
         EACH_PACKET(k) {
-            path_vertex(scene, &path[k], hit[k], stats, &vertex[k]);
-            path_add_emission(scene, &path[k], &vertex[k]);
-            path_add_sun(scene, &path[k], &vertex[k]);
-            path_arrive(scene, &path[k], &vertex[k], hit[k]);
+            path_vertex(scene_of(scene, k), &path[k], hit[k], stats, &vertex[k]);
+            path_add_emission(scene_of(scene, k), &path[k], &vertex[k]);
+            path_add_sun(scene_of(scene, k), &path[k], &vertex[k]);
+            path_arrive(scene_of(scene, k), &path[k], &vertex[k], hit[k]);
         }
 
         // Sample light that reaches the surface straight from the lights, and by way of light paths; and where other light comes from, and go on there
         path_sample_direct(scene, path, vertex, &direct, stats);
         bdpt_sample_joins(scene, light, path, vertex, &joined, stats);
-        EACH_PACKET(k) chains_add(scene, &path[k], &vertex[k], stats);
-        EACH_PACKET(k) path_scatter(scene, &path[k], &vertex[k], hit[k]);
+        EACH_PACKET(k) chains_add(scene_of(scene, k), &path[k], &vertex[k], stats);
+        EACH_PACKET(k) path_scatter(scene_of(scene, k), &path[k], &vertex[k], hit[k]);
 
         // Add the light that nothing hides; deliver what paths that ended have found
         path_add_direct(scene, path, &direct);
         bdpt_add_joins(scene, path, &joined);
-        EACH_PACKET(k) path_deliver(pool, &path[k]);
+        EACH_PACKET(k) path_deliver(scene_of(scene, k), pool, &path[k]);
     }
 }
 

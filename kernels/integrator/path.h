@@ -46,6 +46,7 @@
 #include "material/interior.h"
 #include "medium/homogeneous.h"
 #include "medium/walk.h"
+#include "spectral/color.h"
 #include "specular/chains.h"
 
 // Where the events of paths are recorded, to train the guiding field.
@@ -58,6 +59,20 @@
 // The paths whose ray has not been where it goes.
 static vmask path_traces(const Path* path) { return path->alive & !split_back(&path->split); }
 
+#if defined(SPECTRAL) && defined(DISPERSION) && !defined(WAVELENGTHS_EQUAL)
+// Where glass sends each wavelength another way a path goes on for the first alone, which stands for all three from there on.
+static void path_disperse(Path* path, vmask where) {
+    const vmask parts = where & ((path->sample.number & POOL_ALONE) == 0u);
+    const vec3 first = vec3_of(path->throughput.x * 3.0f, splat(0.0f), splat(0.0f));
+    path->throughput = choose(parts, first, path->throughput);
+    path->sample.number = parts ? path->sample.number | POOL_ALONE : path->sample.number;
+    if (lane_any(parts)) path_put_down(path);
+}
+#define PATH_DISPERSE(path, where) path_disperse(path, where)
+#else
+#define PATH_DISPERSE(path, where)
+#endif
+
 // The surface that each ray met, or the point of a medium where it scatters.
 static void path_vertex(const Scene* scene, Path* path, Hit hit, PoolStats* stats, Vertex* v) {
     const vmask arrived = path->alive & (hit.primitive != NONE), on_surface = arrived & !medium_scatters(hit);
@@ -69,6 +84,7 @@ static void path_vertex(const Scene* scene, Path* path, Hit hit, PoolStats* stat
     bsdf_at(scene, &v->surface, path->ray.direction, &v->bsdf);
     v->traced = path_traces(path);
     v->found = arrived & v->traced;
+    PATH_DISPERSE(path, on_surface & v->bsdf.disperses & !interior_straight(&v->crossing));
     const vmask straight = interior_straight(&v->crossing);
     v->scatters = arrived & ((path->depth < scene->settings->max_depth) | straight);
     v->dark = walk_in_the_dark(scene, &path->interior, &v->crossing, &v->bsdf);
@@ -95,7 +111,7 @@ static void path_free(const Scene* scene, Path* path, FreePath* free) {
 // crashes over an index into what is none.
 static void path_find(const Scene* scene, Path* path, FreePath* free, Hit* hit) {
     Search ahead;
-    EACH_PACKET(k) path_free(scene, &path[k], &free[k]);
+    EACH_PACKET(k) path_free(scene_of(scene, k), &path[k], &free[k]);
     EACH_PACKET(k) {
         const vmask camera = path[k].depth == 0u;
         find_start(scene, &ahead, k, &path[k].ray, path[k].sample.sampler, path[k].depth, camera, path_traces(&path[k]));
@@ -210,12 +226,12 @@ static void path_sample_light(const Scene* scene, Path* path, const Vertex* vert
         const Surface* surface = &vertex[k].surface;
         direct->arriving[k] = vec3_all(0.0f);
         if (lane_any(asked[k])) {
-            const LightSample light = light_sample_chosen(scene, surface->point, surface->primitive, &choice[k], surface_time(surface));
+            const LightSample light = light_sample_chosen(scene_of(scene, k), surface->point, surface->primitive, &choice[k], surface_time(surface));
             INVARIANT(&path[k], INVARIANT_LIGHT_SAMPLE, light_sample_violates(&light, asked[k]));
             const Interior in = path_towards(&path[k], &vertex[k], &light);
             direct->shadow[k] = shadow_ray(surface, &light, &in);
             path_put_shadow(&path[k], &direct->shadow[k]);
-            direct->arriving[k] = choose(asked[k], path_direct(scene, &path[k], &vertex[k], &light, &in), vec3_all(0.0f));
+            direct->arriving[k] = choose(asked[k], path_direct(scene_of(scene, k), &path[k], &vertex[k], &light, &in), vec3_all(0.0f));
         }
         asked[k] = path_asks(direct, k);
         stats->shadow_rays += lane_count(asked[k]);
@@ -226,7 +242,7 @@ static void path_sample_light(const Scene* scene, Path* path, const Vertex* vert
 // Trace the shadow rays to the lights, and add what arrives.
 static void path_add_light(const Scene* scene, Path* path, Direct* direct) {
     Shadows shadows;
-    EACH_PACKET(k) shadow_start(scene, &shadows, k, &direct->shadow[k], path_asks(direct, k));
+    EACH_PACKET(k) shadow_start(scene_of(scene, k), &shadows, k, &direct->shadow[k], path_asks(direct, k));
     shadow_finish(scene, &shadows);
     EACH_PACKET(k) {
         const vmask asked = path_asks(direct, k), arrives = asked & shadow_arrives(&shadows, k, &direct->arriving[k]);
@@ -330,15 +346,21 @@ static void path_scatter(const Scene* scene, Path* path, Vertex* vertex, Hit hit
     INVARIANT(path, INVARIANT_RAY, ray_violates(&path->ray, path->alive & !path->ended));
 }
 
+// Read the scene at the wavelengths of the path's sample.
+static void path_look(Scene* scene, const Pool* pool, const Path* path) {
+    const Sampler first = split_first_sampler(&path->split, path->sample.sampler);
+    scene_at_wavelengths(scene, first, pool->first_sample + pool_number_of(&path->sample));
+}
+
 // Deliver the samples of paths that ended; their lanes are free for others.
-static void path_deliver(const Pool* pool, Path* path) {
+static void path_deliver(const Scene* scene, const Pool* pool, Path* path) {
     const vmask done = split_resume(&path->split, &path->ray, &path->interior, &path->depth, path->ended);
     INVARIANT(path, INVARIANT_PATH, path_violates(path, path->alive));
 #ifdef INVARIANTS
     path->radiance = choose(done & path->broken, vec3_of(INVARIANT_NAN, INVARIANT_NAN, INVARIANT_NAN), path->radiance);
     path->broken = path->broken & !done;
 #endif
-    if (lane_any(done)) pool_deliver(pool, &path->sample, path->radiance, done);
+    if (lane_any(done)) pool_deliver(pool, &path->sample, color_of_film(scene, path->radiance), done);
     path->alive = path->alive & !done;
 }
 
@@ -350,8 +372,8 @@ static int path_next_of_all(const Scene* scene, Pool* pool, CameraRays* waiting,
 }
 
 static void path_trace(const Scene* given, Pool* pool, PoolStats* stats PATH_RECORDS) {
-    Scene here = *given;
-    const Scene* scene = &here;
+    Scene scene[SCENES];
+    scenes_of(given, scene);
     CameraRays waiting = camera_rays_none();
     Path path[PACKETS];
     FreePath free[PACKETS];
@@ -361,18 +383,19 @@ static void path_trace(const Scene* given, Pool* pool, PoolStats* stats PATH_REC
     EACH_PACKET(k) path[k] = path_none();
 
     while (path_next_of_all(scene, pool, &waiting, path)) {
-        scene_settings_again(&here, path[0].depth);
+        scene_settings_again(scene, path[0].depth);
 
         // Find where each ray meets the scene; paths that met the same kind of material go on side by side
+        EACH_SCENE(k) path_look(&scene[k], pool, &path[k]);
         path_find(scene, path, free, hit);
-        EACH_PACKET(k) path_travel(scene, &path[k], &free[k], &hit[k]);
-        path_regroup(scene, path, hit);
+        EACH_PACKET(k) path_travel(scene_of(scene, k), &path[k], &free[k], &hit[k]);
+        if (path_regroup(scene, path, hit)) EACH_SCENE(k) path_look(&scene[k], pool, &path[k]);
 
         // Add the light that the surface there sends out by itself, or the environment where there is none
         EACH_PACKET(k) {
-            path_vertex(scene, &path[k], hit[k], stats, &vertex[k]);
-            path_add_emission(scene, &path[k], &vertex[k]);
-            path_add_sun(scene, &path[k], &vertex[k]);
+            path_vertex(scene_of(scene, k), &path[k], hit[k], stats, &vertex[k]);
+            path_add_emission(scene_of(scene, k), &path[k], &vertex[k]);
+            path_add_sun(scene_of(scene, k), &path[k], &vertex[k]);
         }
 
 #ifdef PATH_RECORDED
@@ -380,15 +403,15 @@ static void path_trace(const Scene* given, Pool* pool, PoolStats* stats PATH_REC
 #endif
         // Sample light that reaches the surface straight from the lights, and where other light comes from, and go on there
         path_sample_direct(scene, path, vertex, &direct, stats);
-        EACH_PACKET(k) chains_add(scene, &path[k], &vertex[k], stats);
-        EACH_PACKET(k) path_scatter(scene, &path[k], &vertex[k], hit[k]);
+        EACH_PACKET(k) chains_add(scene_of(scene, k), &path[k], &vertex[k], stats);
+        EACH_PACKET(k) path_scatter(scene_of(scene, k), &path[k], &vertex[k], hit[k]);
 
         // Add the light of lights that nothing hides; deliver what paths that ended have found
         path_add_direct(scene, path, &direct);
 #ifdef PATH_RECORDED
         EACH_PACKET(k) training_record(scene, pool, &path[k], &vertex[k], records);
 #endif
-        EACH_PACKET(k) path_deliver(pool, &path[k]);
+        EACH_PACKET(k) path_deliver(scene_of(scene, k), pool, &path[k]);
     }
 }
 

@@ -160,7 +160,7 @@ static vec3 photon_in_medium(const Scene* scene, const PhotonMap* m, const Verte
     }
     // Deposits are of what is scattered
     vfloat row[16];
-    lane_rows(scene->media_rows, where ? interior_top(&path->interior) : splat_uint(0u), row);
+    interior_row(scene, where ? interior_top(&path->interior) : splat_uint(0u), row);
     const vec3 scattering = vec3_row(row, MEDIUM_ROW_SCATTERING);
     return vec3_of(sum.x * inverse_or_one(scattering.x), sum.y * inverse_or_one(scattering.y), sum.z * inverse_or_one(scattering.z));
 }
@@ -221,7 +221,9 @@ static vec3 photon_irradiance(const Scene* scene, const PhotonMap* m, const Surf
     return sum;
 }
 
-static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, PoolStats* stats) {
+static void photon_look(const Scene* given, const PhotonMap* map, Pool* pool, PoolStats* stats) {
+    Scene scene[SCENES];
+    scenes_of(given, scene);
     CameraRays waiting = camera_rays_none();
     Path path[PACKETS] = {path_none()};
     FreePath free[PACKETS];
@@ -231,6 +233,7 @@ static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, Po
 
     while (path_next(scene, pool, &waiting, path)) {
         // Find the nearest surface, and add the light the ray ran into
+        EACH_SCENE(k) path_look(&scene[k], pool, path);
         path_find(scene, path, free, hit);
         path_travel(scene, path, free, hit);
         path_vertex(scene, path, hit[0], stats, &vertex[0]);
@@ -256,7 +259,7 @@ static void photon_look(const Scene* scene, const PhotonMap* map, Pool* pool, Po
 
         // Go on, but not from where photons were gathered
         path_scatter(scene, path, vertex, hit[0]);
-        path_deliver(pool, path);
+        path_deliver(scene, pool, path);
     }
 }
 

@@ -68,17 +68,19 @@ static void regroup_read(const float* first, const float* second, vuint from, Pa
     REGROUP_MEMBERS(READ_FLOAT, READ_UINT, READ_MASKS)
 }
 
-static void path_regroup(const Scene* scene, Path* path, Hit* hit) {
+// Returns whether any path moved.
+static int path_regroup(const Scene* scene, Path* path, Hit* hit) {
     vuint from[PACKETS];
     float first[PACKETS * LANES * 16], second[PACKETS * LANES * 16];
-    if (!regroup_order(scene, path, hit, from)) return;
+    if (!regroup_order(scene, path, hit, from)) return 0;
     EACH_PACKET(k) regroup_write(&path[k], &hit[k], first + k * LANES * 16, second + k * LANES * 16);
     EACH_PACKET(k) regroup_read(first, second, from[k], &path[k], &hit[k]);
+    return 1;
 }
 
 #else
 
-static void path_regroup(const Scene* scene, Path* path, Hit* hit) {}
+static int path_regroup(const Scene* scene, Path* path, Hit* hit) { return 0; }
 
 #endif
 

@@ -27,5 +27,8 @@ __kernel GROUPED void reuse_gather(REUSE_PARAMETERS) {
     SCENE_COLLECT(scene);
     const Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count);
     if (pool.base >= slot_count) return;
-    for (uint number = 0; number < sample_count; ++number) reuse_gather_sample(&scene, &pool, records, number);
+    for (uint number = 0; number < sample_count; ++number) {
+        scene_at_pass(&scene, first_sample + number);
+        reuse_gather_sample(&scene, &pool, records, number);
+    }
 }

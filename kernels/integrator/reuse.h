@@ -128,10 +128,11 @@ static void reuse_words(const Reuse* r, vec3 reflects, vec3 light, vfloat words[
 }
 
 // Write the records of paths that ended, and their own radiance to the film.
-static void reuse_deliver(const Pool* pool, __global float* records, const PoolSample* sample, const Reuse* r, vec3 radiance, vmask done) {
+static void reuse_deliver(const Scene* scene, const Pool* pool, __global float* records, const Path* path, const Reuse* r, vmask done) {
+    const PoolSample* sample = &path->sample;
     vfloat words[RECORD_WORDS];
     // Whatever light the anchor gets, from whichever pixel, counts as this sample does; what the sample finds for others has no weight
-    reuse_words(r, pool_weighted(pool, sample, r->reflects), radiance, words);
+    reuse_words(r, pool_weighted(pool, sample, r->reflects), path->radiance, words);
     int is_done[LANES];
     uint slot[LANES], number[LANES];
     float word[LANES];
@@ -143,7 +144,7 @@ static void reuse_deliver(const Pool* pool, __global float* records, const PoolS
         for (int lane = 0; lane < LANES; ++lane)
             if (is_done[lane]) records[((size_t)number[lane] * pool->slot_count + slot[lane]) * RECORD_WORDS + k] = word[lane];
     }
-    pool_deliver(pool, sample, choose(r->shared, r->own, radiance), done);
+    pool_deliver(pool, sample, color_of_film(scene, choose(r->shared, r->own, path->radiance)), done);
 }
 
 // What reuse_weigh found out about the records of its lanes.
@@ -168,7 +169,9 @@ static void reuse_store(__global float* records, vuint record, vmask shared, vec
 }
 
 // As path_trace; every pixel has one ray from its first matt surface, which is what it shares.
-static void reuse_trace(const Scene* scene, Pool* pool, __global float* records, PoolStats* stats) {
+static void reuse_trace(const Scene* given, Pool* pool, __global float* records, PoolStats* stats) {
+    Scene scene[SCENES];
+    scenes_of(given, scene);
     CameraRays waiting = camera_rays_none();
     Path path[PACKETS] = {path_none()};
     FreePath free[PACKETS];
@@ -184,6 +187,7 @@ static void reuse_trace(const Scene* scene, Pool* pool, __global float* records,
         reuse.shared = reuse.shared & goes;
 
         // Find the nearest surface along each ray, and add the light the ray ran into
+        EACH_SCENE(k) path_look(&scene[k], pool, path);
         path_find(scene, path, free, hit);
         path_vertex(scene, path, hit[0], stats, &vertex[0]);
         path_add_emission(scene, path, vertex);
@@ -202,7 +206,7 @@ static void reuse_trace(const Scene* scene, Pool* pool, __global float* records,
         path_scatter(scene, path, vertex, hit[0]);
         path_add_direct(scene, path, &direct);
 
-        if (lane_any(path->ended)) reuse_deliver(pool, records, &path->sample, &reuse, path->radiance, path->ended);
+        if (lane_any(path->ended)) reuse_deliver(scene, pool, records, path, &reuse, path->ended);
         path->alive = path->alive & !path->ended;
     }
 }
@@ -336,7 +340,7 @@ static void reuse_gather_sample(const Scene* scene, const Pool* pool, __global c
         const vfloat term = link.cosine * link.facing * INV_PI;
         radiance = choose(sees, along(radiance, vec3_row(target, TARGET_ROW_LIGHT), term), radiance);
     }
-    pool_add(pool, number, mul(radiance, vec3_row(anchor, ANCHOR_ROW_REFLECTS)), inside);
+    pool_add(pool, number, color_of_film(scene, mul(radiance, vec3_row(anchor, ANCHOR_ROW_REFLECTS))), inside);
 }
 
 #endif

@@ -85,6 +85,14 @@ static vmask split_resume(Split* s, Ray* ray, Interior* interior, vuint* depth, 
     return ended & !s->back;
 }
 
+// The random numbers that the path began with.
+static Sampler split_first_sampler(const Split* s, Sampler sampler) {
+    Sampler first;
+    first.seed = s->met ? s->sampler.seed : sampler.seed;
+    first.index = s->met ? s->sampler.index : sampler.index;
+    return first;
+}
+
 // A path that is back there has met what it did.
 static void split_again(const Split* s, Hit* hit) {
     hit->distance = s->back ? s->hit.distance : hit->distance;
@@ -106,6 +114,7 @@ static void split_start(Split* s, vmask lane) {}
 static vmask split_back(const Split* s) { return mask_none(); }
 static vfloat split_bsdf_samples(const Split* s, uint samples) { return splat((float)samples); }
 static void split_again(const Split* s, Hit* hit) {}
+static Sampler split_first_sampler(const Split* s, Sampler sampler) { return sampler; }
 static void split_leave(Split* s, const Ray* ray, Hit hit, Interior interior, vec3* throughput, vfloat* index_squared, Sampler* sampler,
                         vuint depth, vmask samples_lights, uint rays) {}
 static vmask split_resume(Split* s, Ray* ray, Interior* interior, vuint* depth, vmask ended) { return ended; }

@@ -3,6 +3,8 @@
 #ifndef INTEGRATOR_WHITTED_H
 #define INTEGRATOR_WHITTED_H
 
+#define WHITTED              // its paths have one wavelength where glass disperses light: spectral/wavelengths.h
+
 #include "core/roulette.h"
 #include "geometry/find.h"
 #include "geometry/surface.h"
@@ -12,12 +14,16 @@
 #include "material/bsdf.h"
 #include "material/interior.h"
 
-static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
+static void whitted_trace(const Scene* given, Pool* pool, PoolStats* stats) {
+    Scene here = *given;
+    const Scene* scene = &here;
     __global const Settings* settings = scene->settings;
     CameraRays waiting = camera_rays_none();
     Path path = path_none();
 
     while (path_next(scene, pool, &waiting, &path)) {
+        scene_at_wavelengths(&here, path.sample.sampler, splat_uint(0u));
+
         // Find the nearest surface and add the light it sends out, or the environment's
         const Hit hit = find_nearest(scene, &path.ray, path.sample.sampler, path.depth, path.depth == 0u, path.alive);
         stats->rays += lane_count(path.alive);
@@ -76,7 +82,7 @@ static void whitted_trace(const Scene* scene, Pool* pool, PoolStats* stats) {
             path.throughput = scale(path.throughput, inverse_or_one(survival));
         }
         const vmask ended = path.alive & !goes_on;
-        if (lane_any(ended)) pool_deliver(pool, &path.sample, path.radiance, ended);
+        if (lane_any(ended)) pool_deliver(pool, &path.sample, color_of_film(scene, path.radiance), ended);
         path.alive = path.alive & !ended;
     }
 }

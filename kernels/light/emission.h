@@ -14,7 +14,7 @@
 
 static vec3 emission_at(const Scene* scene, const LightRow* l, const Attributes* a, vmask where) {
     const vmask textured = where & (l->texture != 0u);
-    return lane_any(textured) ? choose(textured, parameter_texture(scene, a, l->texture - 1u, textured), l->radiance) : l->radiance;
+    return lane_any(textured) ? choose(textured, color_light(scene, parameter_texture(scene, a, l->texture - 1u, textured)), l->radiance) : l->radiance;
 }
 #endif
 

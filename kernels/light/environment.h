@@ -16,6 +16,7 @@
 #include "core/search.h"
 #include "core/warp.h"
 #include "scene.h"
+#include "spectral/color.h"
 
 typedef struct {
     vec3 direction;      // unit, towards the light
@@ -263,7 +264,7 @@ static EnvironmentSample environment_sample_chosen(const Scene* scene, vec3 mean
     place.right = environment_linear(at_left, at_right, (c->sought - left) * inverse_or_one(right - left));
     EnvironmentSample s;
     s.direction = environment_direction(scene, &map, place, c->drop_before, c->drop_after);
-    s.radiance = environment_between(&corners, place.down, place.right);
+    s.radiance = color_light(scene, environment_between(&corners, place.down, place.right));
     s.pdf = environment_density(scene, &corners, place.down, place.right);
     return s;
 }
@@ -276,7 +277,7 @@ static EnvironmentSample environment_along(const Scene* scene, vec3 mean, vec3 d
     const EnvironmentCorners corners = environment_corners(&map, place.line, place.column);
     EnvironmentSample s;
     s.direction = direction;
-    s.radiance = environment_between(&corners, place.down, place.right);
+    s.radiance = color_light(scene, environment_between(&corners, place.down, place.right));
     s.pdf = environment_density(scene, &corners, place.down, place.right);
     return s;
 }

@@ -107,7 +107,7 @@ static vec3 lamp_table_share(const Scene* scene, const LightRow* l, vec3 directi
     if (lane_any(t.picture)) {
         const vuint size = t.picture ? t.lines * t.columns : splat_uint(0u);
         share.y = lamp_within(scene, &t, at + size, right, up), share.z = lamp_within(scene, &t, at + 2u * size, right, up);
-        share = scale(share, t.even ? lamp_spread(x, y) : splat(1.0f));
+        share = scale(color_unbounded(scene, share), t.even ? lamp_spread(x, y) : splat(1.0f));
         shines = within & (!t.picture | ((around >= columns.first) & (around <= columns.second)));
     }
     return choose(shines, share, vec3_all(0.0f));

@@ -5,6 +5,7 @@
 #include "core/lane.h"
 #include "geometry/instance.h"
 #include "scene.h"
+#include "spectral/color.h"
 
 typedef struct {
     vfloat row[16];      // types.h, LIGHT_ROW_*
@@ -58,7 +59,7 @@ static void light_move(const Scene* scene, LightRow* l) {}
 static LightRow light_at(const Scene* scene, vuint light, vfloat time) {
     LightRow l;
     lane_rows(scene->light_rows, light, l.row);
-    l.radiance = vec3_row(l.row, LIGHT_ROW_RADIANCE);
+    l.radiance = color_light(scene, vec3_row(l.row, LIGHT_ROW_RADIANCE));
     l.kind = vfloat_bits(l.row[LIGHT_ROW_KIND]);
     l.primitive = vfloat_bits(l.row[LIGHT_ROW_PRIMITIVE]);
 #ifdef EMISSION_TEXTURES

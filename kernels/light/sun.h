@@ -31,7 +31,7 @@ static vec3 sun_radiance(const Scene* scene, vec3 direction, vfloat drop) {
     const vfloat sine2 = drop * (splat(2.0f) - drop), cosine = root(splat(1.0f) - quotient(sine2, spread * (2.0f - spread)));
     const vec3 radiance = vec3_of(sun_polynomial(table + SUN_ROW_RED, cosine), sun_polynomial(table + SUN_ROW_GREEN, cosine),
                                   sun_polynomial(table + SUN_ROW_BLUE, cosine));
-    return choose(direction.y > 0.0f, radiance, vec3_all(0.0f));
+    return color_light(scene, choose(direction.y > 0.0f, radiance, vec3_all(0.0f)));
 }
 
 static EnvironmentSample sun_sample(const Scene* scene, vfloat u, vfloat v) {

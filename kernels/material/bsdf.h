@@ -17,6 +17,7 @@
 #include "material/layering.h"
 #endif
 #include "medium/phase.h"
+#include "spectral/color.h"
 #ifdef TEXTURES
 #include "texture/normal_map.h"
 #include "texture/parameter.h"
@@ -30,6 +31,9 @@ typedef struct {
     vfloat eta;          // index beyond over index on wo's side
     vuint kind;
     vmask specular;      // all of it is a delta: only sampling it finds where light comes from
+#ifdef DISPERSION
+    vmask disperses;     // it sends each wavelength another way
+#endif
 #ifdef MATERIALS
     Closure closure;
     vmask thin;          // a smooth wall without thickness, whose own index is closure.glass.eta
@@ -144,6 +148,9 @@ static void bsdf_read_rows(const Scene* scene, const Surface* s, vec3 direction,
     closure_at(scene, p, b->wo, s->front, &b->closure);
     b->color = choose(black, vec3_all(0.0f), p->color);
     b->kind = black ? splat_uint(MATERIAL_LAMBERT) : p->kind;
+#ifdef DISPERSION
+    b->disperses = p->disperses;
+#endif
     b->thin = by_row & parameters_flag(p, MATERIAL_FLAG_THIN);
     b->eta = b->thin ? splat(1.0f) : s->front ? p->ior : quotient(splat(1.0f), p->ior);
 #ifdef SPECULAR_CHAINS
@@ -217,9 +224,12 @@ static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* 
 #endif
     b->frame = frame_around(bsdf_normal(s, choose(s->front, shading, negate(shading)), b->side, direction, glossy));
     b->wo = bsdf_wo(b->frame, direction);
-    b->color = color;
+    b->color = color_reflectance(scene, choose(s->kind == MATERIAL_BY_ROW, vec3_all(0.0f), color));
     b->eta = s->front ? s->ior : quotient(splat(1.0f), s->ior);
     b->kind = s->kind;
+#ifdef DISPERSION
+    b->disperses = s->disperses;
+#endif
     b->specular = (s->kind != MATERIAL_LAMBERT) & !bsdf_passes(b) & !bsdf_in_medium(b);
 #ifdef MATERIALS
     if (any_described)

@@ -28,6 +28,7 @@
 #include "material/lobe/reflection.h"
 #include "material/lobe/sheen.h"
 #include "plugin/given.h"
+#include "spectral/color.h"
 
 // With what probability each way of sampling is chosen; sum 1. Multiple: what more than one facet scatters, to this side or the other.
 // Uniform: over the hemisphere, for sheen and for rough diffuse surfaces at grazing angles.
@@ -55,6 +56,9 @@ typedef struct {
 #ifdef HAIR
     Hair hair;               // scatters in the place of all lobes, where it is present
 #endif
+#ifdef SPECTRAL
+    const Scene* scene;      // for what scatters colors
+#endif
 #ifdef MEASURED
     Measured measured;       // likewise
 #endif
@@ -63,6 +67,15 @@ typedef struct {
     vfloat numbers[PLUGIN_NUMBERS];
 #endif
 } Closure;
+
+// Of what scatters colors, such as a table of red, green and blue: at the lanes' wavelengths.
+static vec3 closure_at_wavelengths(const Closure* c, vec3 color) {
+#ifdef SPECTRAL
+    return color_unbounded(c->scene, color);
+#else
+    return color;
+#endif
+}
 
 // Where light goes to the other side, or comes from there.
 static vmask closure_passes(const Closure* c) {
@@ -168,7 +181,7 @@ static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
 #ifdef MEASURED
     if (lane_any(c->measured.present)) {
         vfloat its;
-        f = choose(c->measured.present, measured_eval(&c->measured, up, cosine, &its), f);
+        f = choose(c->measured.present, closure_at_wavelengths(c, measured_eval(&c->measured, up, cosine, &its)), f);
         density = c->measured.present ? its : density;
     }
 #endif
@@ -176,7 +189,7 @@ static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
     const vmask given = c->plugin != 0u;
     if (lane_any(given)) {
         vfloat its;
-        f = choose(given, plugin_eval(c->plugin, c->numbers, wo, vec3_of(wi.x, wi.y, above ? cosine : -cosine), &its), f);
+        f = choose(given, closure_at_wavelengths(c, plugin_eval(c->plugin, c->numbers, wo, vec3_of(wi.x, wi.y, above ? cosine : -cosine), &its)), f);
         density = given ? its : density;
     }
 #endif

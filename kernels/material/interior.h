@@ -19,6 +19,7 @@
 #include "geometry/surface.h"
 #include "medium/grid.h"
 #include "scene.h"
+#include "spectral/color.h"
 
 #ifdef INTERIORS
 
@@ -70,9 +71,29 @@ static void interior_append(Interior* in, vuint medium) {
 // So many media have no priority: they have the lowest numbers.
 static uint interior_unranked(const Scene* scene) { return as_uint(scene->media_rows[MEDIUM_ROW_UNRANKED]); }
 
-// Index of refraction; of no medium 1.
+// Index of refraction; of no medium 1. And whether that depends on the wavelength.
+static vfloat interior_dispersive_ior(const Scene* scene, vuint medium, vmask* disperses) {
+    return color_index(scene, lane_gather(scene->media_rows, medium * 16u + (uint)MEDIUM_ROW_IOR), disperses);
+}
 static vfloat interior_ior(const Scene* scene, vuint medium) {
-    return lane_gather(scene->media_rows, medium * 16u + (uint)MEDIUM_ROW_IOR);
+    vmask unused = mask_none();
+    return interior_dispersive_ior(scene, medium, &unused);
+}
+
+// The row of a medium, with its coefficients at the lanes' wavelengths.
+static void interior_row(const Scene* scene, vuint medium, vfloat row[16]) {
+    lane_rows(scene->media_rows, medium, row);
+#ifdef SPECTRAL
+    vec3_row_put(row, MEDIUM_ROW_SIGMA, color_unbounded(scene, vec3_row(row, MEDIUM_ROW_SIGMA)));
+#ifdef MEDIA
+    vec3_row_put(row, MEDIUM_ROW_EXTINCTION, color_unbounded(scene, vec3_row(row, MEDIUM_ROW_EXTINCTION)));
+    vec3_row_put(row, MEDIUM_ROW_SCATTERING, color_unbounded(scene, vec3_row(row, MEDIUM_ROW_SCATTERING)));
+#endif
+#ifdef GLOWING_MEDIA
+    const vmask glows = (vfloat_bits(row[MEDIUM_ROW_FLAGS]) & MEDIUM_FLAG_GLOWS) != 0u;
+    vec3_row_put(row, MEDIUM_ROW_EMISSION, color_light(scene, choose(glows, vec3_row(row, MEDIUM_ROW_EMISSION), vec3_all(0.0f))));
+#endif
+#endif
 }
 
 // The list with one more medium: before those that it wins over, and before its equals.
@@ -115,9 +136,14 @@ static Crossing interior_meet(const Scene* scene, const Interior* in, Surface* s
     const Interior with = interior_with(in, s->medium, unranked), without = interior_without(in, s->medium);
     c.beyond.first = meets ? (s->front ? with.first : without.first) : in->first;
     c.beyond.last = meets ? (s->front ? with.last : without.last) : in->last;
-    const vfloat here = interior_ior(scene, interior_top(in)), there = interior_ior(scene, interior_top(&c.beyond));
+    vmask disperses = mask_none();
+    const vfloat here = interior_dispersive_ior(scene, interior_top(in), &disperses);
+    const vfloat there = interior_dispersive_ior(scene, interior_top(&c.beyond), &disperses);
     const vmask ranked = meets & (s->medium > unranked);
     s->ior = ranked ? (s->front ? quotient(there, here) : quotient(here, there)) : s->ior;
+#ifdef DISPERSION
+    s->disperses = s->disperses | (ranked & disperses);
+#endif
     c.straight = ranked ? here == there : meets & (s->ior == 1.0f);
     return c;
 }
@@ -158,7 +184,7 @@ static vec3 interior_endless(vec3 coefficients) {
 static vec3 interior_through_fog(const Scene* scene) {
 #ifdef MEDIA
     __global const float* fog = scene->media_rows + MEDIUM_ROW_EXTINCTION;
-    return interior_endless(vec3_of(splat(fog[0]), splat(fog[1]), splat(fog[2])));
+    return interior_endless(color_unbounded(scene, vec3_of(splat(fog[0]), splat(fog[1]), splat(fog[2]))));
 #else
     return vec3_all(1.0f);
 #endif
@@ -181,7 +207,7 @@ static vec3 interior_from_outside(const Scene* scene, vuint medium) {
     vec3 share = vec3_of(n * n, n * n, n * n);
 #ifdef MEDIA
     vfloat row[16];
-    lane_rows(scene->media_rows, medium, row);
+    interior_row(scene, medium, row);
     vmask ends = !interior_collides(row);
 #ifdef GRIDS
     ends = ends | grid_fills(row);
@@ -202,13 +228,12 @@ static vec3 interior_attenuation(
     if (!lane_any(medium != 0u)) return vec3_all(1.0f);      // with media there may be fog
 #endif
     const vuint row = medium * 16u + column;
-    vec3 share;
-    share.x = exp_minus(lane_gather(scene->media_rows, row) * distance);
-    share.y = exp_minus(lane_gather(scene->media_rows, row + 1u) * distance);
-    share.z = exp_minus(lane_gather(scene->media_rows, row + 2u) * distance);
+    const vec3 words = vec3_of(lane_gather(scene->media_rows, row), lane_gather(scene->media_rows, row + 1u), lane_gather(scene->media_rows, row + 2u));
+    const vec3 sigma = color_unbounded(scene, words);
+    vec3 share = vec3_of(exp_minus(sigma.x * distance), exp_minus(sigma.y * distance), exp_minus(sigma.z * distance));
 #ifdef GRIDS
     vfloat numbers[16];
-    lane_rows(scene->media_rows, medium, numbers);
+    interior_row(scene, medium, numbers);
     const vmask grid = asked & grid_fills(numbers);
     if (lane_any(grid)) {
         const vec3 coefficients = vec3_row(numbers, (int)column);

@@ -100,6 +100,9 @@ static void layering_lobes(const Scene* scene, const Parameters* p, vmask front,
     c->coated.present = c->clothed.present = mask_none();
     c->metal = vec3_all(0.0f);
     c->present = c->reflection.present | c->diffuse.present | c->glass.present | c->sheen.present | c->coat.present;
+#ifdef SPECTRAL
+    c->scene = scene;
+#endif
 #ifdef HAIR
     c->hair.present = p->kind == MATERIAL_HAIR;
     c->present = c->present | c->hair.present;
@@ -242,12 +245,12 @@ static void closure_at(const Scene* scene, const Parameters* p, vec3 wo, vmask f
 #ifdef MEASURED
     if (lane_any(c->measured.present)) {
         measured_prepare(scene->measured_rows, scene->measured_words, p->measured, wo, c->measured.present, &c->measured);
-        c->albedo = choose(c->measured.present, c->measured.albedo, c->albedo);
+        c->albedo = choose(c->measured.present, closure_at_wavelengths(c, c->measured.albedo), c->albedo);
     }
 #endif
 #ifdef PLUGIN_BSDFS
     const vmask given = c->plugin != 0u;
-    if (lane_any(given)) c->albedo = choose(given, plugin_albedo(c->plugin, c->numbers, wo), c->albedo);
+    if (lane_any(given)) c->albedo = choose(given, closure_at_wavelengths(c, plugin_albedo(c->plugin, c->numbers, wo)), c->albedo);
 #endif
     layering_probabilities(c, &e, coat, sheen, wo);
 }

@@ -9,6 +9,7 @@
 #include "material/lobe/hair.h"
 #endif
 #include "plugin/given.h"
+#include "spectral/color.h"
 #ifdef TEXTURES
 #include "plugin/textured.h"
 #include "texture/normal_map.h"
@@ -19,6 +20,9 @@ typedef struct {
     vuint kind, flags;             // MATERIAL_*, MATERIAL_FLAG_*
     vec3 color;
     vfloat roughness, metallic, ior, transmission, specular;
+#ifdef DISPERSION
+    vmask disperses;               // `ior` depends on the wavelength
+#endif
     vec3 specular_color;
     vfloat diffuse_roughness, coat, coat_roughness;
     vec3 sheen_color;
@@ -114,6 +118,22 @@ static void parameters_texture(const Scene* scene, const Surface* s, vuint mater
 }
 #endif
 
+// What they are at the lanes' wavelengths. Only metals have the last three.
+static void parameters_at_wavelengths(const Scene* scene, Parameters* p) {
+#ifdef SPECTRAL
+    p->color = color_reflectance(scene, p->color);
+    p->specular_color = color_reflectance(scene, p->specular_color);
+    p->sheen_color = color_reflectance(scene, p->sheen_color);
+    p->diffuse_transmission_color = color_reflectance(scene, p->diffuse_transmission_color);
+    const vmask metal = p->kind == MATERIAL_CONDUCTOR;
+    if (!lane_any(metal)) return;
+    const vec3 none = vec3_all(0.0f);
+    p->eta = color_unbounded(scene, choose(metal, p->eta, none));
+    p->k = color_unbounded(scene, choose(metal, p->k, none));
+    p->fresnel = color_reflectance(scene, choose(metal, p->fresnel, none));
+#endif
+}
+
 // `direction`: of the ray that arrives. Lanes whose material has no row get their kind, colour and index; the rest says nothing there.
 static Parameters material_at(const Scene* scene, const Surface* s, vec3 direction) {
     const vmask has_row = s->kind == MATERIAL_BY_ROW;
@@ -131,7 +151,12 @@ static Parameters material_at(const Scene* scene, const Surface* s, vec3 directi
     p.color = choose(has_row, vec3_row(a, MATERIAL_ROW_COLOR), s->color);
     p.roughness = has_row ? a[MATERIAL_ROW_ROUGHNESS] : splat(0.0f);
     p.metallic = a[MATERIAL_ROW_METALLIC];
+#ifdef DISPERSION
+    p.disperses = s->disperses;
+    p.ior = lane_any(mixed) ? (mixed ? color_index(scene, mixed ? a[MATERIAL_ROW_IOR] : splat(1.0f), &p.disperses) : s->ior) : s->ior;
+#else
     p.ior = mixed ? a[MATERIAL_ROW_IOR] : s->ior;      // of one material, what the integrator takes it for
+#endif
     p.transmission = a[MATERIAL_ROW_TRANSMISSION];
     p.specular = a[MATERIAL_ROW_SPECULAR];
     p.specular_color = vec3_row(a, MATERIAL_ROW_SPECULAR_COLOR);
@@ -167,6 +192,7 @@ static Parameters material_at(const Scene* scene, const Surface* s, vec3 directi
 #ifdef TEXTURES
     parameters_texture(scene, s, has_row ? row : vfloat_bits(s->attributes.row[ATTRIBUTE_ROW_SLOTS]), direction, &p);
 #endif
+    parameters_at_wavelengths(scene, &p);
     return p;
 }
 

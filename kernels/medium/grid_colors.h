@@ -7,6 +7,7 @@
 
 #include "core/power.h"
 #include "medium/grid.h"
+#include "spectral/color.h"
 
 #ifdef GRIDS
 
@@ -82,11 +83,11 @@ static void grid_colors(const Scene* scene, vuint head, vec3 point, vmask where,
     lane_rows(scene->grid_rows, where ? head + 1u : splat_uint(0u), more);
     const vuint of_albedo = vfloat_bits(more[GRID_ROW_ALBEDO - 16]);
     const vmask has_albedo = where & (of_albedo != 0u);
-    if (lane_any(has_albedo)) *albedo = choose(has_albedo, mul(*albedo, grid_colors_at(scene, of_albedo, point, has_albedo)), *albedo);
+    if (lane_any(has_albedo)) *albedo = choose(has_albedo, mul(*albedo, color_reflectance(scene, grid_colors_at(scene, of_albedo, point, has_albedo))), *albedo);
 #ifdef GLOWING_MEDIA
     const vuint of_emission = vfloat_bits(more[GRID_ROW_EMISSION - 16]);
     const vmask has_emission = where & (of_emission != 0u);
-    if (lane_any(has_emission)) *emission = choose(has_emission, mul(*emission, grid_colors_at(scene, of_emission, point, has_emission)), *emission);
+    if (lane_any(has_emission)) *emission = choose(has_emission, mul(*emission, color_unbounded(scene, grid_colors_at(scene, of_emission, point, has_emission))), *emission);
 #endif
 }
 

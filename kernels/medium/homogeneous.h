@@ -59,7 +59,7 @@ static vec3 medium_share(vec3 throughput) { return scale(throughput, inverse_or_
 static FreePath medium_free_path(const Scene* scene, const Interior* in, const Ray* ray, Sampler sampler, vuint depth, vec3 throughput) {
     FreePath free;
     vfloat row[16];
-    lane_rows(scene->media_rows, interior_top(in), row);
+    interior_row(scene, interior_top(in), row);
     const vec3 extinction = vec3_row(row, MEDIUM_ROW_EXTINCTION);
     const vmask may = medium_is_even(row) & interior_collides(row);
     free.length = splat(FAR);
@@ -113,7 +113,7 @@ static void medium_travel(
     const Scene* scene, const Interior* in, const Ray* ray, const FreePath* free, vmask alive, vec3* throughput, Hit* hit, vec3* glow
 ) {
     vfloat row[16];
-    lane_rows(scene->media_rows, interior_top(in), row);
+    interior_row(scene, interior_top(in), row);
     const vec3 extinction = vec3_row(row, MEDIUM_ROW_EXTINCTION), scattering = vec3_row(row, MEDIUM_ROW_SCATTERING);
     const vmask may = alive & interior_collides(row);
     const vec3 arrives = mul(*throughput, interior_absorption(scene, in, ray, *hit, alive & !may));

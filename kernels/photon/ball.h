@@ -53,7 +53,7 @@ static vfloat ball_tries(const Scene* scene, vec3 center, vfloat time, Sampler s
 static vec3 ball_flux(const Scene* scene, const Interior* in, vec3 point, vec3 flux, vmask where) {
 #ifdef GRIDS
     vfloat row[16];
-    lane_rows(scene->media_rows, where ? interior_top(in) : splat_uint(0u), row);
+    interior_row(scene, where ? interior_top(in) : splat_uint(0u), row);
     vec3 albedo = vec3_all(1.0f), unused = albedo;
     grid_colors(scene, grid_head(row), point, where & grid_fills(row), &albedo, &unused);
     return scale(medium_per(flux, albedo), inverse_or_one(medium_density(scene, row, point, where)));

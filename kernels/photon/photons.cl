@@ -1,4 +1,5 @@
 // Entry point of the photons' way through the scene.
+#define SHARED_TIME              // with the paths from the camera
 #include "photon/trace.h"
 
 // As many as keep the lanes full. With one lane there is nothing to fill, and a driver that lets work-items run side by side may allow a
@@ -11,5 +12,6 @@ __kernel GROUPED void photon_pass(SCENE_PARAMETERS float4 bounds, uint pass, uin
                                   __global uint* restrict deposit_counts, __global uint* restrict ray_counts) {
     SCENE_COLLECT(scene);
     const uint first = (uint)get_global_id(0) * PHOTONS_PER_ITEM, last = min(photon_count, first + PHOTONS_PER_ITEM);
+    scene_at_pass(&scene, pass);
     ray_counts[get_global_id(0)] = first < last ? photon_trace(&scene, bounds, pass, first, last, deposits, deposit_counts) : 0u;
 }

@@ -34,7 +34,8 @@ __kernel GROUPED void stage_begin(STAGE_PARAMETERS) {
     Path path;
     if ((flags & STATE_ASKS) != 0u) {
         state_get_path(s, &path);
-        path_deliver(&pool, &path);
+        stage_look(&scene, &path);
+        path_deliver(&scene, &pool, &path);
         path.ended = mask_none();
         alive = path.alive;
         state_put_path(s, &path);

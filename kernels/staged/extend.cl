@@ -14,6 +14,7 @@ __kernel GROUPED void stage_extend(STAGE_PARAMETERS) {
         Hit hit[PACKETS];
         Search ahead;
         state_get_path(s, &path);
+        stage_look(&scene, &path);
         path_free(&scene, &path, &free);
         find_start(&scene, &ahead, 0, &path.ray, path.sample.sampler, path.depth, path.depth == 0u, path_traces(&path));
         find_finish_opaque(&scene, &ahead, hit);

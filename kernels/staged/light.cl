@@ -2,7 +2,7 @@
 #include "staged/stage.h"
 
 // Returns whether the path asks for a shadow ray.
-static int light_vertex(const Scene* scene, State s, PoolStats* counted) {
+static int light_vertex(Scene* scene, State s, PoolStats* counted) {
     // Arrays, as in path_trace: rusticl's compiler (Mesa 22.3) crashes over an index into what is none
     Path path[PACKETS];
     Vertex vertex[PACKETS];
@@ -11,6 +11,7 @@ static int light_vertex(const Scene* scene, State s, PoolStats* counted) {
     PoolStats by_scatter = {0, 0, splat_uint(0u)};
     state_get_path(s, path);
     state_get_hit(s, &hit);
+    stage_look(scene, path);
     path_vertex(scene, path, hit, &by_scatter, vertex);
     path_add_emission(scene, path, vertex);
     path_add_sun(scene, path, vertex);

@@ -20,6 +20,7 @@ __kernel GROUPED void stage_masked(STAGE_PARAMETERS) {
         find_finish_masked(&scene, &ahead, hit);
         path_take_again(&path, as_uint(hit[0].distance));
 #endif
+        stage_look(&scene, &path);
         path_free(&scene, &path, &free);
         kind = arrive(&scene, s, &path, &free, hit);
     }

@@ -11,6 +11,7 @@ __kernel GROUPED void stage_masked_shadow(STAGE_PARAMETERS) {
     ShadowRay shadow;
     Shadows shadows;
     state_get_shadow(s, &shadow);
+    stage_look_of(&scene, s);
     shadow_start_masked(&scene, &shadows, 0, &shadow, largest(state_get_vec3(s, STATE_ARRIVING_WORD)) > 0.0f);
     shadow_finish_masked(&scene, &shadows);
     state_add_arriving(s, &shadows);

@@ -13,6 +13,7 @@ __kernel GROUPED void stage_scatter(STAGE_PARAMETERS) {
     PoolStats counted = {0, 0, splat_uint(0u)};
     state_get_path(s, &path);
     state_get_hit(s, &hit);
+    stage_look(&scene, &path);
     path_vertex(&scene, &path, hit, &counted, &vertex);
     stage_count(stats, number, counted);
     path_scatter(&scene, &path, &vertex, hit);

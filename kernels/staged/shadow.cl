@@ -10,6 +10,7 @@ __kernel GROUPED void stage_shadow(STAGE_PARAMETERS) {
     const State s = state_of(state, number);
     ShadowRay shadow;
     state_get_shadow(s, &shadow);
+    stage_look_of(&scene, s);
 #ifdef OPACITY
     if (shadows_pass(&scene)) return;  // such rays pass both kinds of surfaces
     Passage passage;

@@ -35,6 +35,18 @@ static Queues stage_queues(__global uint* counters, __global uint* queued, uint 
     return q;
 }
 
+// Read the scene at a path's wavelengths; and at those of one that only stands in global memory.
+static void stage_look(Scene* scene, const Path* path) {
+    scene_at_wavelengths(scene, split_first_sampler(&path->split, path->sample.sampler), splat_uint(0u));
+}
+static void stage_look_of(Scene* scene, State s) {
+#ifdef SPECTRAL
+    Path path;
+    state_get_path(s, &path);
+    stage_look(scene, &path);
+#endif
+}
+
 // Add to what a path has counted.
 static void stage_count(__global uint4* stats, uint path, PoolStats counted) {
     const uint4 before = stats[path];

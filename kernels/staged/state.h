@@ -141,7 +141,7 @@ static void state_get_path(State s, Path* path) {
 
 // integrator/path_state.h says when. What steps have changed by then, and not put down, is kept.
 static void path_put_down(const Path* path) {
-#ifdef PATH_SPLITS
+#if defined(PATH_SPLITS) || (defined(SPECTRAL) && defined(DISPERSION))
     state_put_path(path->state, path);
 #endif
 }

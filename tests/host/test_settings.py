@@ -20,7 +20,7 @@ from clrender.cli import main
 from clrender.cli.render import render as render_command
 from clrender.errors import ClrenderError, SceneError, UsageError
 from clrender.integrators import INTEGRATORS
-from clrender.limits import Bytes, Choice, Range, Region
+from clrender.limits import Bytes, Choice, Flag, Range, Region
 from clrender.scene import Scene
 from clrender.scene.load import load
 from clrender.settings import (
@@ -39,7 +39,8 @@ CAMERA = {"position": [0, 0, 3], "target": [0, 0, 0]}
 ROOM = load("room")
 PLAIN = Scene.model_validate({"camera": CAMERA})
 IN_FILES = [name for name, setting in SETTINGS.items() if setting.section == "render"]
-ON_THE_COMMAND_LINE = [name for name, setting in SETTINGS.items() if setting.option]
+FLAGS = [name for name, setting in SETTINGS.items() if isinstance(setting.domain, Flag)]
+ON_THE_COMMAND_LINE = [name for name, setting in SETTINGS.items() if setting.option and name not in FLAGS]
 SCHEMA = Scene.model_json_schema()
 VALIDATORS = {
     name: jsonschema.Draft202012Validator(SCHEMA["$defs"]["Render" if setting.section == "render" else "Image"])
@@ -103,6 +104,8 @@ def allowed(name: str) -> st.SearchStrategy[Any]:
         return st.integers(domain.low, domain.high)
     if isinstance(domain, Region):
         return st.tuples(*(st.integers(low, domain.most) for low in (0, 0, 1, 1)))
+    if isinstance(domain, Flag):
+        return st.booleans()
     assert isinstance(domain, Range)
     high = min(domain.high, 1e9)
     if domain.whole:
@@ -238,6 +241,16 @@ def test_the_command_line_takes_what_a_call_takes(data: st.DataObject) -> None:
         assert not fits(name, value)
         return
     assert taken == (float(value) if isinstance(taken, float) else value) and fits(name, value)
+
+
+@pytest.mark.parametrize("name", FLAGS)
+def test_a_flag_is_an_option_and_its_opposite(name: str) -> None:
+    option = str(SETTINGS[name].option)
+    for line, value in (([], None), ([option], True), ([option.replace("--", "--no-")], False)):
+        context = render_command.make_context(
+            "render", ["room", "-oa.png", *line], main.make_context("clrender", ["render"])
+        )
+        assert context.params[name] is value
 
 
 # --- what the table makes --------------------------------------------------------------------------------------------

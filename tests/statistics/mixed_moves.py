@@ -88,7 +88,7 @@ def moved(content: Json, factor: float, by: list[float]) -> Json:
             if key in part:
                 part[key] = _posed_elsewhere(np.array(part[key]), factor, by, inward=key == "world_to_camera").tolist()
         if part.get("type") in ("point", "spot"):
-            part["intensity"] = _times(part["intensity"], factor * factor)
+            part["intensity"] = _times_color(part["intensity"], factor * factor)
         if part.get("type") in ("ies", "projector"):
             part["scale"] = _times(part.get("scale", 1.0), factor * factor)
     for material in scene.get("materials", {}).values():
@@ -261,7 +261,7 @@ def _add_surfaces(scene: Json, here: Iterator[list[float]]) -> None:
 
 
 def _as_map(light: Json) -> Json:
-    if light["type"] != "environment" or "file" in light:
+    if light["type"] != "environment" or "file" in light or isinstance(light["radiance"], dict):
         return light
     scale = light.get("scale", 1.0)
     scales = scale if isinstance(scale, list) else [scale] * 3
@@ -270,3 +270,10 @@ def _as_map(light: Json) -> Json:
         "file": "white.exr",
         "scale": [r * s for r, s in zip(light["radiance"], scales, strict=True)],
     }
+
+
+def _times_color(color: Any, factor: float) -> Any:
+    """A colour or a spectrum of light times a factor."""
+    if isinstance(color, dict):
+        return {**color, "scale": color.get("scale", 1.0) * factor}
+    return _times(color, factor)

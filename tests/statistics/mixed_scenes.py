@@ -22,6 +22,7 @@ from mixed_measured import measured
 from mixed_parts import Draw, Json, emission_for_white, medium
 from mixed_plugins import PLUGINS, plugged
 from mixed_shapes import Things
+from mixed_spectra import spectral
 from mixed_strands import stranded
 
 from clrender.cameras.poses import CONVENTIONS, pose_matrix
@@ -99,6 +100,7 @@ def mixed_scene(kind: str, number: int) -> Mixed:
     stranded(mixed.name, mixed.content, kind == "white")
     measured(mixed.name, mixed.content, kind == "white")
     plugged(mixed.name, mixed.content)
+    spectral(mixed.name, mixed.content, kind == "white")
     return mixed
 
 

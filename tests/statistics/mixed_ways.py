@@ -97,6 +97,7 @@ def ways(draw: Draw, content: Json) -> Iterator[Way]:
     if _found_by_path(content):
         more: Json = draw.one(({}, {"guiding": "on", "guiding_paths": 1 << 13}, {"sampling": "light"}))
         yield Way("chains", {**depth, "specular_chains": "on", **more}, depth)
+    yield Way("wavelengths", {**depth, "spectral": True, **lights}, {**depth, "spectral": True})
     direct = {"integrator": "direct", "light_sampler": "power"}  # it has light samples alone
     others = {"light_sampler": draw.one(("bvh", "uniform")), "shadow_rays": draw.count(1, 3)}
     yield Way("direct", {**direct, **others}, direct)

@@ -1,0 +1,265 @@
+"""Spectra in the place of colours in a scene: they have a colour, and are spectra where wavelengths are rendered."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Discriminator,
+    Field,
+    PlainSerializer,
+    Tag,
+    model_validator,
+)
+
+from clrender.exact.matrices import interpolated, total
+from clrender.scene.values import Color, Finite, Part, Power, Reflectance, fault
+from clrender.spectra.colors import table_wavelengths
+from clrender.spectra.film import film_color, reflectance_film_weights
+from clrender.spectra.glasses import GLASSES, LINE_D, abbe_indices, cauchy_indices, sellmeier_indices
+from clrender.spectra.illuminants import ILLUMINANTS, blackbody_spectrum, illuminant_spectrum
+
+__all__ = [
+    "Dispersion",
+    "DispersiveIndex",
+    "LightColor",
+    "SpectralColor",
+    "Spectrum",
+    "light_branch",
+    "reflectance_branch",
+    "spectrum_form",
+]
+
+_MOST_VALUES: Final = 4096
+_WIDTH: Final = 5.0
+"""Distance of the lines of tables, nanometres."""
+
+
+class Spectrum(Part):
+    """A spectrum: a table, or, of light, an illuminant or a black body."""
+
+    wavelengths: Annotated[tuple[Annotated[Finite, Field(gt=0.0, le=1e6)], ...], Field(max_length=_MOST_VALUES)] = (
+        Field((), description="of `values`, nanometres, ascending; linear in between")
+    )
+    values: Annotated[tuple[Power, ...], Field(max_length=_MOST_VALUES)] = Field(
+        (), description="reflectance, constant beyond its ends, or of light per wavelength, and none beyond"
+    )
+    illuminant: Literal[ILLUMINANTS] | None = Field(  # type: ignore[valid-type]
+        None, description="of the CIE, of luminance 1"
+    )
+    blackbody: Annotated[Finite, Field(ge=100.0, le=1e5)] | None = Field(
+        None, description="temperature, kelvin; of luminance 1"
+    )
+    scale: Power = Field(1.0, description="factor of it")
+
+    @model_validator(mode="after")
+    def _is_one(self) -> Spectrum:
+        given = [bool(self.wavelengths or self.values), self.illuminant is not None, self.blackbody is not None]
+        if sum(given) != 1:
+            raise fault("spectrum", "needs wavelengths and values, or an illuminant, or a blackbody: one of these")
+        if len(self.wavelengths) != len(self.values):
+            counts = f"{len(self.wavelengths)} wavelengths and {len(self.values)} values"
+            raise fault("spectrum", f"has {counts}; give a value for each wavelength", "values")
+        if any(b <= a for a, b in zip(self.wavelengths, self.wavelengths[1:], strict=False)):
+            raise fault("spectrum", "have to ascend; sort them, and leave out repeated ones", "wavelengths")
+        return self
+
+    def light(self) -> NDArray[np.float64]:
+        """Radiance at the lines of tables of spectra, (95,) float64."""
+        if self.illuminant is not None:
+            return illuminant_spectrum(self.illuminant) * self.scale
+        if self.blackbody is not None:
+            return blackbody_spectrum(self.blackbody) * self.scale
+        return self._table(outside=0.0) * self.scale
+
+    def reflectance(self) -> NDArray[np.float64]:
+        """Shares of light there, (95,) float64."""
+        return self._table(outside=None) * self.scale
+
+    def _table(self, outside: float | None) -> NDArray[np.float64]:
+        """The table at the lines; where it is finer than they are, means around them, so that no peak is missed."""
+        at, given, values = table_wavelengths(), np.array(self.wavelengths), np.array(self.values)
+        if len(given) == 1:
+            width = 1.0 if outside is None else 0.0
+            found = np.where(np.abs(at - given[0]) <= _WIDTH / 2.0, values[0], values[0] * width)
+            return np.asarray(found, np.float64)
+        if bool(np.all(given[1:] - given[:-1] >= _WIDTH)):
+            return np.asarray(interpolated(at, given, values, outside), np.float64)
+        fine = np.linspace(at[0] - _WIDTH / 2.0, at[-1] + _WIDTH / 2.0, 50 * len(at) + 1)
+        middle = (fine[1:] + fine[:-1]) / 2.0
+        means = total(interpolated(middle, given, values, outside).reshape(len(at), 50).T) / 50.0
+        return np.asarray(means, np.float64)
+
+
+class SpectralColor(tuple[float, float, float]):
+    """The colour of a spectrum.
+
+    Attributes
+    ----------
+    spectrum : Spectrum
+    values : (95,) float64
+        At the lines of tables of spectra: of light, or of a reflectance.
+    """
+
+    spectrum: Spectrum
+    values: NDArray[np.float64]
+
+    def __new__(cls, spectrum: Spectrum, values: NDArray[np.float64], color: Any) -> SpectralColor:
+        """A colour, not negative."""
+        made = super().__new__(cls, (max(0.0, float(x)) for x in color))
+        made.spectrum, made.values = spectrum, values
+        return made
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.spectrum, self.values, tuple(self))
+
+    def __eq__(self, other: object) -> bool:
+        same = tuple.__eq__(self, other)
+        return bool(same) and (not isinstance(other, SpectralColor) or self.spectrum == other.spectrum)
+
+    def __hash__(self) -> int:
+        return tuple.__hash__(self)
+
+
+def of_light(spectrum: Spectrum) -> SpectralColor:
+    """The colour of light with this spectrum; what is out of the gamut of Rec. 709 is clipped."""
+    values = spectrum.light()
+    return SpectralColor(spectrum, values, film_color(values))
+
+
+def of_reflectance(spectrum: Spectrum) -> SpectralColor:
+    """The colour of a reflectance in daylight."""
+    if spectrum.illuminant is not None or spectrum.blackbody is not None:
+        raise fault("spectrum", "is of light; a reflectance needs wavelengths and values")
+    values = spectrum.reflectance()
+    if float(values.max()) > 1.0:
+        raise fault("spectrum", f"has a reflectance of {float(values.max()):g}; at most 1 is possible", "values")
+    color = reflectance_film_weights()
+    shares = [float(total(color[:, channel] * values)) for channel in range(3)]
+    return SpectralColor(spectrum, values, [min(share, 1.0) for share in shares])
+
+
+def _said(value: Any) -> Any:
+    return value.spectrum if isinstance(value, SpectralColor) else value
+
+
+def _dumped(value: Any) -> dict[str, Any]:
+    dumped: dict[str, Any] = value.spectrum.model_dump(mode="json", exclude_defaults=True)
+    return dumped
+
+
+def spectrum_form(value: Any) -> bool:
+    """Whether a value is meant for a spectrum."""
+    if isinstance(value, Mapping):
+        return not value.keys().isdisjoint(("wavelengths", "values", "illuminant", "blackbody"))
+    return isinstance(value, SpectralColor | Spectrum)
+
+
+def _color_form(value: Any) -> str:
+    return "<spectrum>" if isinstance(value, Mapping) or spectrum_form(value) else "<constant>"
+
+
+_SCHEMA: Final = PlainSerializer(_dumped, return_type=dict[str, Any])
+if TYPE_CHECKING:
+    light_branch: TypeAlias = Color
+    reflectance_branch: TypeAlias = Reflectance
+else:
+    light_branch: TypeAlias = Annotated[
+        Spectrum, BeforeValidator(_said), AfterValidator(of_light), _SCHEMA, Tag("<spectrum>")
+    ]
+    reflectance_branch: TypeAlias = Annotated[
+        Spectrum, BeforeValidator(_said), AfterValidator(of_reflectance), _SCHEMA, Tag("<spectrum>")
+    ]
+LightColor: TypeAlias = Annotated[Annotated[Color, Tag("<constant>")] | light_branch, Discriminator(_color_form)]
+"""The colour of light: red, green and blue, or a spectrum."""
+
+
+class Dispersion(Part):
+    """How an index of refraction depends on the wavelength: by a glass's name, an Abbe number, or an equation."""
+
+    glass: Literal[tuple(GLASSES)] | None = Field(None, description="the substance")  # type: ignore[valid-type]
+    abbe: Annotated[Finite, Field(ge=1.0, le=1e6)] | None = Field(
+        None, description="(n(d) - 1) / (n(F) - n(C)), beside `ior`, which is n(d)"
+    )
+    cauchy: Annotated[tuple[Finite, ...], Field(min_length=1, max_length=6)] | None = Field(
+        None, description="A, B, ...: n = A + B / w^2 + C / w^4 ..., w in micrometres"
+    )
+    sellmeier: Annotated[tuple[Finite, ...], Field(min_length=2, max_length=12)] | None = Field(
+        None, description="B1, C1, B2, C2, ...: n^2 = 1 + the sum of B w^2 / (w^2 - C), w in micrometres"
+    )
+
+    @model_validator(mode="after")
+    def _is_one(self) -> Dispersion:
+        given = [name for name in ("glass", "abbe", "cauchy", "sellmeier") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise fault("dispersion", "needs one of glass, abbe, cauchy and sellmeier")
+        if self.sellmeier is not None and len(self.sellmeier) % 2:
+            raise fault("dispersion", f"has {len(self.sellmeier)} numbers; give a C for each B", "sellmeier")
+        if self.abbe is None:
+            self._check(self._indices(table_wavelengths(), 1.0), given[0])
+        return self
+
+    def indices(self, ior: float) -> DispersiveIndex:
+        """The index at the line d, and at all lines of tables of spectra.
+
+        Parameters
+        ----------
+        ior : float
+            Index at the line d, where there is an Abbe number.
+        """
+        values = self._indices(table_wavelengths(), ior)
+        at_d = ior if self.abbe is not None else float(self._indices(np.array([LINE_D]), ior)[0])
+        return DispersiveIndex(at_d, values)
+
+    def _indices(self, wavelengths: NDArray[np.float64], ior: float) -> NDArray[np.float64]:
+        if self.glass is not None:
+            return sellmeier_indices(GLASSES[self.glass], wavelengths)
+        if self.sellmeier is not None:
+            return sellmeier_indices(self.sellmeier, wavelengths)
+        if self.cauchy is not None:
+            return cauchy_indices(self.cauchy, wavelengths)
+        assert self.abbe is not None
+        return abbe_indices(ior, self.abbe, wavelengths)
+
+    def _check(self, values: NDArray[np.float64], key: str) -> None:
+        with np.errstate(invalid="ignore"):
+            sound = bool(np.all((values >= 1.0) & (values <= 10.0)))
+        if not sound:
+            raise fault("dispersion", "gives an index that is not from 1 to 10 between 360 and 830 nm", key)
+
+
+class DispersiveIndex(float):
+    """An index of refraction at the line d, where wavelengths are not rendered, and its values.
+
+    Attributes
+    ----------
+    values : (95,) float64
+        At the lines of tables of spectra.
+    """
+
+    values: NDArray[np.float64]
+
+    def __new__(cls, at_d: float, values: NDArray[np.float64]) -> DispersiveIndex:
+        made = super().__new__(cls, at_d)
+        made.values = values
+        return made
+
+    def over(self, other: float) -> DispersiveIndex:
+        """The same relative to another index."""
+        return DispersiveIndex(float(self) / other, self.values / other)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, DispersiveIndex):
+            return False
+        return float(self) == float(other) and self.values.tobytes() == other.values.tobytes()
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    def __hash__(self) -> int:
+        return hash((float(self), self.values.tobytes()))

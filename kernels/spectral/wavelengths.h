@@ -1,0 +1,117 @@
+// The three wavelengths of a path, and what the film makes of the radiance that it finds at them. Everywhere else the numbers of a color
+// are then radiances, reflectances or coefficients at these wavelengths, in the place of red, green and blue.
+//
+// Each is from another third of the distribution (Wilkie, Nawaz, Droske, Weidlich and Hanika, "Hero wavelength spectral sampling", EGSR 2014),
+// which is about how much the film makes of a wavelength in daylight. Paths that are joined with others of the same sample, of whichever
+// pixel, have the wavelengths of their sample (SHARED_TIME).
+//
+// Built only where wavelengths are rendered (-D SPECTRAL).
+#ifndef SPECTRAL_WAVELENGTHS_H
+#define SPECTRAL_WAVELENGTHS_H
+
+#include "core/exact.h"
+#include "core/sampler.h"
+#include "types.h"
+
+#ifdef SPECTRAL
+
+typedef struct {
+    vec3 lines;              // where in the tables of clrender/spectra/kernel_table.py they lie: 5 nm each, from 360 nm on
+    vec3 daylight;           // the illuminant D65 there
+    vec3 film[3];            // the color that the film sees of radiance 1 there, over three times the density of the wavelength
+} Wavelengths;
+
+
+// A wavelength, and how many lines of the table a unit of random numbers covers there, which is one over its density, and linear in between
+// the nodes of the table (0.001953125: half of a segment).
+static vfloat wavelengths_line(__global const float* table, vfloat u, vfloat* spread) {
+    const vfloat place = u * (float)SPECTRA_SEGMENTS;
+    const vuint segment = vuint_from_int(vint_of(lesser(place, splat((float)SPECTRA_SEGMENTS - 1.0f))));
+    const vfloat share = place - vfloat_of(vint_from_uint(segment)), line = lane_gather(table, segment * 2u);
+    const vfloat before = lane_gather(table, segment * 2u + 1u), after = lane_gather(table, segment * 2u + 3u);
+    *spread = fma(after - before, share, before);
+    return lesser(fma((before + *spread) * 0.001953125f, share, line), splat((float)SPECTRA_LINES - 1.0f));
+}
+
+// The line before a place in the table, and how far from there to the next.
+static vuint wavelengths_before(vfloat line, vfloat* share) {
+    const vuint before = vuint_from_int(vint_of(lesser(line, splat((float)SPECTRA_LINES - 2.0f))));
+    *share = line - vfloat_of(vint_from_uint(before));
+    return before;
+}
+
+// Red, green and blue of the film and the illuminant D65 at a wavelength.
+static vfloat wavelengths_look_up(__global const float* table, vfloat line, vec3* film) {
+    vfloat rows[8], share;
+    const vuint before = wavelengths_before(line, &share);
+    lane_octets(table, (uint)SPECTRA_FILM + before * 4u, rows);
+    *film = vec3_of(fma(rows[4] - rows[0], share, rows[0]), fma(rows[5] - rows[1], share, rows[1]), fma(rows[6] - rows[2], share, rows[2]));
+    return fma(rows[7] - rows[3], share, rows[3]);
+}
+
+// The random numbers of a sample; where they are shared, of sample number `pass` of all pixels.
+static Sampler wavelengths_sampler(__global const Settings* settings, Sampler own, vuint pass) {
+#ifdef SHARED_TIME
+    const uint size = settings->replicate_spp;
+    const vuint replicate = pass & (0u - size);
+    Sampler shared;
+    shared.seed = hash_pair(hash_pair(splat_uint(NONE), splat_uint(settings->seed)), replicate + 0x5851f42du);
+    shared.index = pass & (size - 1u);
+    return shared;
+#else
+    return own;
+#endif
+}
+
+// With glass that disperses light, a path that meets some goes on for the first of its wavelengths alone (integrator/path.h). Those of paths that are
+// joined, that split or that sample chains have one wavelength from their beginning: all three are the same.
+#if defined(DISPERSION) && (defined(SHARED_TIME) || defined(PATH_SPLITS) || defined(SPECULAR_CHAINS) || defined(WHITTED))
+#define WAVELENGTHS_EQUAL
+#endif
+
+// Which of three is the first one: over the samples of a pixel each as often.
+static vuint wavelengths_turn(Sampler sampler, vuint offset) {
+    const vuint x = sampler.index + (offset >> 8);
+    return x - (mul_hi(x, splat_uint(0xaaaaaaabu)) >> 1) * 3u;
+}
+
+// Three numbers a third apart. Over the samples of a pixel, or of a replicate, they are evenly spaced from one offset on, so that the sum of what
+// varies smoothly from one end of the spectrum to the other has next to no error: the film sees little of either end.
+static vec3 wavelengths_numbers(Sampler sampler) {
+    const vuint offset = hash_pair(sampler.seed, splat_uint(SET_WAVELENGTH));
+    const vfloat number = unit_interval(reverse_bits(sampler.index) + offset);
+#ifdef WAVELENGTHS_EQUAL
+    return vec3_of(number, number, number);
+#else
+    const vfloat u = number * (1.0f / 3.0f), second = u + 1.0f / 3.0f, third = u + 2.0f / 3.0f;
+#ifdef DISPERSION
+    const vuint turn = wavelengths_turn(sampler, offset);
+    const vmask by_one = turn == 1u, by_two = turn == 2u;
+    return vec3_of(by_two ? third : by_one ? second : u, by_two ? u : by_one ? third : second, by_two ? second : by_one ? u : third);
+#else
+    return vec3_of(u, second, third);
+#endif
+#endif
+}
+
+// One of the three: where it is in the tables, with the illuminant there, and what the film makes of it.
+static vfloat wavelengths_one(__global const float* table, vfloat u, vfloat* daylight, vec3* film) {
+    vfloat spread;
+    const vfloat line = wavelengths_line(table, u, &spread);
+    *daylight = wavelengths_look_up(table, line, film);
+    *film = scale(*film, spread * (1.0f / 3.0f));
+    return line;
+}
+
+static Wavelengths wavelengths_of(__global const float* table, __global const Settings* settings, Sampler sampler, vuint pass) {
+    const vec3 u = wavelengths_numbers(wavelengths_sampler(settings, sampler, pass));
+    Wavelengths w;
+    w.lines.x = wavelengths_one(table, u.x, &w.daylight.x, &w.film[0]);
+    w.lines.y = wavelengths_one(table, u.y, &w.daylight.y, &w.film[1]);
+    w.lines.z = wavelengths_one(table, u.z, &w.daylight.z, &w.film[2]);
+    return w;
+}
+
+#endif
+
+#endif

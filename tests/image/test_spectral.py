@@ -1,0 +1,266 @@
+"""Images of wavelengths: colours, spectra, glass that disperses light, and the same bits however they are rendered."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+import clrender
+from clrender.errors import UsageError
+from clrender.exact.matrices import inverse, times
+from clrender.scene import Scene
+from clrender.spectra.colors import TO_REC709
+from clrender.spectra.film import film_color, reflectance_film_weights
+from clrender.spectra.glasses import GLASSES, sellmeier_indices
+from clrender.spectra.illuminants import illuminant_spectrum
+from clrender.spectra.lifting import reflectance_spectra, unbounded_spectra
+
+if TYPE_CHECKING:
+    from clrender.device import Device
+
+CAMERA = {"position": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0], "vertical_fov": 40.0}
+
+
+def scene(**more: Any) -> Scene:
+    return Scene.model_validate({"camera": CAMERA, **more})
+
+
+def around(radiance: Any) -> dict[str, Any]:
+    return {"type": "environment", "radiance": radiance}
+
+
+def mean(device: Device, what: Scene, **settings: Any) -> Any:
+    """The mean colour of an image."""
+    given = {"size": (16, 16), "spp": 64, "spectral": True, **settings}
+    return clrender.render(what, device=device, **given).linear.astype(np.float64).mean(axis=(0, 1))
+
+
+def busy(**glass: Any) -> Scene:
+    """Dispersive glass, coloured surfaces of several kinds, a medium, and lights by spectra and by colours."""
+    return scene(
+        materials={
+            "glass": {"type": "dielectric", "dispersion": {"glass": "SF11"}, **glass},
+            "ramp": {"type": "oren_nayar", "reflectance": {"wavelengths": [400, 700], "values": [0.1, 0.9]}},
+            "gold": {"type": "conductor", "metal": "Au", "roughness": 0.3},
+            "checks": {
+                "type": "principled",
+                "base_color": {"checker": [[0.8, 0.2, 0.1], [0.1, 0.3, 0.7]]},
+                "coat": 0.5,
+            },
+            "floor": {"type": "lambert", "reflectance": [0.6, 0.5, 0.3]},
+        },
+        media={"dust": {"absorption": [0.1, 0.2, 0.4], "scattering": [0.3, 0.2, 0.1]}},
+        shapes=[
+            {"type": "sphere", "center": [0.0, 0.0, 0.0], "radius": 0.8, "material": "glass"},
+            {"type": "sphere", "center": [1.6, 0.0, -0.5], "radius": 0.7, "material": "gold"},
+            {"type": "sphere", "center": [-1.6, 0.0, -0.5], "radius": 0.7, "material": "checks"},
+            {"type": "sphere", "center": [0.0, 1.6, -0.5], "radius": 0.6, "interior": "dust"},
+            {"type": "quad", "origin": [-4, -0.8, 3], "edge_u": [8, 0, 0], "edge_v": [0, 0, -8], "material": "floor"},
+            {"type": "disk", "center": [0, -0.79, 0], "normal": [0, 1, 0], "radius": 1.2, "material": "ramp"},
+            {
+                "type": "disk",
+                "center": [0.0, 3.5, 0.0],
+                "normal": [0.0, -1.0, 0.0],
+                "radius": 0.8,
+                "emission": {"illuminant": "FL11", "scale": 6.0},
+            },
+        ],
+        lights=[around([0.2, 0.3, 0.5])],
+    )
+
+
+def hashes(device: Device, what: Scene, *ways: dict[str, Any], **settings: Any) -> set[str]:
+    given = {"size": (24, 20), "spp": 4, "spectral": True, **settings}
+    return {clrender.render(what, device=device, **given, **way).stats["image_sha256"] for way in ways}
+
+
+@pytest.mark.parametrize("roughness", [0.0, 0.3])
+def test_one_hash_over_lanes_cuts_and_stages(device: Device, roughness: float) -> None:
+    ways: list[dict[str, Any]] = [{}, {"lanes": 1}, {"lanes": 4}, {"kernels": "staged"}]
+    ways.append({"tile": 8, "samples_per_pass": 1})
+    assert len(hashes(device, busy(roughness=roughness), *ways)) == 1
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("integrator", ["bdpt", "photon", "reuse", "whitted", "direct"])
+def test_one_hash_of_every_integrator(device: Device, integrator: str) -> None:
+    more: dict[str, Any] = {"integrator": integrator}
+    if integrator == "reuse":
+        more["max_depth"] = 6
+    what = busy() if integrator not in ("reuse", "whitted") else without_medium()
+    assert len(hashes(device, what, {}, {"lanes": 1}, {"tile": 8}, **more)) == 1
+
+
+def without_medium() -> Scene:
+    content = busy().model_dump(mode="json", exclude_unset=True)
+    content["shapes"] = [shape for shape in content["shapes"] if "interior" not in shape]
+    return Scene.model_validate(content)
+
+
+def test_colors_of_light_are_seen_as_they_are(device: Device) -> None:
+    for color in ([1.0, 1.0, 1.0], [0.2, 0.4, 0.9], [30.0, 12.0, 3.0], [0.0, 1.0, 0.1]):
+        found = mean(device, scene(lights=[around(color)]))
+        assert np.abs(found - color).max() < 0.004 * max(color)
+
+
+@pytest.mark.parametrize("name", ["A", "D50", "FL2", "FL11", "HP1", "LED-V1"])
+def test_white_under_each_illuminant_has_its_chromaticity(device: Device, name: str) -> None:
+    def xy(color: Any) -> Any:
+        xyz = times(inverse(TO_REC709), color)
+        return xyz[:2] / xyz.sum()
+
+    what = scene(
+        materials={"white": {"type": "lambert", "reflectance": [0.8, 0.8, 0.8]}},
+        shapes=[{"type": "sphere", "center": [0.0, 0.0, 0.0], "radius": 9.0, "material": "white"}],
+        lights=[{"type": "point", "position": [0.0, 1.0, 0.0], "intensity": {"illuminant": name, "scale": 50.0}}],
+    )
+    found = mean(device, what, spp=1024, max_depth=1, size=(8, 8))
+    assert np.abs(xy(found) - xy(film_color(illuminant_spectrum(name)))).max() < 1e-4
+
+
+def test_surfaces_in_daylight_have_the_colors_of_the_other_mode(device: Device) -> None:
+    for color in ([0.7, 0.3, 0.1], [0.05, 0.2, 0.6], [0.5, 0.5, 0.5]):
+        what = scene(
+            materials={"paint": {"type": "lambert", "reflectance": color}},
+            shapes=[{"type": "sphere", "center": [0.0, 0.0, 0.0], "radius": 9.0, "material": "paint"}],
+            lights=[{"type": "point", "position": [0.0, 1.0, 0.0], "intensity": [50.0, 50.0, 50.0]}],
+        )
+        found, wanted = (mean(device, what, max_depth=1, spectral=spectral) for spectral in (True, False))
+        assert np.abs(found - wanted).max() < 0.004 * max(wanted)
+
+
+def test_colored_light_on_a_colored_surface_is_the_product_of_their_spectra(device: Device) -> None:
+    light, paint = np.array([2.0, 0.6, 0.2]), np.array([0.1, 0.3, 0.8])
+    what = scene(
+        materials={"paint": {"type": "mirror", "reflectance": paint.tolist()}},
+        shapes=[
+            {"type": "quad", "origin": [-9, -9, -1], "edge_u": [18, 0, 0], "edge_v": [0, 18, 0], "material": "paint"}
+        ],
+        lights=[around(light.tolist())],
+    )
+    wanted = reflectance_film_weights().T @ (unbounded_spectra(light) * reflectance_spectra(paint))
+    found = mean(device, what, spp=256)
+    assert np.abs(found - wanted).max() < 0.015 * max(wanted)
+    assert np.abs(found - light * paint).max() > 0.1 * max(wanted)
+
+
+def test_metamers_part_in_another_light(device: Device) -> None:
+    grey = {"wavelengths": [360.0, 830.0], "values": [0.5, 0.5]}
+    places = np.arange(95)
+    spectrum = 0.5 + 0.3 * np.cos(places * 0.45)
+    weights = reflectance_film_weights()
+    # Take away what daylight sees of the waves
+    waves = spectrum - 0.5
+    seen = weights @ np.linalg.solve(weights.T @ weights, weights.T @ waves)
+    table = (0.5 + waves - seen).clip(0.0, 1.0)
+    other = {"wavelengths": (360.0 + 5.0 * places).tolist(), "values": table.tolist()}
+    found = {}
+    for light in ("D65", "FL11"):
+        for name, reflectance in (("grey", grey), ("waves", other)):
+            what = scene(
+                materials={"paint": {"type": "lambert", "reflectance": reflectance}},
+                shapes=[{"type": "sphere", "center": [0.0, 0.0, 0.0], "radius": 9.0, "material": "paint"}],
+                lights=[{"type": "point", "position": [0.0, 1.0, 0.0], "intensity": {"illuminant": light}}],
+            )
+            found[light, name] = mean(device, what, max_depth=1, spp=256, size=(8, 8))
+    for light, apart in (("D65", False), ("FL11", True)):
+        difference = np.abs(found[light, "waves"] / found[light, "grey"] - 1.0).max()
+        assert (difference > 0.05) if apart else (difference < 0.01)
+
+
+def refracted(direction: Any, normal: Any, ratio: float) -> Any:
+    """A unit vector after a surface; the ratio is the index before it over that behind it."""
+    cosine = -float(np.dot(direction, normal))
+    return ratio * direction + (ratio * cosine - math.sqrt(1.0 - ratio * ratio * (1.0 - cosine * cosine))) * normal
+
+
+def through_prism(direction: Any, index: float, first: Any, second: Any) -> Any:
+    inside = refracted(direction, first, 1.0 / index)
+    return refracted(inside, second, index)
+
+
+@pytest.mark.parametrize("line", [450.0, 550.0, 650.0])
+def test_a_prism_sends_each_wavelength_where_sellmeier_says(device: Device, line: float) -> None:
+    half = math.radians(20.0)
+    first = np.array([math.sin(half), 0.0, math.cos(half)])  # towards the camera
+    second = np.array([math.sin(half), 0.0, -math.cos(half)])
+    index = float(sellmeier_indices(GLASSES["SF11"], np.array([line]))[0])
+    # The prism's edge is on the right: rays bend to its base, on the left
+    towards = through_prism(np.array([0.0, 0.0, -1.0]), index, first, -second)
+    far = 4000.0 * towards
+    width = 1.0
+    corners = [[width, y, 0.0] for y in (-2.0, 2.0)] + [
+        [-width, y, side * 2.0 * width * math.tan(half)] for y in (-2.0, 2.0) for side in (1.0, -1.0)
+    ]
+    right_low, right_high = 0, 1
+    front_low, back_low, front_high, back_high = 2, 3, 4, 5
+    faces = [
+        [front_low, right_low, right_high],
+        [front_low, right_high, front_high],
+        [right_low, back_low, back_high],
+        [right_low, back_high, right_high],
+        [back_low, front_low, front_high],
+        [back_low, front_high, back_high],
+        [front_low, back_low, right_low],
+        [front_high, right_high, back_high],
+    ]
+    narrow = {"wavelengths": [line - 2.6, line - 2.5, line + 2.5, line + 2.6], "values": [0.0, 1.0, 1.0, 0.0]}
+    what = scene(
+        camera={"position": [0.0, 0.0, 6.0], "target": [0.0, 0.0, 0.0], "vertical_fov": 4.0},
+        materials={"glass": {"type": "dielectric", "dispersion": {"glass": "SF11"}}},
+        shapes=[
+            {"type": "mesh", "vertices": corners, "faces": faces, "material": "glass"},
+            {
+                "type": "sphere",
+                "center": [float(far[0]), float(far[1]), float(far[2]) + 6.0],
+                "radius": 12.0,
+                "emission": {**narrow, "scale": 100.0},
+            },
+        ],
+    )
+    image = clrender.render(what, device=device, size=(41, 41), spp=256, spectral=True, filter="box").linear
+    light = np.abs(image.astype(np.float64)).sum(axis=2)
+    assert light.sum() > 0.0
+    columns = np.arange(41) - 20.0
+    assert abs(float((light * columns[None, :]).sum() / light.sum())) < 1.0
+    assert abs(float((light * columns[:, None]).sum() / light.sum())) < 1.0
+
+
+@pytest.mark.long
+def test_integrators_agree(device: Device) -> None:
+    ways: dict[str, dict[str, Any]] = {
+        "path": {},
+        "guided": {"guiding": "on"},
+        "splitting": {"indirect_rays": 2},
+        "bdpt": {"integrator": "bdpt"},
+        "photon": {"integrator": "photon"},
+    }
+    what = busy(roughness=0.4)
+    found = {name: mean(device, what, spp=512, size=(12, 12), **more) for name, more in ways.items()}
+    for name, color in found.items():
+        assert np.abs(color / found["path"] - 1.0).max() < (0.05 if name == "photon" else 0.03), (name, found)
+
+
+def test_radiosity_refuses_wavelengths(device: Device) -> None:
+    with pytest.raises(UsageError, match="spectral is True, but the integrator radiosity"):
+        clrender.render(busy(), device=device, size=(8, 8), spp=1, integrator="radiosity", spectral=True)
+
+
+def test_layers_show_colors(device: Device) -> None:
+    what = busy()
+    layers = [
+        clrender.render(what, device=device, size=(16, 16), spp=4, spectral=spectral, aov=["albedo"]).aovs["albedo"]
+        for spectral in (False, True)
+    ]
+    assert np.array_equal(layers[0], layers[1])
+
+
+def test_a_scene_file_may_ask_for_wavelengths(device: Device) -> None:
+    what = scene(lights=[around([0.2, 0.4, 0.9])], render={"spectral": True})
+    said = clrender.render(what, device=device, size=(8, 8), spp=4)
+    assert said.stats["image_sha256"] == next(iter(hashes(device, what, {}, size=(8, 8))))
+    plain = clrender.render(what, device=device, size=(8, 8), spp=4, spectral=False)
+    assert np.abs(plain.linear - np.array([0.2, 0.4, 0.9], np.float32)).max() < 1e-6
