@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias
 
 import numpy as np
@@ -40,12 +41,23 @@ _WIDTH: Final = 5.0
 """Distance of the lines of tables, nanometres."""
 
 
+_Wavelengths: TypeAlias = Annotated[
+    tuple[Annotated[Finite, Field(gt=0.0, le=1e6)], ...], Field(max_length=_MOST_VALUES)
+]
+
+
+def _check_table(wavelengths: tuple[float, ...], values: tuple[float, ...]) -> None:
+    if len(wavelengths) != len(values):
+        counts = f"{len(wavelengths)} wavelengths and {len(values)} values"
+        raise fault("spectrum", f"has {counts}; give a value for each wavelength", "values")
+    if any(b <= a for a, b in pairwise(wavelengths)):
+        raise fault("spectrum", "have to ascend; sort them, and leave out repeated ones", "wavelengths")
+
+
 class Spectrum(Part):
     """A spectrum: a table, or, of light, an illuminant or a black body."""
 
-    wavelengths: Annotated[tuple[Annotated[Finite, Field(gt=0.0, le=1e6)], ...], Field(max_length=_MOST_VALUES)] = (
-        Field((), description="of `values`, nanometres, ascending; linear in between")
-    )
+    wavelengths: _Wavelengths = Field((), description="of `values`, nanometres, ascending; linear in between")
     values: Annotated[tuple[Power, ...], Field(max_length=_MOST_VALUES)] = Field(
         (), description="reflectance, constant beyond its ends, or of light per wavelength, and none beyond"
     )
@@ -62,11 +74,7 @@ class Spectrum(Part):
         given = [bool(self.wavelengths or self.values), self.illuminant is not None, self.blackbody is not None]
         if sum(given) != 1:
             raise fault("spectrum", "needs wavelengths and values, or an illuminant, or a blackbody: one of these")
-        if len(self.wavelengths) != len(self.values):
-            counts = f"{len(self.wavelengths)} wavelengths and {len(self.values)} values"
-            raise fault("spectrum", f"has {counts}; give a value for each wavelength", "values")
-        if any(b <= a for a, b in zip(self.wavelengths, self.wavelengths[1:], strict=False)):
-            raise fault("spectrum", "have to ascend; sort them, and leave out repeated ones", "wavelengths")
+        _check_table(self.wavelengths, self.values)
         return self
 
     def light(self) -> NDArray[np.float64]:
@@ -119,6 +127,8 @@ class SpectralColor(tuple[float, float, float]):
         return type(self), (self.spectrum, self.values, tuple(self))
 
     def __eq__(self, other: object) -> bool:
+        if not isinstance(other, tuple):
+            return NotImplemented
         same = tuple.__eq__(self, other)
         return bool(same) and (not isinstance(other, SpectralColor) or self.spectrum == other.spectrum)
 
@@ -193,11 +203,18 @@ class Dispersion(Part):
         None, description="B1, C1, B2, C2, ...: n^2 = 1 + the sum of B w^2 / (w^2 - C), w in micrometres"
     )
 
+    wavelengths: _Wavelengths = Field((), description="of `values`, nanometres, ascending; linear in between")
+    values: Annotated[tuple[Finite, ...], Field(max_length=_MOST_VALUES)] = Field(
+        (), description="indices at these wavelengths, constant beyond"
+    )
+
     @model_validator(mode="after")
     def _is_one(self) -> Dispersion:
         given = [name for name in ("glass", "abbe", "cauchy", "sellmeier") if getattr(self, name) is not None]
+        given += ["values"] if self.wavelengths or self.values else []
         if len(given) != 1:
-            raise fault("dispersion", "needs one of glass, abbe, cauchy and sellmeier")
+            raise fault("dispersion", "needs one of glass, abbe, cauchy, sellmeier and a table")
+        _check_table(self.wavelengths, self.values)
         if self.sellmeier is not None and len(self.sellmeier) % 2:
             raise fault("dispersion", f"has {len(self.sellmeier)} numbers; give a C for each B", "sellmeier")
         if self.abbe is None:
@@ -223,6 +240,8 @@ class Dispersion(Part):
             return sellmeier_indices(self.sellmeier, wavelengths)
         if self.cauchy is not None:
             return cauchy_indices(self.cauchy, wavelengths)
+        if self.values:
+            return np.asarray(interpolated(wavelengths, self.wavelengths, self.values), np.float64)
         assert self.abbe is not None
         return abbe_indices(ior, self.abbe, wavelengths)
 

@@ -76,6 +76,7 @@ MATERIAL_EXTENSIONS: Final[Mapping[str, Rule]] = dict(
         ),
         _material("emissive_strength", emissiveStrength=number(0.0)),
         _material("ior", ior=number(0.0)),
+        _material("dispersion", dispersion=number(0.0)),
         _material(
             "pbrSpecularGlossiness",
             diffuseFactor=many(_SHARE, 4, 4),

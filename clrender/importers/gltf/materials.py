@@ -242,7 +242,7 @@ class _Material:
         self.made_of["diffuse_transmission_color"] = sheet.get("diffuseTransmissionColorFactor", [1.0] * 3)
 
     def _dielectric(self) -> None:
-        """KHR_materials_ior and KHR_materials_specular."""
+        """KHR_materials_ior, KHR_materials_dispersion and KHR_materials_specular."""
         ior = self._extension("ior").get("ior", 1.5)
         if not 1.0 <= ior <= _HIGH_INDEX:
             used = _HIGH_INDEX if ior == 0.0 or ior > 1.0 else 1.0
@@ -250,6 +250,9 @@ class _Material:
                 self._note(f"/extensions/KHR_materials_ior/ior is {ior:g}; {used:g} is taken instead")
             ior = used
         self.made_of["ior"] = ior
+        dispersion = self._extension("dispersion").get("dispersion", 0.0)
+        if dispersion > 0.0:
+            self.made_of["dispersion"] = {"abbe": min(max(20.0 / dispersion, 1.0), 1e6)}
         specular, at = self._extension("specular"), "/extensions/KHR_materials_specular"
         if not specular:
             return

@@ -76,7 +76,7 @@ class EmitterReader:
 
     def _point(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any]:
         place = times(matrix, [*plugin.vector("position", (0.0, 0.0, 0.0)), 1.0])
-        intensity = list(self._textures.light(plugin, "intensity", 1.0))
+        intensity = self._textures.shining(plugin, "intensity", 1.0)
         return {"type": "point", "position": _floats(place[:3]), "intensity": intensity}
 
     def _spot(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any]:
@@ -93,7 +93,7 @@ class EmitterReader:
             "type": "spot",
             "position": _floats(matrix[:3, 3]),
             "direction": _floats(matrix[:3, 2]),
-            "intensity": list(self._textures.light(plugin, "intensity", 1.0)),
+            "intensity": self._textures.shining(plugin, "intensity", 1.0),
             "cone_degrees": 2.0 * cutoff,
             "blend": min(max((inner - edge) / (1.0 - edge), 0.0), 1.0),
         }
@@ -115,11 +115,11 @@ class EmitterReader:
 
     def _directional(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any]:
         direction = times(matrix[:3, :3], plugin.vector("direction", (0.0, 0.0, 1.0)))
-        irradiance = list(self._textures.light(plugin, "irradiance", 1.0))
+        irradiance = self._textures.shining(plugin, "irradiance", 1.0)
         return {"type": "directional", "direction": _floats(direction), "irradiance": irradiance}
 
     def _constant(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any]:
-        return {"type": "environment", "radiance": list(self._textures.light(plugin, "radiance", 1.0))}
+        return {"type": "environment", "radiance": self._textures.shining(plugin, "radiance", 1.0)}
 
     def _envmap(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any] | None:
         file = plugin.text("filename")

@@ -36,7 +36,7 @@ class SurfaceReader:
     def diffuse(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
         """Ideal diffuse reflection."""
         name = "diffuse_reflectance" if plugin.has("diffuse_reflectance") else "reflectance"
-        return {"type": "lambert", "reflectance": self._textures.color(plugin, name, 0.5), "two_sided": two_sided}
+        return {"type": "lambert", "reflectance": self._textures.reflecting(plugin, name, 0.5), "two_sided": two_sided}
 
     def rough_diffuse(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:
         """Diffuse reflection of a rough surface."""

@@ -12,14 +12,20 @@ from clrender.exact.matrices import length
 from clrender.image.pictures import CODED_ENDINGS
 from clrender.importers.mitsuba.plugins import Plugin, Spectrum
 from clrender.importers.shared.matrices import Matrix
+from clrender.importers.shared.spectra import light_table, reflectance_table
 from clrender.importers.shared.staging import Staging
-from clrender.spectra.colors import Color, blackbody_color, light_color, reflectance_color
+from clrender.spectra.colors import Color, blackbody_color, light_color, luminance, reflectance_color
 from clrender.wording import quoted, suggestion
 
 __all__ = ["TextureReader"]
 
 _WRAPS: Final = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp"}
 _FILTERS: Final = {"bilinear": "linear", "nearest": "nearest", "trilinear": "linear", "ewa": "linear"}
+
+
+_COLDEST: Final = 100.0
+_HOTTEST: Final = 1e5
+"""Temperatures of black bodies in scenes, kelvin."""
 
 
 class TextureReader:
@@ -50,6 +56,21 @@ class TextureReader:
             self._staging.note(f"a texture as {quoted(name)} of {plugin.label} is left out: it shines with {default:g}")
             return (default,) * 3
         return self.light_of(plugin.spectrum(name), default)
+
+    def shining(self, plugin: Plugin, name: str, default: float) -> Any:
+        """What a light sends out as scenes say it: a colour, or a spectrum."""
+        nested, spectrum = plugin.child(name), plugin.spectrum(name)
+        color = self.light(plugin, name, default)
+        if nested is not None and nested.kind == "spectrum":
+            kelvin = nested.number("temperature", 5000.0) if nested.type == "blackbody" else 0.0
+            if _COLDEST <= kelvin <= _HOTTEST:
+                return {"blackbody": kelvin, "scale": luminance(color)}
+            spectrum = nested.spectrum("value") if nested.type == "uniform" else None
+        if spectrum is None or spectrum.color is not None:
+            return list(color)
+        if not spectrum.wavelengths:
+            return {"illuminant": "E", "scale": spectrum.values[0]} if spectrum.values[0] >= 0.0 else list(color)
+        return light_table(spectrum.wavelengths, spectrum.values) or list(color)
 
     def light_of(self, spectrum: Spectrum | None, default: float) -> Color:
         """The colour of a light with this spectrum."""
@@ -100,6 +121,14 @@ class TextureReader:
         color = self.surface_of(plugin.spectrum(name), default)
         return self._staging.reflectance(color, f"{quoted(name)} of {plugin.label}")
 
+    def reflecting(self, plugin: Plugin, name: str, default: float) -> Any:
+        """A reflectance: like `color`, or a spectrum."""
+        spectrum = plugin.spectrum(name) if plugin.child(name) is None else None
+        color = self.color(plugin, name, default)
+        if spectrum is None or spectrum.color is not None or not spectrum.wavelengths:
+            return color
+        return reflectance_table(spectrum.wavelengths, spectrum.values) or color
+
     def surface_of(self, spectrum: Spectrum | None, default: float) -> Color:
         """The colour of a surface with this spectrum."""
         if spectrum is None:
@@ -123,7 +152,7 @@ class TextureReader:
         nested = plugin.child("radiance")
         if nested is not None and nested.kind == "texture":
             return self.texture(nested, light=True)
-        return list(self.light(plugin, "radiance", 1.0))
+        return self.shining(plugin, "radiance", 1.0)
 
     def texture(self, plugin: Plugin, number: bool = False, light: bool = False) -> Any:
         """One of our textures, or a colour.

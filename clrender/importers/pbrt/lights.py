@@ -75,6 +75,12 @@ class LightReader:
             raise parameters.fault("is a second infinite light, but a scene can have only one; remove one")
         lights.append(made)
 
+    def _shining(self, parameters: Parameters, name: str, factor: float) -> Any:
+        """A colour, or a spectrum, which the white balance of a film cannot change."""
+        scale = parameters.number("scale", 1.0) * factor * self.exposure.ratio
+        color = self._color(parameters, name, factor)
+        return (self.exposure.balance is None and self._textures.spectrum_of_light(parameters, name, scale)) or color
+
     def _color(self, parameters: Parameters, name: str, factor: float) -> list[float]:
         scale = parameters.number("scale", 1.0) * factor * self.exposure.ratio
         return [max(float(x) * scale, 0.0) for x in self.exposure.balanced(self._textures.light(parameters, name))]
@@ -82,7 +88,7 @@ class LightReader:
     def _point(self, parameters: Parameters, matrix: Matrix) -> dict[str, Any]:
         power = parameters.number("power", -1.0)
         place = times(matrix, [*parameters.vector("from", (0.0, 0.0, 0.0)), 1.0])
-        intensity = self._color(parameters, "I", power / (4.0 * math.pi) if power > 0.0 else 1.0)
+        intensity = self._shining(parameters, "I", power / (4.0 * math.pi) if power > 0.0 else 1.0)
         return {"type": "point", "position": [float(x) for x in place[:3]], "intensity": intensity}
 
     def _spot(self, parameters: Parameters, matrix: Matrix) -> dict[str, Any]:
@@ -98,7 +104,7 @@ class LightReader:
             "type": "spot",
             "position": [float(x) for x in times(matrix, [*start, 1.0])[:3]],
             "direction": [float(x) for x in times(matrix[:3, :3], end - start)],
-            "intensity": self._color(parameters, "I", power / flux if power > 0.0 else 1.0),
+            "intensity": self._shining(parameters, "I", power / flux if power > 0.0 else 1.0),
             "cone_degrees": 2.0 * cone,
             "blend": min(max((inner - edge) / (1.0 - edge), 0.0), 1.0),
         }
@@ -106,7 +112,7 @@ class LightReader:
     def _distant(self, parameters: Parameters, matrix: Matrix) -> dict[str, Any]:
         start, end = parameters.vector("from", (0.0, 0.0, 0.0)), parameters.vector("to", (0.0, 0.0, 1.0))
         lux = parameters.number("illuminance", -1.0)
-        irradiance = self._color(parameters, "L", lux if lux > 0.0 else 1.0)
+        irradiance = self._shining(parameters, "L", lux if lux > 0.0 else 1.0)
         # pbrt's light shines in the direction from `from` to `to`
         direction = [float(x) for x in times(matrix[:3, :3], end - start)]
         return {"type": "directional", "direction": direction, "irradiance": irradiance}
@@ -152,7 +158,7 @@ class LightReader:
         if not file:
             return {
                 "type": "environment",
-                "radiance": self._color(parameters, "L", lux / math.pi if lux > 0.0 else 1.0),
+                "radiance": self._shining(parameters, "L", lux / math.pi if lux > 0.0 else 1.0),
             }
         line = parameters.values["filename"].line
         name = self._staging.files.name(file, f"line {line}")

@@ -158,7 +158,7 @@ class MaterialReader:
         return made
 
     def _diffuse(self, parameters: Parameters) -> dict[str, Any]:
-        return {"type": "lambert", "reflectance": self._textures.color(parameters, "reflectance", 0.5)}
+        return {"type": "lambert", "reflectance": self._textures.reflecting(parameters, "reflectance", 0.5)}
 
     def _diffuse_transmission(self, parameters: Parameters) -> dict[str, Any]:
         """A sheet whose two colours become those of a share that is reflected and one that is transmitted."""
@@ -249,8 +249,7 @@ class MaterialReader:
         }
 
     def _dielectric(self, parameters: Parameters) -> dict[str, Any]:
-        ior = min(max(self._textures.index(parameters), 1e-3), 1000.0)
-        return {"type": "dielectric", "ior": ior, **self._microfacets(parameters)}
+        return {"type": "dielectric", **self._textures.refraction(parameters), **self._microfacets(parameters)}
 
     def _subsurface(self, parameters: Parameters, wanted: str) -> tuple[dict[str, Any], str | None]:
         """A material, and the medium in it if that is given by coefficients."""

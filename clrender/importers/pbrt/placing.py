@@ -99,7 +99,7 @@ class Placer:
             area = _area_of(self._staging, described, matrix if way is None else product(way[0], matrix))
             factor *= power / max((2.0 if two_sided else 1.0) * area * np.pi, 1e-30)
         color = [max(float(x * factor), 0.0) for x in self.exposure.balanced(self._textures.light(parameters, "L"))]
-        described["emission"] = self._shining(parameters, color)
+        described["emission"] = self._shining(parameters, color, factor)
         for unknown in parameters.unused():
             self._staging.note(f"{quoted(unknown)} of an area light is not understood and does nothing")
         _placed(self._staging, described, matrix, part.line)
@@ -116,10 +116,12 @@ class Placer:
             return "TransformTimes do not ascend"
         return fault_of_motion(part.described["type"], way)
 
-    def _shining(self, parameters: Parameters, color: list[float]) -> Any:
+    def _shining(self, parameters: Parameters, color: list[float], factor: float) -> Any:
+        """A colour, a spectrum, which the white balance of a film cannot change, or a picture."""
         file = parameters.text("filename")
         if not file:
-            return color
+            even = self.exposure.balance is None
+            return (even and self._textures.spectrum_of_light(parameters, "L", factor)) or color
         if self.exposure.balance is not None:
             self._staging.note("a picture that shines gets the white balance of white")
         name = self._staging.files.name(file, f"line {parameters.line}")

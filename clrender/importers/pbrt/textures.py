@@ -10,6 +10,7 @@ from clrender.image.pictures import CODED_ENDINGS
 from clrender.importers.pbrt.parameters import Parameter, Parameters
 from clrender.importers.shared.curved import decoded, inverted, mean_color, number_channel, rooted
 from clrender.importers.shared.metals import CONDUCTORS, GLASSES
+from clrender.importers.shared.spectra import ILLUMINANTS, light_table, reflectance_table
 from clrender.importers.shared.staging import Staging, roughness_of
 from clrender.spectra.colors import (
     Color,
@@ -19,6 +20,7 @@ from clrender.spectra.colors import (
     reflectance_color,
     value_at,
 )
+from clrender.spectra.glasses import glass_index
 from clrender.wording import quoted, suggestion
 
 __all__ = ["TextureReader"]
@@ -67,6 +69,26 @@ class TextureReader:
             return 1.0, 1.0, 1.0
         waves, values = self._spectrum(parameters, name, found)
         return _of_unit_luminance(light_color(waves, values))
+
+    def spectrum_of_light(self, parameters: Parameters, name: str, scale: float) -> dict[str, Any] | None:
+        """The spectrum of a light of this luminance, as scenes say it; None if it is a colour."""
+        found = parameters.get(name)
+        if found is None or not 0.0 <= scale <= 1e12:
+            return None
+        if found.kind == "blackbody":
+            kelvin = parameters.number(name, 6500.0)
+            return {"blackbody": kelvin, "scale": scale} if 100.0 <= kelvin <= 1e5 else None
+        if found.kind != "spectrum":
+            return None
+        if isinstance(found.values, list):
+            named = found.values[0] if found.values else ""
+            if named in ILLUMINANTS:
+                return {"illuminant": ILLUMINANTS[named], "scale": scale}
+            if "." not in named:
+                return None
+        waves, values = self._spectrum(parameters, name, found)
+        bright = luminance(light_color(waves, values))
+        return light_table(waves, values, scale / bright) if bright > 0.0 else None
 
     def _rgb(self, parameters: Parameters, name: str, found: Parameter) -> Color:
         if isinstance(found.values, list) or len(found.values) != 3:
@@ -118,11 +140,24 @@ class TextureReader:
         if found is None:
             return default
         if found.kind == "spectrum":
-            self._staging.note("dispersion is left out: an index of refraction is that at 588 nm")
             if isinstance(found.values, list) and found.values and found.values[0] in GLASSES:
-                return GLASSES[found.values[0]]
+                return glass_index(GLASSES[found.values[0]])
             return value_at(*self._spectrum(parameters, name, found), _SODIUM)
         return self.plain_number(parameters, name, default)
+
+    def refraction(self, parameters: Parameters, name: str = "eta") -> dict[str, Any]:
+        """Index of refraction of a dielectric as scenes say it: at one wavelength, or a dispersion."""
+        found, ior = parameters.get(name), min(max(self.index(parameters, name), 1e-3), 1000.0)
+        if found is None or found.kind != "spectrum":
+            return {"ior": ior}
+        if isinstance(found.values, list) and found.values and found.values[0] in GLASSES:
+            return {"dispersion": {"glass": GLASSES[found.values[0]]}}
+        waves, values = self._spectrum(parameters, name, found)
+        table = light_table(waves, values)
+        if table is None or not 1.0 <= min(values) <= max(values) <= 10.0:
+            self._staging.note("an index of refraction below 1 or above 10 is that at 588 nm alone")
+            return {"ior": ior}
+        return {"dispersion": table}
 
     def plain_number(self, parameters: Parameters, name: str, default: float) -> float:
         """A number that cannot be a picture here: its default, with a note, in place of one."""
@@ -153,6 +188,13 @@ class TextureReader:
         else:
             raise parameters.fault(f"{quoted(name)} is of type {found.kind}, but must be a colour", name)
         return self._staging.reflectance(color, f"{quoted(name)} of a material")
+
+    def reflecting(self, parameters: Parameters, name: str, default: float) -> Any:
+        """A reflectance: like `color`, or a spectrum."""
+        color, found = self.color(parameters, name, default), parameters.get(name)
+        if found is None or found.kind != "spectrum":
+            return color
+        return reflectance_table(*self._spectrum(parameters, name, found)) or color
 
     def mean_color(self, parameters: Parameters, name: str, default: float) -> list[float]:
         """A reflectance where there can be no texture: that of a texture is its mean, with a note."""

@@ -78,13 +78,13 @@ DIELECTRICS: Final[Mapping[str, float]] = {
 }
 """Indices by Mitsuba's names, at 589 nm."""
 
-GLASSES: Final[Mapping[str, float]] = {
-    "glass-BK7": 1.5168,
-    "glass-BAF10": 1.6700,
-    "glass-FK51A": 1.4866,
-    "glass-LASF9": 1.8503,
-    "glass-F5": 1.6034,
-    "glass-F10": 1.6228,
-    "glass-F11": 1.6206,
+GLASSES: Final[Mapping[str, str]] = {
+    "glass-BK7": "BK7",
+    "glass-BAF10": "BAF10",
+    "glass-FK51A": "FK51A",
+    "glass-LASF9": "LASF9",
+    "glass-F5": "SF5",
+    "glass-F10": "SF10",
+    "glass-F11": "SF11",
 }
-"""Indices by pbrt's names, at 588 nm (n_d of Schott's catalogue): clrender has no dispersion."""
+"""Glasses of `clrender.spectra.glasses` by pbrt's names; those of its F glasses are of SF glasses."""
