@@ -10,7 +10,8 @@ and alpha is at most 0.09: beyond it one sees that Mitsuba's masking and shadowi
 
 `--with` adds kinds of things, each in most of the scenes: `media` (clouds, filled glass, fog), `spots`, `cameras`
 (orthographic, and with a lens), `opacity` (constant, and pictures with holes), `skies`, `tent` (that pixel filter),
-`roughness` (pictures of it, on metals and glass), `plastics` (smooth, rough and textured) and `cylinders`. Of Mitsuba's
+`roughness` (pictures of it, on metals and glass), `plastics` (smooth, rough and textured) and `cylinders`. With
+`spectra` some colours are spectra, and both render wavelengths (Mitsuba's `scalar_spectral`). Of Mitsuba's
 integrators media and opacity take `volpath`. Its cylinders are round, and ours have 128 sides. Its plastics are those
 of mitsuba_plastic.py, because its own have another Fresnel term; `spheres` shows how far they are off.
 
@@ -51,10 +52,24 @@ _CYLINDER: Final = "cylinder"
 _ROWS: Final = 64
 """Rows of triangles of such a mesh."""
 _BLACK: Final = {"type": "lambert", "reflectance": [0.0, 0.0, 0.0]}
+_SPECTRAL: Final = "CROSS_CHECK_SPECTRAL"
+"""Environment variable that is set where both render wavelengths."""
 _HALF: Final = 2.0
 """Half the side of the room, metres."""
-_MORE: Final = ("media", "spots", "cameras", "opacity", "skies", "tent", "roughness", "plastics", "cylinders")
+_MORE: Final = (
+    "media",
+    "spots",
+    "cameras",
+    "opacity",
+    "skies",
+    "tent",
+    "roughness",
+    "plastics",
+    "cylinders",
+    "spectra",
+)
 """Optional features of scenes."""
+_WAVES: Final = [360.0, 420.0, 480.0, 560.0, 620.0, 830.0]
 _MOST: Final = 0.8
 """Fraction of the scenes that have a feature."""
 
@@ -189,12 +204,35 @@ class _Maker:
             self._fill(closed)
         if "cameras" in self.more and self.random.random() < _MOST:
             camera = self._lens(camera)
+        if "spectra" in self.more:
+            self._spectra()
         made = {"camera": camera, "materials": self.materials, "shapes": self.shapes, "lights": self.lights}
         if self.media:
             made["media"] = self.media
         if "tent" in self.more:
             made["render"] = {"filter": "tent"}
         return made if self.fog is None else {**made, "fog": self.fog}
+
+    def _spectra(self) -> None:
+        """Spectra in the place of some colours, and of the indices of metals."""
+        from clrender.scene.metals import METALS
+
+        for material in self.materials.values():
+            color = material.get("reflectance")
+            if isinstance(color, list) and max(color) > 0.0 and self.random.random() < 0.5:
+                shares = self.random.uniform(0.05, 1.0, 6) * max(color)
+                material["reflectance"] = {"wavelengths": _WAVES, "values": _rounded(shares)}
+            if "metal" in material:
+                for key, part in zip(("eta", "k"), METALS[material.pop("metal")], strict=True):
+                    values = [part[2], *part[::-1], part[0]]
+                    material[key] = {"wavelengths": [360.0, 451.0, 549.0, 617.0, 830.0], "values": values}
+        for each in self._all():
+            for key in ("emission", "intensity", "irradiance", "radiance"):
+                if isinstance(each.get(key), list) and self.random.random() < 0.5:
+                    scale = round(0.5 * max(each[key]), 4)
+                    kind = str(self.random.choice(["A", "D50", "E", "FL11", "LED-B3", "HP1", "blackbody"]))
+                    said = {"blackbody": round(self._number(2000.0, 9000.0))}
+                    each[key] = {**(said if kind == "blackbody" else {"illuminant": kind}), "scale": scale}
 
     def _all(self) -> list[dict[str, Any]]:
         return [*self.shapes, *self.lights]
@@ -501,7 +539,8 @@ def _in_mitsuba(folders: list[Path]) -> None:
     import mitsuba
     import mitsuba_plastic
 
-    mitsuba.set_variant("llvm_ad_rgb")
+    # Under LLVM 15 the vectorised spectral variant has no code for some processors
+    mitsuba.set_variant("scalar_spectral" if os.environ.get(_SPECTRAL) else "llvm_ad_rgb")
     mitsuba_plastic.register(mitsuba)
     others = {_folder_name(name) for name in _OTHERS}
     for number, folder in enumerate(folders):
@@ -550,7 +589,10 @@ def _ours(session: Any, folder: Path, number: int) -> npt.NDArray[np.float32]:
 
     scene = clrender.load(str(folder / "scene.json"))
     size = (_SIDE, _SIDE)
-    own = np.array([session.render(scene, spp=_SPP, size=size, seed=seed).linear for seed in _seeds(number)])
+    spectral = bool(os.environ.get(_SPECTRAL))
+    own = np.array(
+        [session.render(scene, spp=_SPP, size=size, seed=seed, spectral=spectral).linear for seed in _seeds(number)]
+    )
     np.save(folder / "clrender.files.npy", own)
     return own
 
@@ -638,6 +680,8 @@ def main() -> None:
     more = frozenset(filter(None, asked.more.split(",")))
     if not more <= set(_MORE):
         parser.error(f"--with takes {', '.join(_MORE)}")
+    if "spectra" in more:
+        os.environ[_SPECTRAL] = "1"
     spheres = asked.scenes == ["spheres"]
     if spheres:
         folders = _spheres(folder)

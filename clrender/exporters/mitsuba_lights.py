@@ -12,13 +12,14 @@ from clrender.exact.angles import arccosine, sin_cos_degrees, tan_degrees
 from clrender.exact.elementary import angles_of
 from clrender.exact.matrices import length
 from clrender.exporters.mitsuba_textures import TextureWriter
-from clrender.exporters.mitsuba_xml import Element, element, transform, value
+from clrender.exporters.mitsuba_xml import Element, element, spectral, transform, value
 from clrender.exporters.skies import sky_map
 from clrender.exporters.target import Target
 from clrender.flatten.sky import scene_sun
 from clrender.importers.shared.matrices import look_at, rotation
 from clrender.scene import DirectionalLight, EnvironmentLight, PointLight, SpotLight, SunSkyLight
 from clrender.scene.light_kinds import IesLight, ProjectorLight
+from clrender.scene.spectra import SpectralColor
 
 __all__ = ["SKY_NANOMETRES", "LightWriter"]
 
@@ -49,17 +50,17 @@ class LightWriter:
     def _light(self, light: Any, at: tuple[str | int, ...]) -> Element | None:
         if isinstance(light, PointLight):
             place = value("point", "position", light.position)
-            return element("emitter", place, value("rgb", "intensity", light.intensity), type="point")
+            return element("emitter", place, spectral("intensity", light.intensity), type="point")
         if isinstance(light, DirectionalLight):
             along = value("vector", "direction", light.direction)
-            return element("emitter", along, value("rgb", "irradiance", light.irradiance), type="directional")
+            return element("emitter", along, spectral("irradiance", light.irradiance), type="directional")
         if isinstance(light, SpotLight):
             return self._spot(light, at)
         if isinstance(light, SunSkyLight):
             return self._sky(light, at)
         if isinstance(light, EnvironmentLight):
             if light.file is None:
-                return element("emitter", value("rgb", "radiance", light.constant), type="constant")
+                return element("emitter", _around(light), type="constant")
             return self._environment(light)
         if isinstance(light, ProjectorLight):
             return self._projector(light, at)
@@ -79,7 +80,7 @@ class LightWriter:
         origin = np.array(light.position)
         inside = [
             transform(look_at(origin, origin + axis, across)),
-            value("rgb", "intensity", light.intensity),
+            spectral("intensity", light.intensity),
             value("float", "cutoff_angle", half),
             value("float", "beam_width", inner),
         ]
@@ -104,7 +105,7 @@ class LightWriter:
         linear = np.clip((half - angle) / (half - inner), 0.0, 1.0)
         ratio = np.divide(t * t * (3.0 - 2.0 * t), linear, out=np.zeros_like(t), where=linear > 1e-6)
         name = self._textures.files.made("spot", ratio[..., None].astype(np.float32))
-        inside = [value("string", "filename", name), value("boolean", "raw", True)]
+        inside = [value("string", "filename", name)]  # of floats, which are linear
         return element("texture", *inside, value("string", "wrap_mode", "clamp"), type="bitmap", name="texture")
 
     # --- projectors
@@ -121,7 +122,7 @@ class LightWriter:
             pixels = pixels / (squares * np.sqrt(squares))[..., None]
             self._target.leave_out("the fall of intensity within the pixels of a projector", *at)
         name = self._textures.files.made("projector", (pixels * factor).astype(np.float32))
-        inside = [value("string", "filename", name), value("boolean", "raw", True)]
+        inside = [value("string", "filename", name)]  # of floats, which are linear
         picture = element("texture", *inside, value("string", "wrap_mode", "clamp"), type="bitmap", name="irradiance")
         origin = np.array(light.position)
         axis = np.array(light.direction) / length(light.direction)
@@ -177,3 +178,11 @@ def _from_pole_to_pole(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
     made[0], made[-1] = pixels[0], pixels[-1]
     made[2:-1:2] = 0.5 * pixels[:-1] + 0.5 * pixels[1:]
     return made
+
+
+def _around(light: EnvironmentLight) -> Element:
+    """The radiance of a constant environment: a spectrum, where that is not tinted."""
+    red, green, blue = light.scale
+    if isinstance(light.radiance, SpectralColor) and red == green == blue:
+        return spectral("radiance", light.radiance, red)
+    return value("rgb", "radiance", light.constant)

@@ -11,7 +11,7 @@ import numpy as np
 
 from clrender.exporters.files import write_bytes
 from clrender.exporters.mitsuba_textures import TextureWriter
-from clrender.exporters.mitsuba_xml import Element, element, value
+from clrender.exporters.mitsuba_xml import Element, element, spectral, value
 from clrender.exporters.surfaces import ONCE, alphas_of, is_rough, without_measured
 from clrender.exporters.target import Target
 from clrender.flatten.hair import hair_absorption
@@ -194,7 +194,7 @@ class MaterialWriter:
                 self._target.leave_out(ONCE, *at)
             rough = self._disney_roughness(material, at)
             return element("bsdf", color, value("float", "metallic", 1.0), *rough, type="principled")
-        eta, k = (value("rgb", name, each) for name, each in zip(("eta", "k"), material.index, strict=True))
+        eta, k = (spectral(name, each) for name, each in zip(("eta", "k"), material.index, strict=True))
         if not is_rough(material.roughness):
             return element("bsdf", eta, k, type="conductor")
         if material.multiple_scattering:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.exact.matrices import product
-from clrender.exporters.mitsuba_xml import Element, element, transform, value
+from clrender.exporters.mitsuba_xml import Element, element, spectral, transform, value
 from clrender.exporters.pictures import Curve, PictureFiles, Squares, height_picture, normal_picture
 from clrender.exporters.target import Target
 from clrender.scene.textures import BumpMap, NormalMap, Texture
@@ -18,6 +18,8 @@ __all__ = ["TextureWriter"]
 _Floats: TypeAlias = NDArray[np.float64]
 _SAME: Final = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".ppm", ".exr", ".pfm")
 """Endings of pictures that Mitsuba reads as clrender does. It reads mantissas of ``.hdr`` as m, not m + 1/2."""
+_FLOATS: Final = (".exr", ".hdr", ".pfm")
+"""Pictures that are linear; of colours they may become spectra, which Mitsuba denies to those that are raw."""
 _FLIP: Final = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 1.0]])
 """Mitsuba's v of a picture is 0 at its upper edge."""
 
@@ -52,7 +54,7 @@ class TextureWriter:
         """
         if isinstance(given, Texture):
             return self._texture(name, given, at, False, factor)
-        return value("rgb", name, np.array(given) * factor)
+        return spectral(name, given, factor)
 
     def number(self, name: str, given: Any, at: tuple[str | int, ...], curve: Curve | None = None) -> Element:
         """A number.
@@ -88,6 +90,7 @@ class TextureWriter:
         curve: Curve | None = None,
     ) -> Element:
         made = self.files.resolved(given, at, number, factor, curve)
+        color = not number and name != "normalmap"
         if isinstance(made, Squares):
             # The side of Mitsuba's squares is half a unit
             both = [value("rgb", f"color{i}", np.broadcast_to(color, 3)) for i, color in enumerate(made.colors)]
@@ -97,7 +100,7 @@ class TextureWriter:
             self._target.leave_out("another way of repeating a texture along v; it is that along u", *at)
         inside = [
             value("string", "filename", made.file),
-            value("boolean", "raw", made.linear),
+            value("boolean", "raw", made.linear and not (color and made.file.endswith(_FLOATS))),
             value("string", "wrap_mode", wrap),
             value("string", "filter_type", "nearest" if made.nearest else "bilinear"),
         ]

@@ -8,7 +8,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-__all__ = ["NO_ID", "Element", "element", "transform", "value", "words"]
+from clrender.scene.spectra import SpectralColor
+from clrender.spectra.colors import table_wavelengths
+
+__all__ = ["NO_ID", "Element", "element", "spectral", "transform", "value", "words"]
 
 Element = ElementTree.Element
 NO_ID: Final = re.compile(r"[^\w -]|^_+")
@@ -34,6 +37,14 @@ def value(tag: str, name: str, given: Any) -> Element:
     else:
         text = str(given) if isinstance(given, str | int) else words(given)
     return element(tag, name=name, value=text)
+
+
+def spectral(name: str, given: Any, factor: Any = 1.0) -> Element:
+    """A colour times a factor, or a spectrum times one that is a number."""
+    if not isinstance(given, SpectralColor) or np.ndim(factor):
+        return value("rgb", name, np.array(given) * factor)
+    lines = zip(table_wavelengths().tolist(), (given.values * factor).tolist(), strict=True)
+    return element("spectrum", name=name, value=", ".join(f"{wave:g}:{amount!r}" for wave, amount in lines))
 
 
 def transform(matrix: Any, name: str = "to_world") -> Element:

@@ -20,7 +20,7 @@ from pydantic import (
 from clrender.meshes.data import COORDINATE_LIMIT
 from clrender.scene.frozen import FrozenDict
 from clrender.scene.metals import METALS, metal_spectra
-from clrender.scene.spectra import Dispersion, SpectralColor
+from clrender.scene.spectra import Dispersion, ExtinctionColor, IndexColor, SpectralColor
 from clrender.scene.textures import (
     BumpMap,
     ColorOrTexture,
@@ -278,10 +278,8 @@ class Conductor(_Opaque, _Microfacets):
 
     type: Literal["conductor"]
     metal: _Metal | None = None
-    eta: tuple[Index, Index, Index] | None = Field(None, description="real part of the refractive index")
-    k: tuple[Extinction, Extinction, Extinction] | None = Field(
-        None, description="imaginary part of the refractive index"
-    )
+    eta: IndexColor | None = Field(None, description="real part of the refractive index")
+    k: ExtinctionColor | None = Field(None, description="imaginary part of the refractive index")
     f0: ReflectanceOrTexture | None = Field(
         None, description="reflectance at normal incidence, for Schlick's Fresnel term"
     )

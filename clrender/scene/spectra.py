@@ -18,8 +18,8 @@ from pydantic import (
     model_validator,
 )
 
-from clrender.exact.matrices import interpolated, total
-from clrender.scene.values import Color, Finite, Part, Power, Reflectance, fault
+from clrender.exact.matrices import interpolated, times, total
+from clrender.scene.values import Color, Extinction, Finite, Index, Part, Power, Reflectance, fault
 from clrender.spectra.colors import table_wavelengths
 from clrender.spectra.film import film_color, reflectance_film_weights
 from clrender.spectra.glasses import GLASSES, LINE_D, abbe_indices, cauchy_indices, sellmeier_indices
@@ -28,6 +28,8 @@ from clrender.spectra.illuminants import ILLUMINANTS, blackbody_spectrum, illumi
 __all__ = [
     "Dispersion",
     "DispersiveIndex",
+    "ExtinctionColor",
+    "IndexColor",
     "LightColor",
     "SpectralColor",
     "Spectrum",
@@ -37,6 +39,7 @@ __all__ = [
 ]
 
 _MOST_VALUES: Final = 4096
+_MOST_INDEX: Final = 1000.0
 _WIDTH: Final = 5.0
 """Distance of the lines of tables, nanometres."""
 
@@ -154,6 +157,16 @@ def of_reflectance(spectrum: Spectrum) -> SpectralColor:
     return SpectralColor(spectrum, values, [min(share, 1.0) for share in shares])
 
 
+def of_index(spectrum: Spectrum) -> SpectralColor:
+    """An index of refraction, of which red, green and blue see the means in daylight."""
+    if spectrum.illuminant is not None or spectrum.blackbody is not None:
+        raise fault("spectrum", "is of light; an index needs wavelengths and values")
+    values = spectrum.reflectance()
+    if not float(values.max()) <= _MOST_INDEX:
+        raise fault("spectrum", f"has an index of {float(values.max()):g}; at most {_MOST_INDEX:g} is known", "values")
+    return SpectralColor(spectrum, values, times(reflectance_film_weights().T, values))
+
+
 def _said(value: Any) -> Any:
     return value.spectrum if isinstance(value, SpectralColor) else value
 
@@ -178,13 +191,25 @@ _SCHEMA: Final = PlainSerializer(_dumped, return_type=dict[str, Any])
 if TYPE_CHECKING:
     light_branch: TypeAlias = Color
     reflectance_branch: TypeAlias = Reflectance
+    index_branch: TypeAlias = Color
 else:
+    index_branch: TypeAlias = Annotated[
+        Spectrum, BeforeValidator(_said), AfterValidator(of_index), _SCHEMA, Tag("<spectrum>")
+    ]
     light_branch: TypeAlias = Annotated[
         Spectrum, BeforeValidator(_said), AfterValidator(of_light), _SCHEMA, Tag("<spectrum>")
     ]
     reflectance_branch: TypeAlias = Annotated[
         Spectrum, BeforeValidator(_said), AfterValidator(of_reflectance), _SCHEMA, Tag("<spectrum>")
     ]
+IndexColor: TypeAlias = Annotated[
+    Annotated[tuple[Index, Index, Index], Tag("<constant>")] | index_branch, Discriminator(_color_form)
+]
+"""The real part of an index of refraction: at red, green and blue, or a spectrum."""
+ExtinctionColor: TypeAlias = Annotated[
+    Annotated[tuple[Extinction, Extinction, Extinction], Tag("<constant>")] | index_branch, Discriminator(_color_form)
+]
+"""The imaginary part, likewise."""
 LightColor: TypeAlias = Annotated[Annotated[Color, Tag("<constant>")] | light_branch, Discriminator(_color_form)]
 """The colour of light: red, green and blue, or a spectrum."""
 

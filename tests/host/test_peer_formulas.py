@@ -27,7 +27,7 @@ from clrender.importers.shared.meshes import cube_mesh, cylinder_mesh, smoothed,
 from clrender.importers.shared.sky_maps import square_place
 from clrender.meshes.data import MeshData
 from clrender.scene import Scene
-from clrender.spectra.colors import blackbody_color, blackbody_color, light_color, luminance, reflectance_color
+from clrender.spectra.colors import blackbody_color, light_color, luminance, reflectance_color
 
 GREY = '<bsdf type="diffuse"/>'
 AREA = '<emitter type="area"><rgb name="radiance" value="2"/></emitter>'
@@ -102,7 +102,7 @@ def test_spectra_of_pbrts_lights_have_unit_luminance(tmp_path: Path) -> None:
 
 
 def test_spectra_of_other_formats_stay_spectra(tmp_path: Path) -> None:
-    scene = mitsuba(
+    scene: Any = mitsuba(
         tmp_path,
         '<shape type="sphere"><bsdf type="diffuse"><spectrum name="reflectance" value="400:0.2, 700:0.6"/></bsdf>'
         '<emitter type="area"><spectrum name="radiance" value="400:1, 500:3, 700:2"/></emitter></shape>'
@@ -114,22 +114,22 @@ def test_spectra_of_other_formats_stay_spectra(tmp_path: Path) -> None:
     assert paint["reflectance"]["values"] == [0.0, 0.2, 0.6, 0.0]
     assert around["radiance"]["blackbody"] == 4000.0
     wanted = luminance(blackbody_color(4000.0))
-    assert luminance(scene.lights[0].radiance) == pytest.approx(wanted, rel=1e-3)  # type: ignore[union-attr]
+    assert luminance(scene.lights[0].radiance) == pytest.approx(wanted, rel=1e-3)
 
     world = 'Material "dielectric" "spectrum eta" "glass-F11"\nShape "sphere"\n'
     world += 'Material "dielectric" "spectrum eta" [400 1.6 700 1.5]\nShape "sphere"\n'
     world += 'Material "diffuse" "spectrum reflectance" [300 0.5 900 0.1]\nShape "sphere"\n'
     world += 'LightSource "point" "spectrum I" "stdillum-F2" "float scale" 3\n'
     world += 'AreaLightSource "diffuse" "spectrum L" [400 1 700 1] "float scale" 2\nShape "sphere"\n'
-    read = pbrt(tmp_path, world)
+    read: Any = pbrt(tmp_path, world)
     named, table, paint = (dump(read.materials[shape.material]) for shape in read.shapes[:3])
     assert named["dispersion"] == {"glass": "SF11"} and named["ior"] == pytest.approx(1.78472, abs=2e-5)
     assert list(table["dispersion"]["values"]) == [1.6, 1.5] and table["ior"] == pytest.approx(1.5375, abs=1e-3)
     assert paint["reflectance"] == {"wavelengths": [300.0, 900.0], "values": [0.5, 0.1]}
     lamp, shines = read.lights[0], read.shapes[3]
     assert dump(lamp)["intensity"] == {"illuminant": "FL2", "scale": 3.0}
-    assert luminance(lamp.intensity) == pytest.approx(3.0, rel=1e-3)  # type: ignore[union-attr]
-    assert luminance(shines.emission) == pytest.approx(2.0, rel=2e-3)  # type: ignore[union-attr]
+    assert luminance(lamp.intensity) == pytest.approx(3.0, rel=1e-3)
+    assert luminance(shines.emission) == pytest.approx(2.0, rel=2e-3)
 
 
 # --- lights

@@ -27,16 +27,20 @@ def spectral(name: str, content: Json, white: bool) -> None:
     white : bool
         Whether all radiance is the same, so that nothing may absorb light.
     """
-    draw = Draw(f"wavelengths of {name}", white=False)
+    draw = Draw(f"colours of {name}", white=False)
     if not draw.chance(0.3):
         return
     for material in content.get("materials", {}).values():
         solid = material["type"] == "dielectric" or material.get("transmission", 0.0) != 0.0
         if solid and not material.get("thin") and draw.chance(0.7):
             _disperse(draw, material)
+        if not white and material["type"] == "conductor" and "f0" not in material and draw.chance(0.5):
+            material.pop("metal", None)
+            for key, most in (("eta", 3.0), ("k", 6.0)):
+                material[key] = _table(draw, most)
         for key in _KEYS:
             if not white and _is_color(material.get(key)) and draw.chance(0.4):
-                material[key] = _reflectance(draw, max(material[key]))
+                material[key] = _table(draw, max(material[key]))
         if not white and _is_color(material.get("emission")) and draw.chance(0.7):
             material["emission"] = _light(draw, max(material["emission"]))
     if white:
@@ -58,18 +62,21 @@ def _is_color(value: Any) -> bool:
 def _disperse(draw: Draw, material: Json) -> None:
     """Let the index of a glass depend on the wavelength; its index stays about the same."""
     ior = material.pop("ior", 1.5)
-    way = draw.one(("glass", "glass", "abbe", "cauchy", "sellmeier"))
+    way = draw.one(("glass", "glass", "glass", "abbe", "cauchy", "sellmeier", "table"))
     if way == "abbe" or "priority" in material:
         material["ior"], material["dispersion"] = ior, {"abbe": draw.between(15.0, 80.0)}
     elif way == "glass":
         material["dispersion"] = {"glass": draw.one(tuple(GLASSES))}
     elif way == "cauchy":
         material["dispersion"] = {"cauchy": [max(ior, 1.05), draw.between(0.001, 0.02)]}
+    elif way == "table":
+        indices = [round(max(ior, 1.05) + more, 4) for more in (0.06, 0.02, 0.0)]
+        material["dispersion"] = {"wavelengths": [400.0, 500.0, 700.0], "values": indices}
     else:
         material["dispersion"] = {"sellmeier": [max(ior * ior - 1.0, 0.1), draw.between(0.005, 0.02)]}
 
 
-def _reflectance(draw: Draw, most: float) -> Json:
+def _table(draw: Draw, most: float) -> Json:
     return {
         "wavelengths": [420.0, 480.0, 560.0, 600.0, 680.0],
         "values": [round(draw.between(0.02, 1.0) * most, 4) for _ in range(5)],
