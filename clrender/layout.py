@@ -169,7 +169,7 @@ FILTER_LINE_SLOPE: Final = 3
 """Columns of a segment of the filter's absolute value, normalized to the integral 1: the integral before the segment,
 its start, pixels, and its value and slope there."""
 
-LIFTING_LIGHTNESSES: Final = 24
+LIFTING_LIGHTNESSES: Final = 32
 LIFTING_CHROMAS: Final = 40
 """Nodes of the table of colours' spectra along the largest channel, and along each of the others relative to it."""
 

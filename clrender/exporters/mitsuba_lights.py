@@ -95,7 +95,11 @@ class LightWriter:
         return element("emitter", *inside, type="spot")
 
     def _fall(self, half: float, inner: float, blend: float) -> Element:
-        """Picture of the ratio of the two falls over the square around the cone."""
+        """Picture of the ratio of the two falls over the square around the cone.
+
+        It is above 1 in places, and so no reflectance, which Mitsuba makes of pictures where it renders wavelengths: it
+        refuses such spots there.
+        """
         edge = sin_cos_degrees(half)[1]
         across = ((np.arange(_SPOT_SIDE) + 0.5) / _SPOT_SIDE * 2.0 - 1.0) * tan_degrees(half)
         square = across[:, None] * across[:, None] + across[None, :] * across[None, :]
@@ -105,7 +109,7 @@ class LightWriter:
         linear = np.clip((half - angle) / (half - inner), 0.0, 1.0)
         ratio = np.divide(t * t * (3.0 - 2.0 * t), linear, out=np.zeros_like(t), where=linear > 1e-6)
         name = self._textures.files.made("spot", ratio[..., None].astype(np.float32))
-        inside = [value("string", "filename", name)]  # of floats, which are linear
+        inside = [value("string", "filename", name), value("boolean", "raw", True)]
         return element("texture", *inside, value("string", "wrap_mode", "clamp"), type="bitmap", name="texture")
 
     # --- projectors

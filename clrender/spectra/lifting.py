@@ -14,12 +14,11 @@ from clrender.spectra.film import reflectance_film_weights
 __all__ = [
     "HIGHEST",
     "LOWEST",
-    "chroma",
     "lifted",
     "lifting_table",
-    "lightness",
     "reflectance_spectra",
     "sigmoid_spectrum",
+    "spread",
     "unbounded_spectra",
 ]
 
@@ -29,10 +28,9 @@ LOWEST: Final = 1.0 / 32.0
 """Of the lightness's parameter, where the table begins; the spectra of darker colours are multiples of that one."""
 HIGHEST: Final = 1.0 - 1.0 / 128.0
 """And where it ends: a largest channel of 0.9999."""
-_CONVERGED: Final = 1e-9
+_CONVERGED: Final = 1e-7
+"""Error from which one more step, which is quadratic, leaves none."""
 _MOST_STEPS: Final = 40
-_STEPS: Final = 5
-"""Newton steps between two looks at which colours have converged."""
 _STEEPEST: Final = 400.0
 """Largest coefficient: colours that no reflectance has, such as a blue of full strength, would have infinite ones."""
 
@@ -51,16 +49,18 @@ def sigmoid_spectrum(coefficients: _Floats, places: _Floats) -> _Floats:
     return np.asarray(0.5 + at / (2.0 * np.sqrt(1.0 + at * at)), np.float64)
 
 
-def lifted(colors: _Floats) -> _Floats:
+def lifted(colors: _Floats, start: _Floats | None = None) -> _Floats:
     """Coefficients of the reflectance spectra of colours: under illuminant D65 the spectra have these colours.
 
-    Gauss-Newton from the spectrum that is 0.5 everywhere, in linear Rec. 709 rather than in CIE Lab as in the paper:
-    where a spectrum of this form has the colour, both find the same one, and cube roots differ from machine to machine.
+    Gauss-Newton in linear Rec. 709 rather than in CIE Lab as in the paper: where a spectrum of this form has the
+    colour, both find the same one, and cube roots differ from machine to machine.
 
     Parameters
     ----------
     colors : (3, n) float64
         Linear Rec. 709, each above 0 and below 1.
+    start : (3, n) float64, optional
+        Coefficients of similar colours; by default those of 0.5 at all wavelengths.
 
     Returns
     -------
@@ -69,13 +69,10 @@ def lifted(colors: _Floats) -> _Floats:
     """
     places = (np.arange(layout.SPECTRA_LINES) / (layout.SPECTRA_LINES - 1.0)).tolist()
     weights = reflectance_film_weights()
-    found = np.zeros_like(colors)
+    found = np.zeros_like(colors) if start is None else start.copy()
     left = np.arange(colors.shape[1])
-    for _ in range(_MOST_STEPS // _STEPS):
-        wanted, coefficients = colors[:, left], found[:, left]
-        for _ in range(_STEPS):
-            coefficients, error = _step(wanted, coefficients, weights, places)
-        found[:, left] = coefficients
+    for _ in range(_MOST_STEPS):
+        found[:, left], error = _step(colors[:, left], found[:, left], weights, places)
         left = left[error > _CONVERGED]
         if not len(left):
             break
@@ -123,15 +120,14 @@ def _solved(a: list[list[_Floats]], b: list[_Floats]) -> _Floats:
     return np.stack([b[0] / a[0][0] - u01 * y - u02 * z, y, z])
 
 
-def lightness(parameter: _Floats) -> _Floats:
-    """The largest channel that a parameter from 0 to 1 stands for: nodes are closer near black and near white."""
+def spread(parameter: _Floats) -> _Floats:
+    """What a parameter from 0 to 1 stands for, along each axis of the table: nodes are closer together at both ends.
+
+    The largest channel is a lightness: there are black and white. The others are relative to it: there are grey and
+    colours without one of red, green and blue.
+    """
     low, high = 2.0 * parameter * parameter, 2.0 * (1.0 - parameter) * (1.0 - parameter)
-    return np.where(parameter < 0.5, low, 1.0 - high)
-
-
-def chroma(parameter: _Floats) -> _Floats:
-    """Another channel over the largest one: nodes are closer to each other near grey."""
-    return parameter * (1.5 - 0.5 * parameter)
+    return np.asarray(np.where(parameter < 0.5, low, 1.0 - high), np.float64)
 
 
 @cache
@@ -144,20 +140,21 @@ def lifting_table() -> NDArray[np.float32]:
         By which channel is the largest one, its lightness, and the chromas of the channel after the next and of the
         next one, in a circle. The last number is 0.
     """
-    parameters = LOWEST + (HIGHEST - LOWEST) * np.arange(layout.LIFTING_LIGHTNESSES) / (
-        layout.LIFTING_LIGHTNESSES - 1.0
-    )
-    others = chroma(np.arange(layout.LIFTING_CHROMAS) / (layout.LIFTING_CHROMAS - 1.0))
-    shape = (layout.LIFTING_LIGHTNESSES, layout.LIFTING_CHROMAS, layout.LIFTING_CHROMAS)
-    most = np.broadcast_to(lightness(np.asarray(parameters, np.float64))[:, None, None], shape).reshape(-1)
-    after_next = most * np.broadcast_to(others[None, :, None], shape).reshape(-1)
-    after = most * np.broadcast_to(others[None, None, :], shape).reshape(-1)
-    pole = np.broadcast_to((parameters * (1.0 - parameters))[:, None, None], shape).reshape(-1)
-    table = np.zeros((3, *shape, 4), np.float32)
+    side, steps = layout.LIFTING_CHROMAS, layout.LIFTING_LIGHTNESSES
+    parameters = LOWEST + (HIGHEST - LOWEST) * np.arange(steps) / (steps - 1.0)
+    others = spread(np.asarray(np.arange(side) / (side - 1.0), np.float64))
+    relative = np.ones((3, side * side))
+    relative[1], relative[2] = np.tile(others, side), np.repeat(others, side)
+    table = np.zeros((3, steps, side, side, 4), np.float32)
     for channel in range(3):
-        colors = np.empty((3, len(most)))
-        colors[channel], colors[(channel + 1) % 3], colors[(channel + 2) % 3] = most, after, after_next
-        table[channel, ..., :3] = (lifted(colors) * pole).T.reshape(*shape, 3)
+        chromas = np.roll(relative, channel, axis=0)
+        # From the middle to both ends: the coefficients of one layer are near those of the next
+        for layers in (range(steps // 2, steps), range(steps // 2 - 1, -1, -1)):
+            found = lifted(0.5 * chromas)
+            for layer in layers:
+                at = parameters[layer]
+                found = lifted(float(spread(at)) * chromas, found)
+                table[channel, layer, ..., :3] = (found * (at * (1.0 - at))).T.reshape(side, side, 3)
     table.setflags(write=False)
     return table
 
@@ -176,9 +173,9 @@ def reflectance_spectra(color: _Floats) -> _Floats:
     """
     if color[0] == color[1] == color[2]:
         return np.full(layout.SPECTRA_LINES, color[0])
-    darkest = float(lightness(np.array(LOWEST)))
+    darkest = float(spread(np.array(LOWEST)))
     most = float(np.max(color))
-    lightest = float(lightness(np.array(HIGHEST)))
+    lightest = float(spread(np.array(HIGHEST)))
     scaled = color * (min(max(most, darkest), lightest) / most)
     places = np.arange(layout.SPECTRA_LINES) / (layout.SPECTRA_LINES - 1.0)
     return sigmoid_spectrum(lifted(np.maximum(scaled, 0.0)[:, None]), places) * min(most / darkest, 1.0)

@@ -21,13 +21,12 @@ typedef struct {
 #endif
 } Pool;
 
-// Beside a sample's number: the filter is negative at its place; and its path goes on for one wavelength alone.
+// Beside a sample's number: the filter is negative at its place.
 #define POOL_NEGATIVE 0x80000000u
-#define POOL_ALONE 0x40000000u
 
 typedef struct {
     vuint slot;                  // counted from first_slot
-    vuint number;                // of the sample in this launch; may have the bits POOL_NEGATIVE and POOL_ALONE
+    vuint number;                // of the sample in this launch; may have the bit POOL_NEGATIVE
     Sampler sampler;
 } PoolSample;
 
@@ -114,8 +113,8 @@ static vec3 pool_weighted(const Pool* pool, const PoolSample* sample, vec3 radia
 
 // A sample's number without more.
 static vuint pool_number_of(const PoolSample* sample) {
-#if defined(PIXEL_FILTER_NEGATIVE) || (defined(SPECTRAL) && defined(DISPERSION))
-    return sample->number & (POOL_ALONE - 1u);
+#ifdef PIXEL_FILTER_NEGATIVE
+    return sample->number & (POOL_NEGATIVE - 1u);
 #else
     return sample->number;
 #endif

@@ -31,6 +31,7 @@ typedef struct {
     vuint kind;          // MATERIAL_*
 #ifdef DISPERSION
     vmask disperses;     // its index depends on the wavelength
+    vfloat index;        // and is this, as color_index reads it
 #endif
 #ifdef TEXTURES
     Attributes attributes;
@@ -181,7 +182,8 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
     s.termination = row[PRIMITIVE_ROW_TERMINATION];
 #ifdef DISPERSION
     s.disperses = mask_none();
-    s.ior = color_index(scene, row[PRIMITIVE_ROW_IOR], &s.disperses);
+    s.index = row[PRIMITIVE_ROW_IOR];
+    s.ior = color_index(scene, s.index, &s.disperses);
 #else
     s.ior = row[PRIMITIVE_ROW_IOR];
 #endif

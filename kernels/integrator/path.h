@@ -59,19 +59,34 @@
 // The paths whose ray has not been where it goes.
 static vmask path_traces(const Path* path) { return path->alive & !split_back(&path->split); }
 
+// Where smooth glass sends each wavelength another way a path goes on with the one that was chosen; rough glass is another BSDF at each of them.
+static void path_disperse(const Scene* scene, Path* path, Vertex* v, vmask where) {
 #if defined(SPECTRAL) && defined(DISPERSION) && !defined(WAVELENGTHS_EQUAL)
-// Where glass sends each wavelength another way a path goes on for the first alone, which stands for all three from there on.
-static void path_disperse(Path* path, vmask where) {
-    const vmask parts = where & ((path->sample.number & POOL_ALONE) == 0u);
-    const vec3 first = vec3_of(path->throughput.x * 3.0f, splat(0.0f), splat(0.0f));
-    path->throughput = choose(parts, first, path->throughput);
-    path->sample.number = parts ? path->sample.number | POOL_ALONE : path->sample.number;
-    if (lane_any(parts)) path_put_down(path);
-}
-#define PATH_DISPERSE(path, where) path_disperse(path, where)
-#else
-#define PATH_DISPERSE(path, where)
+    const vmask parts = where & v->bsdf.disperses & !interior_straight(&v->crossing);
+    if (!lane_any(parts)) return;
+    vmask alone = parts;
+#ifdef BSDF_APART
+    const vmask apart = parts & !v->bsdf.specular;
+    alone = parts & !apart;
+    if (lane_any(apart)) {
+        Scene at = *scene;
+        for (uint k = 0; k < 3u; ++k) {
+            Surface surface = v->surface;
+            at.wavelengths.first = splat_uint(k);
+            surface.ior = color_index(&at, surface.index, &surface.disperses);
+            interior_meet(&at, &path->interior, &surface, where);
+            bsdf_at(&at, &surface, path->ray.direction, &v->each[k]);
+        }
+        v->bsdf.apart = apart;
+        v->bsdf.each = v->each;
+        const vec3 carried = split_throughput(&path->split, path->throughput);
+        v->bsdf.shares = scale(carried, inverse_or_one(carried.x + carried.y + carried.z));
+    }
 #endif
+    path->throughput = color_alone(scene, path->throughput, alone);
+    path_put_down(path);
+#endif
+}
 
 // The surface that each ray met, or the point of a medium where it scatters.
 static void path_vertex(const Scene* scene, Path* path, Hit hit, PoolStats* stats, Vertex* v) {
@@ -84,7 +99,7 @@ static void path_vertex(const Scene* scene, Path* path, Hit hit, PoolStats* stat
     bsdf_at(scene, &v->surface, path->ray.direction, &v->bsdf);
     v->traced = path_traces(path);
     v->found = arrived & v->traced;
-    PATH_DISPERSE(path, on_surface & v->bsdf.disperses & !interior_straight(&v->crossing));
+    path_disperse(scene, path, v, on_surface);
     const vmask straight = interior_straight(&v->crossing);
     v->scatters = arrived & ((path->depth < scene->settings->max_depth) | straight);
     v->dark = walk_in_the_dark(scene, &path->interior, &v->crossing, &v->bsdf);
@@ -346,10 +361,16 @@ static void path_scatter(const Scene* scene, Path* path, Vertex* vertex, Hit hit
     INVARIANT(path, INVARIANT_RAY, ray_violates(&path->ray, path->alive & !path->ended));
 }
 
+// Of these, choose the one at which indices of refraction are read: by what the path carries, on its way and then where it has arrived.
+static void path_choose_wavelength(Scene* scene, const Path* path) {
+    scene_choose_wavelength(scene, path->sample.sampler, path->depth, split_throughput(&path->split, path->throughput));
+}
+
 // Read the scene at the wavelengths of the path's sample.
 static void path_look(Scene* scene, const Pool* pool, const Path* path) {
     const Sampler first = split_first_sampler(&path->split, path->sample.sampler);
     scene_at_wavelengths(scene, first, pool->first_sample + pool_number_of(&path->sample));
+    path_choose_wavelength(scene, path);
 }
 
 // Deliver the samples of paths that ended; their lanes are free for others.
@@ -390,6 +411,7 @@ static void path_trace(const Scene* given, Pool* pool, PoolStats* stats PATH_REC
         path_find(scene, path, free, hit);
         EACH_PACKET(k) path_travel(scene_of(scene, k), &path[k], &free[k], &hit[k]);
         if (path_regroup(scene, path, hit)) EACH_SCENE(k) path_look(&scene[k], pool, &path[k]);
+        else EACH_SCENE(k) path_choose_wavelength(&scene[k], &path[k]);
 
         // Add the light that the surface there sends out by itself, or the environment where there is none
         EACH_PACKET(k) {

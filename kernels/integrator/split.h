@@ -85,6 +85,9 @@ static vmask split_resume(Split* s, Ray* ray, Interior* interior, vuint* depth, 
     return ended & !s->back;
 }
 
+// What each ray carries that leaves where the path is.
+static vec3 split_throughput(const Split* s, vec3 throughput) { return choose(s->back, s->throughput, throughput); }
+
 // The random numbers that the path began with.
 static Sampler split_first_sampler(const Split* s, Sampler sampler) {
     Sampler first;
@@ -114,6 +117,7 @@ static void split_start(Split* s, vmask lane) {}
 static vmask split_back(const Split* s) { return mask_none(); }
 static vfloat split_bsdf_samples(const Split* s, uint samples) { return splat((float)samples); }
 static void split_again(const Split* s, Hit* hit) {}
+static vec3 split_throughput(const Split* s, vec3 throughput) { return throughput; }
 static Sampler split_first_sampler(const Split* s, Sampler sampler) { return sampler; }
 static void split_leave(Split* s, const Ray* ray, Hit hit, Interior interior, vec3* throughput, vfloat* index_squared, Sampler* sampler,
                         vuint depth, vmask samples_lights, uint rays) {}

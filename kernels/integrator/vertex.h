@@ -30,6 +30,9 @@ typedef struct {
 typedef struct {
     Surface surface;
     Bsdf bsdf;
+#ifdef BSDF_APART
+    Bsdf each[3];            // of rough glass that disperses light, at each wavelength
+#endif
     Crossing crossing;       // what the surface is to the path's list of dielectrics
     vmask traced;            // the path's ray came here for the first time
     vmask found;             // and met something; else it has left the scene

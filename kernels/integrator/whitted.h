@@ -3,8 +3,6 @@
 #ifndef INTEGRATOR_WHITTED_H
 #define INTEGRATOR_WHITTED_H
 
-#define WHITTED              // its paths have one wavelength where glass disperses light: spectral/wavelengths.h
-
 #include "core/roulette.h"
 #include "geometry/find.h"
 #include "geometry/surface.h"
@@ -23,6 +21,7 @@ static void whitted_trace(const Scene* given, Pool* pool, PoolStats* stats) {
 
     while (path_next(scene, pool, &waiting, &path)) {
         scene_at_wavelengths(&here, path.sample.sampler, splat_uint(0u));
+        scene_choose_wavelength(&here, path.sample.sampler, path.depth, path.throughput);
 
         // Find the nearest surface and add the light it sends out, or the environment's
         const Hit hit = find_nearest(scene, &path.ray, path.sample.sampler, path.depth, path.depth == 0u, path.alive);
@@ -43,6 +42,9 @@ static void whitted_trace(const Scene* given, Pool* pool, PoolStats* stats) {
         // Light a diffuse surface from the centre of every light that nothing hides
         Bsdf bsdf;
         bsdf_at(scene, &surface, path.ray.direction, &bsdf);
+#if defined(SPECTRAL) && defined(DISPERSION)
+        path.throughput = color_alone(scene, path.throughput, found & bsdf.disperses & !straight);
+#endif
         const vmask may_scatter = found & ((path.depth < settings->max_depth) | straight);
         const vmask lit = may_scatter & !(bsdf.specular | straight);
         if (lane_any(lit)) {

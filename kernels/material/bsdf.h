@@ -23,7 +23,13 @@
 #include "texture/parameter.h"
 #endif
 
-typedef struct {
+// Rough glass that disperses light scatters each wavelength otherwise. A direction is sampled for one of a path's, and weighed with the density of
+// all three (West, Georgiev, Gruson and Hachisuka, "Continuous multiple importance sampling", ACM TOG 39(4), 2020, section 6.2).
+#if defined(SPECTRAL) && defined(DISPERSION) && defined(MATERIALS) && !defined(WAVELENGTHS_EQUAL)
+#define BSDF_APART
+#endif
+
+typedef struct BsdfStruct {
     Frame frame;         // around the shading normal, on the side of wo
     vec3 wo;             // local, towards where the light is seen from, a unit vector with z above 0
     vec3 side;           // geometric normal on the side of wo
@@ -33,6 +39,11 @@ typedef struct {
     vmask specular;      // all of it is a delta: only sampling it finds where light comes from
 #ifdef DISPERSION
     vmask disperses;     // it sends each wavelength another way
+#endif
+#ifdef BSDF_APART
+    vmask apart;         // it is another one at each wavelength,
+    const struct BsdfStruct* each;       // these three,
+    vec3 shares;         // and is sampled so often as each of them
 #endif
 #ifdef MATERIALS
     Closure closure;
@@ -230,6 +241,9 @@ static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* 
 #ifdef DISPERSION
     b->disperses = s->disperses;
 #endif
+#ifdef BSDF_APART
+    b->apart = mask_none();
+#endif
     b->specular = (s->kind != MATERIAL_LAMBERT) & !bsdf_passes(b) & !bsdf_in_medium(b);
 #ifdef MATERIALS
     if (any_described)
@@ -327,7 +341,7 @@ static vec3 bsdf_eval_local(const Bsdf* b, vec3 wi, vfloat* pdf) {
 }
 
 // The same of a direction in the world.
-static vec3 bsdf_eval(const Bsdf* b, vec3 direction, vfloat* pdf) {
+static vec3 bsdf_eval_one(const Bsdf* b, vec3 direction, vfloat* pdf) {
     vfloat density, sampled;
     const vmask through = inner(direction, b->side) < 0.0f;
     const vec3 wi = bsdf_turn_local(b, frame_to_local(b->frame, direction), through);
@@ -349,6 +363,32 @@ static vec3 bsdf_eval(const Bsdf* b, vec3 direction, vfloat* pdf) {
     density = medium ? phase : density;
     *pdf = seen ? density : splat(0.0f);
     return choose(seen, f, vec3_all(0.0f));
+}
+
+#ifdef BSDF_APART
+__attribute__((noinline)) static vec3 bsdf_eval_each(const Bsdf* b, vec3 direction, vfloat* pdf) {
+    vec3 f[3];
+    vfloat density[3];
+    for (int k = 0; k < 3; ++k) f[k] = bsdf_eval_one(&b->each[k], direction, &density[k]);
+    *pdf = fma(b->shares.x, density[0], fma(b->shares.y, density[1], b->shares.z * density[2]));
+    return vec3_of(f[0].x, f[1].y, f[2].z);
+}
+#endif
+
+static vec3 bsdf_eval(const Bsdf* b, vec3 direction, vfloat* pdf) {
+#ifdef BSDF_APART
+    vfloat density;
+    vec3 f = bsdf_eval_one(b, direction, &density);
+    if (lane_any(b->apart)) {
+        vfloat mixed;
+        f = choose(b->apart, bsdf_eval_each(b, direction, &mixed), f);
+        density = b->apart ? mixed : density;
+    }
+    *pdf = density;
+    return f;
+#else
+    return bsdf_eval_one(b, direction, pdf);
+#endif
 }
 
 // A local direction of a delta, and its weight.
@@ -382,7 +422,7 @@ static vmask bsdf_choose_side(const Bsdf* b, vfloat* u) {
     return through;
 }
 
-static BsdfSample bsdf_sample(const Bsdf* b, vuint bits_u, vuint bits_v) {
+static BsdfSample bsdf_sample_one(const Bsdf* b, vuint bits_u, vuint bits_v) {
     vfloat u = unit_interval(bits_u), sampled;
     const vfloat v = unit_interval(bits_v);
     const vmask through = bsdf_choose_side(b, &u);
@@ -429,6 +469,20 @@ static BsdfSample bsdf_sample(const Bsdf* b, vuint bits_u, vuint bits_v) {
         const vec3 scaled = scale(s.weight, bsdf_other_side(b, above, wi.z > 0.0f));
         s.weight = choose(crossed, choose(glass, scaled, vec3_all(0.0f)), s.weight);
     }
+    return s;
+}
+
+static BsdfSample bsdf_sample(const Bsdf* b, vuint bits_u, vuint bits_v) {
+    BsdfSample s = bsdf_sample_one(b, bits_u, bits_v);
+#ifdef BSDF_APART
+    const vmask apart = b->apart & (s.pdf > 0.0f) & (largest(s.weight) > 0.0f);      // else the direction was lost
+    if (lane_any(apart)) {
+        vfloat pdf;
+        const vec3 f = bsdf_eval_each(b, s.direction, &pdf);
+        s.weight = choose(apart, scale(f, inverse_or_one(pdf)), s.weight);
+        s.pdf = apart ? pdf : s.pdf;
+    }
+#endif
     return s;
 }
 

@@ -37,7 +37,7 @@ static vec3 color_spectrum(const Scene* scene, vec3 color, vmask where) {
 #define LIFTING_LOWEST 0.03125f
 #define LIFTING_HIGHEST 0.9921875f
 #define LIFTING_DARKEST 0.001953125f
-#define LIFTING_STEPS 23.934959f
+#define LIFTING_STEPS 32.260163f
 
 // Between the nodes of the table along one axis: the first, and the share of the second.
 typedef struct {
@@ -53,10 +53,17 @@ static ColorPlace color_place(vfloat at, uint nodes) {
     return p;
 }
 
-// The inverse of lifting.py's `chroma`.
+// The parameter of a number from 0 to 1: the inverse of lifting.py's `spread`.
+static vfloat color_parameter(vfloat number) {
+    const vmask low = number < 0.5f;
+    const vfloat root_of = root((low ? number : splat(1.0f) - number) * 0.5f);
+    return low ? root_of : splat(1.0f) - root_of;
+}
+
+// Of a channel relative to the largest one.
 static ColorPlace color_chroma(vfloat channel, vfloat most) {
     const vfloat relative = bounded(quotient(channel, most), 0.0f, 1.0f);
-    return color_place((splat(1.5f) - root(fma(relative, splat(-2.0f), splat(2.25f)))) * ((float)LIFTING_CHROMAS - 1.0f), LIFTING_CHROMAS);
+    return color_place(color_parameter(relative) * ((float)LIFTING_CHROMAS - 1.0f), LIFTING_CHROMAS);
 }
 
 static vec3 color_nodes(const Scene* scene, vuint node, vfloat share) {
@@ -78,8 +85,7 @@ static vec3 color_lifted(const Scene* scene, vec3 color, vmask where) {
     const vfloat most = where ? (red ? color.x : green ? color.y : color.z) : splat(1.0f);
     const vfloat after = red ? color.y : green ? color.z : color.x, after_next = red ? color.z : green ? color.x : color.y;
     const vfloat light = bounded(most, LIFTING_DARKEST, 1.0f);
-    const vfloat low = root(light * 0.5f), high = splat(1.0f) - root((splat(1.0f) - light) * 0.5f);
-    const vfloat parameter = bounded(light < 0.5f ? low : high, LIFTING_LOWEST, LIFTING_HIGHEST);
+    const vfloat parameter = bounded(color_parameter(light), LIFTING_LOWEST, LIFTING_HIGHEST);
     const ColorPlace z = color_place((parameter - LIFTING_LOWEST) * LIFTING_STEPS, LIFTING_LIGHTNESSES);
     const ColorPlace y = color_chroma(after_next, most), x = color_chroma(after, most);
     const uint row = LIFTING_CHROMAS, layer = LIFTING_CHROMAS * LIFTING_CHROMAS;
@@ -120,13 +126,15 @@ static vec3 color_light(const Scene* scene, vec3 color) {
     return mul(color_unbounded(scene, color), choose(color_is_spectrum(color), vec3_all(1.0f), scene->wavelengths.daylight));
 }
 
-// An index of refraction. One that depends on the wavelength is below zero, and says which spectrum; then it is that of the first wavelength.
+// An index of refraction. One that depends on the wavelength is below zero, and says which spectrum; then it is that of the wavelength `first`.
 static vfloat color_index(const Scene* scene, vfloat index, vmask* disperses) {
 #ifdef DISPERSION
     const vmask spectrum = index < 0.0f;
     if (!lane_any(spectrum)) return index;
     const vuint number = vuint_from_int(vint_of(spectrum ? -1.0f - index : splat(0.0f)));
-    const vfloat value = color_spectrum_at(scene, (uint)SPECTRA_GIVEN + number * (uint)SPECTRA_LINES, scene->wavelengths.lines.x);
+    const Wavelengths* at = &scene->wavelengths;
+    const vfloat line = at->first == 0u ? at->lines.x : at->first == 1u ? at->lines.y : at->lines.z;
+    const vfloat value = color_spectrum_at(scene, (uint)SPECTRA_GIVEN + number * (uint)SPECTRA_LINES, line);
     *disperses = *disperses | spectrum;
     return spectrum ? value : index;
 #else
@@ -141,6 +149,32 @@ static void scene_at_wavelengths(Scene* scene, Sampler sampler, vuint pass) {
 static vec3 color_of_film(const Scene* scene, vec3 radiance) {
     const vec3* film = scene->wavelengths.film;
     return along(along(scale(film[0], radiance.x), film[1], radiance.y), film[2], radiance.z);
+}
+
+// Choose the wavelength at which paths with this throughput read indices of refraction at their next vertex: each as often as it carries.
+static void scene_choose_wavelength(Scene* scene, Sampler sampler, vuint depth, vec3 throughput) {
+#if defined(DISPERSION) && !defined(WAVELENGTHS_EQUAL)
+    vuint bits, unused;
+    Sampler own;
+    own.seed = sampler.seed ^ 0x2545f491u;
+    own.index = sampler.index;
+    sampler_hash_bits(own, sampler_set(depth, SET_SPARE), &bits, &unused);
+    const vfloat u = unit_interval(bits) * (throughput.x + throughput.y + throughput.z), two = throughput.x + throughput.y;
+    const vuint other = (u < two) | !(throughput.z > 0.0f) ? splat_uint(1u) : splat_uint(2u);
+    const vuint second = (throughput.y > 0.0f) | (throughput.z > 0.0f) ? other : splat_uint(0u);
+    scene->wavelengths.first = u < throughput.x ? splat_uint(0u) : second;
+#endif
+}
+
+// What a path has of its throughput where glass sends each wavelength another way: all of it at the one that was chosen.
+static vec3 color_alone(const Scene* scene, vec3 throughput, vmask where) {
+#if defined(DISPERSION) && !defined(WAVELENGTHS_EQUAL)
+    const vuint first = scene->wavelengths.first;
+    const vfloat all = throughput.x + throughput.y + throughput.z, none = splat(0.0f);
+    return choose(where, vec3_of(first == 0u ? all : none, first == 1u ? all : none, first == 2u ? all : none), throughput);
+#else
+    return throughput;
+#endif
 }
 
 // Each packet of paths has wavelengths of its own, and so a scene of its own.
@@ -158,6 +192,7 @@ static vec3 color_reflectance(const Scene* scene, vec3 color) { return color; }
 static vec3 color_unbounded(const Scene* scene, vec3 color) { return color; }
 static vec3 color_light(const Scene* scene, vec3 color) { return color; }
 static vfloat color_index(const Scene* scene, vfloat index, vmask* disperses) { return index; }
+static void scene_choose_wavelength(Scene* scene, Sampler sampler, vuint depth, vec3 throughput) {}
 static void scene_at_wavelengths(Scene* scene, Sampler sampler, vuint pass) {}
 static vec3 color_of_film(const Scene* scene, vec3 radiance) { return radiance; }
 

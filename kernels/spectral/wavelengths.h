@@ -19,6 +19,9 @@ typedef struct {
     vec3 lines;              // where in the tables of clrender/spectra/kernel_table.py they lie: 5 nm each, from 360 nm on
     vec3 daylight;           // the illuminant D65 there
     vec3 film[3];            // the color that the film sees of radiance 1 there, over three times the density of the wavelength
+#ifdef DISPERSION
+    vuint first;             // the one, 0 to 2, at which indices of refraction are read
+#endif
 } Wavelengths;
 
 
@@ -63,17 +66,11 @@ static Sampler wavelengths_sampler(__global const Settings* settings, Sampler ow
 #endif
 }
 
-// With glass that disperses light, a path that meets some goes on for the first of its wavelengths alone (integrator/path.h). Those of paths that are
-// joined, that split or that sample chains have one wavelength from their beginning: all three are the same.
-#if defined(DISPERSION) && (defined(SHARED_TIME) || defined(PATH_SPLITS) || defined(SPECULAR_CHAINS) || defined(WHITTED))
+// Where glass disperses light, paths that are joined or sample chains have one wavelength: all three are the same. Other paths go on with one of
+// theirs (integrator/path.h).
+#if defined(DISPERSION) && (defined(SHARED_TIME) || defined(SPECULAR_CHAINS))
 #define WAVELENGTHS_EQUAL
 #endif
-
-// Which of three is the first one: over the samples of a pixel each as often.
-static vuint wavelengths_turn(Sampler sampler, vuint offset) {
-    const vuint x = sampler.index + (offset >> 8);
-    return x - (mul_hi(x, splat_uint(0xaaaaaaabu)) >> 1) * 3u;
-}
 
 // Three numbers a third apart. Over the samples of a pixel, or of a replicate, they are evenly spaced from one offset on, so that the sum of what
 // varies smoothly from one end of the spectrum to the other has next to no error: the film sees little of either end.
@@ -84,13 +81,7 @@ static vec3 wavelengths_numbers(Sampler sampler) {
     return vec3_of(number, number, number);
 #else
     const vfloat u = number * (1.0f / 3.0f), second = u + 1.0f / 3.0f, third = u + 2.0f / 3.0f;
-#ifdef DISPERSION
-    const vuint turn = wavelengths_turn(sampler, offset);
-    const vmask by_one = turn == 1u, by_two = turn == 2u;
-    return vec3_of(by_two ? third : by_one ? second : u, by_two ? u : by_one ? third : second, by_two ? second : by_one ? u : third);
-#else
     return vec3_of(u, second, third);
-#endif
 #endif
 }
 
@@ -106,6 +97,9 @@ static vfloat wavelengths_one(__global const float* table, vfloat u, vfloat* day
 static Wavelengths wavelengths_of(__global const float* table, __global const Settings* settings, Sampler sampler, vuint pass) {
     const vec3 u = wavelengths_numbers(wavelengths_sampler(settings, sampler, pass));
     Wavelengths w;
+#ifdef DISPERSION
+    w.first = splat_uint(0u);
+#endif
     w.lines.x = wavelengths_one(table, u.x, &w.daylight.x, &w.film[0]);
     w.lines.y = wavelengths_one(table, u.y, &w.daylight.y, &w.film[1]);
     w.lines.z = wavelengths_one(table, u.z, &w.daylight.z, &w.film[2]);

@@ -38,6 +38,7 @@ static Queues stage_queues(__global uint* counters, __global uint* queued, uint 
 // Read the scene at a path's wavelengths; and at those of one that only stands in global memory.
 static void stage_look(Scene* scene, const Path* path) {
     scene_at_wavelengths(scene, split_first_sampler(&path->split, path->sample.sampler), splat_uint(0u));
+    path_choose_wavelength(scene, path);
 }
 static void stage_look_of(Scene* scene, State s) {
 #ifdef SPECTRAL

@@ -244,6 +244,18 @@ def test_integrators_agree(device: Device) -> None:
         assert np.abs(color / found["path"] - 1.0).max() < (0.05 if name == "photon" else 0.03), (name, found)
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("roughness", [0.0, 0.3])
+def test_paths_of_three_wavelengths_find_what_those_of_one_do(device: Device, roughness: float) -> None:
+    """`reuse` has one wavelength a path where glass disperses light."""
+    smooth = {"illuminant": "D50", "scale": 6.0}  # of lines, one wavelength a path makes much noise
+    what = without_medium().changed({"materials.glass.roughness": roughness, "shapes[5].emission": smooth})
+    one = mean(device, what, spp=2048, integrator="reuse")
+    for way in ({}, {"sampling": "bsdf"}, {"indirect_rays": 2}, {"guiding": "on"}, {"roulette": "none"}):
+        found = mean(device, what, spp=1024, **way)
+        assert np.abs(found / one - 1.0).max() < 0.01, (way, found, one)
+
+
 def test_radiosity_refuses_wavelengths(device: Device) -> None:
     with pytest.raises(UsageError, match="spectral is True, but the integrator radiosity"):
         clrender.render(busy(), device=device, size=(8, 8), spp=1, integrator="radiosity", spectral=True)
