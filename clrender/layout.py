@@ -405,8 +405,12 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("less_height", "uint", "rows"),
         ("views", "uint", "cameras whose images lie below each other in the film; 0: there is one"),
         ("view_rows", "uint", "rows of the film for each of them, a multiple of 4"),
-        ("spectral", "uint", "1: wavelengths in the place of red, green and blue"),
-        ("unused", "uint", "fills the struct up to a multiple of 16 bytes, as a compiler does"),
+        ("spectral", "uint", "1: wavelengths in the place of red, green and blue; 2: the film has three bands of them"),
+        (
+            "bands",
+            "uint",
+            "1024 times the number of the first of these, plus that of all bands; kernels do not read it",
+        ),
     ),
 }
 

@@ -16,6 +16,7 @@ from typing import Any, Protocol
 from clrender.errors import UsageError
 
 __all__ = [
+    "Bands",
     "Bytes",
     "Choice",
     "Domain",
@@ -219,6 +220,41 @@ class Choice:
 
     def _refused(self, value: object) -> NotAllowed:
         return NotAllowed(f"is {shown(value)}, but must be {self.words}{nearest(value, self.members)}")
+
+
+@dataclass(frozen=True)
+class Bands:
+    """Three neighbouring bands of the spectrum: the number of the first one, and of all."""
+
+    @property
+    def words(self) -> str:
+        return "two whole numbers, the first of three bands and the number of all, at most 300"
+
+    @property
+    def metavar(self) -> str:
+        return "FIRST,COUNT"
+
+    def accept(self, value: object) -> tuple[int, int]:
+        given = tuple(value) if isinstance(value, list | tuple) else ()
+        if len(given) == 2 and all(type(each) is int for each in given):
+            first, count = given
+            if 0 <= first <= count - 3 and count <= 300:
+                return first, count
+        raise NotAllowed(f"is {shown(value)}, but must be {self.words}")
+
+    def parse(self, text: str) -> tuple[int, int]:
+        match = re.fullmatch(r"(\d{1,3}),(\d{1,3})", text, re.ASCII)
+        if match is None:
+            raise NotAllowed(f"is {shown(text)}, but must be {self.words}")
+        return self.accept((int(match[1]), int(match[2])))
+
+    def schema(self) -> dict[str, Any]:
+        return {
+            "type": "array",
+            "items": {"type": "integer", "minimum": 0, "maximum": 300},
+            "minItems": 2,
+            "maxItems": 2,
+        }
 
 
 @dataclass(frozen=True)

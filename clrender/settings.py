@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from clrender.errors import UsageError
 from clrender.integrators import INTEGRATORS
-from clrender.limits import Bytes, Choice, Domain, Flag, NotAllowed, Range, Region, given_too, nearest, shown
+from clrender.limits import Bands, Bytes, Choice, Domain, Flag, NotAllowed, Range, Region, given_too, nearest, shown
 from clrender.process.memory import check_image, film_bytes
 
 if TYPE_CHECKING:
@@ -302,6 +302,15 @@ class RenderSettings:
         "off",
         late=True,
     )
+    bands: tuple[int, int] | None = _setting(
+        None,
+        Bands(),
+        "With spectral: three bands of the spectrum in place of red, green and blue: the first, and the number of all",
+        "red, green and blue",
+        section=None,
+        option=None,
+        late=True,
+    )
     patches: int = _setting(
         8000,
         Range(1, 2**20, whole=True),
@@ -501,7 +510,8 @@ class RenderSettings:
             "reuse": self.reuse,
             "replicate_spp": self.replicate_spp or 0,
             "light_paths": self.light_paths or self.width * self.height,
-            "spectral": int(self.spectral),
+            "spectral": 2 if self.spectral and self.bands else int(self.spectral),
+            "bands": 1024 * self.bands[0] + self.bands[1] if self.bands else 0,
             "specular_chains": int(self.specular_chains == "on" and self._has_chains and indirect == 1),
             **self._crop_values(),
             **(fixed or {}),

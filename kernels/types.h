@@ -283,8 +283,8 @@ typedef struct {
     uint less_height;           // rows
     uint views;                 // cameras whose images lie below each other in the film; 0: there is one
     uint view_rows;             // rows of the film for each of them, a multiple of 4
-    uint spectral;              // 1: wavelengths in the place of red, green and blue
-    uint unused;                // fills the struct up to a multiple of 16 bytes, as a compiler does
+    uint spectral;              // 1: wavelengths in the place of red, green and blue; 2: the film has three bands of them
+    uint bands;                 // 1024 times the number of the first of these, plus that of all bands; kernels do not read it
 } Settings;
 
 #define FIELD_ROW_BINS 0                // bits: the bin of each of FIELD_BINS equal shares of the directions, four in a word

@@ -20,6 +20,7 @@ from clrender.cli.completing import complete_layers
 from clrender.cli.frames import FRAMES_PER_SECOND, Frames, frames, is_done, named
 from clrender.cli.interrupt import Interrupt, interruptible
 from clrender.cli.options import (
+    DomainType,
     device_option,
     environment_option,
     exr_options,
@@ -37,6 +38,7 @@ from clrender.cli.outputs import check_distinct, check_formats, check_image_size
 from clrender.cli.progress import STYLES, ProgressDisplay, ProgressView, duration, quantity
 from clrender.cli.waiting import Waiting
 from clrender.errors import ClrenderError, RenderError, UsageError
+from clrender.limits import Range
 
 if TYPE_CHECKING:
     from clrender.rendering.job import RenderJob
@@ -73,6 +75,13 @@ _FILM_PIXELS: Final = 1 << 24
     "--light-groups",
     is_flag=True,
     help="Layers of the .exr with the part of each group of lights; they add up to the image.",
+)
+@click.option(
+    "--spectrum",
+    type=DomainType(Range(3, 300, whole=True)),
+    default=None,
+    metavar="N",
+    help="With --spectral: layers of the .exr with the radiance in N bands of equal width from 360 to 830 nm.",
 )
 @click.option(
     "--alpha",
@@ -148,6 +157,7 @@ def render(
     aov: str | None,
     amodal: str | None,
     light_groups: bool,
+    spectrum: int | None,
     alpha: bool,
     exr_type: str,
     exr_compression: str,
@@ -187,6 +197,7 @@ def render(
     layers = _layers(aov, outputs)
     _check_layers(light_groups, "--light-groups", outputs)
     _check_layers(amodal is not None, "--amodal", outputs)
+    _check_layers(spectrum is not None, "--spectrum", outputs)
     if alpha:
         layers, reading["hide_environment"] = _with_alpha(layers, outputs), True
     exr = {"exr_type": exr_type, "exr_compression": exr_compression, "exr_tile": exr_tile}
@@ -203,6 +214,7 @@ def render(
         chosen = {name: value for name, value in settings.items() if value is not None}
         chosen |= {"aov": layers, "denoise": denoise, "guiding_field": guiding_field, "light_groups": light_groups}
         chosen |= {"amodal": amodal} if amodal else {}
+        chosen |= {"spectrum": spectrum} if spectrum else {}
         photographic: dict[str, Any] = {"f_stop": f_stop, "shutter": shutter, "iso": iso}
         if isinstance(shutter, tuple):
             reading["shutter"], photographic["shutter"] = shutter, None

@@ -190,6 +190,7 @@ class SceneArrays:
         self._scene = scene
         self._chains: Buffer | None = None
         self._spectral: dict[str, Buffer] = {}
+        self._bands: tuple[int, int] | None = None
         self.rates: dict[tuple[str, bytes], float] = {}
         triangles, primitives = scene.triangle_count, scene.triangle_count + scene.analytic_count
         device.common_program(large=primitives > _MANY_PRIMITIVES)
@@ -337,11 +338,19 @@ class SceneArrays:
             self._chains = self._device.upload(table)
         return self._chains
 
-    def spectral(self) -> dict[str, Buffer]:
-        """Arrays that kernels read in place of others if they render wavelengths, uploaded at the first call."""
-        if not self._spectral:
-            arrays = spectral_arrays(self._scene.arrays, self._scene.spectral)
+    def spectral(self, bands: tuple[int, int] | None = None) -> dict[str, Buffer]:
+        """Arrays that kernels read in place of others if they render wavelengths, uploaded at the first call.
+
+        Parameters
+        ----------
+        bands : (int, int), optional
+            See `clrender.spectra.kernel_table.kernel_table`. A render with others must have ended.
+        """
+        if not self._spectral or self._bands != bands:
+            self._forget_spectral()
+            arrays = spectral_arrays(self._scene.arrays, self._scene.spectral, bands)
             self._spectral = {name: self._device.upload(_with_first_rows(array)) for name, array in arrays.items()}
+            self._bands = bands
             if "materials" in arrays or "lights" in arrays:
                 self._compute_spectral_rows()
         return self._spectral

@@ -204,7 +204,8 @@ class DeviceWorker:
             self._rays = 0
             named = {**self._arrays.buffers, "settings": self._settings_buffer}
             if settings["spectral"][0]:
-                named |= self._arrays.spectral()
+                first, count = divmod(int(settings["bands"][0]), 1024)
+                named |= self._arrays.spectral((first, count) if count else None)
             if table is not None:
                 named["chain_table"] = table
             self.scene_arguments = [named[name] for name in scene_array_names()]

@@ -65,7 +65,7 @@ def disperses(places: Sequence[SpectralPlace]) -> bool:
 
 
 def spectral_arrays(
-    arrays: Mapping[str, NDArray[Any]], places: Sequence[SpectralPlace] = ()
+    arrays: Mapping[str, NDArray[Any]], places: Sequence[SpectralPlace] = (), bands: tuple[int, int] | None = None
 ) -> dict[str, NDArray[Any]]:
     """Arrays that kernels read in place of those of the same names, or beside them.
 
@@ -75,6 +75,8 @@ def spectral_arrays(
         Those of a `clrender.flatten.flat_scene.FlatScene`.
     places : sequence of SpectralPlace
         Its `spectral`.
+    bands : (int, int), optional
+        See `clrender.spectra.kernel_table.kernel_table`.
 
     Returns
     -------
@@ -91,7 +93,7 @@ def spectral_arrays(
         else:
             at = slice(place.column, place.column + place.count)
             array[place.rows, at] = mark if place.count == 1 else (mark, 1.0, 0.0)
-    return {**changed, "spectra": np.concatenate([kernel_table(), given.table()])}
+    return {**changed, "spectra": np.concatenate([kernel_table(bands), given.table()])}
 
 
 def _color(mark: float, before: NDArray[np.float32]) -> NDArray[np.float32]:

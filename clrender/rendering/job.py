@@ -21,7 +21,8 @@ from clrender.files.package_data import kernels_folder
 from clrender.flatten.plugin_rows import plugin_hashes, used_plugins
 from clrender.flatten.supported import check_materials, check_motion
 from clrender.integrators import INTEGRATORS, Integrator
-from clrender.limits import checked_path
+from clrender.limits import checked_path, shown
+from clrender.rendering.bands import MOST_BANDS
 from clrender.scene import Camera, Scene
 from clrender.scene.portable import scene_from_portable, scene_to_portable
 from clrender.settings import REPLICATE_SPP, RenderSettings, check_memory, present, settings_for
@@ -58,6 +59,8 @@ class RenderJob:
         Cameras whose images are rendered together, below each other; empty: that of the scene.
     amodal : tuple of str
         Instances whose amodal masks are rendered, or ``all``.
+    bands : int
+        Number of bands of the spectrum whose radiance is rendered as well.
     """
 
     scene: Scene
@@ -71,6 +74,7 @@ class RenderJob:
     lit_by: str | None = None
     views: tuple[Camera, ...] = ()
     amodal: tuple[str, ...] = ()
+    bands: int = 0
 
     @classmethod
     def of(
@@ -84,6 +88,7 @@ class RenderJob:
         guiding_field: GuidingField | str | Path | None = None,
         light_groups: bool = False,
         amodal: str | Iterable[str] = (),
+        spectrum: int = 0,
         plugins: Any = None,
         **settings: Any,
     ) -> RenderJob:
@@ -107,6 +112,9 @@ class RenderJob:
         amodal : str or iterable of str
             Names of instances whose masks are rendered as well as if nothing stood before them, or ``all``; with
             the layer ``instance``.
+        spectrum : int
+            Number of bands of equal width, from 360 to 830 nm, whose radiance is rendered as well, in a third as many
+            renders again; with `spectral`.
         plugins : Plugin, str, pathlib.Path, or iterable of them, optional
             Plugins that the scene's materials use, besides those that it was loaded with; see `clrender.plugin`.
         **settings
@@ -134,6 +142,8 @@ class RenderJob:
         if masks:
             Labelling.of(scene).numbered(masks)
             job = dataclasses.replace(job, amodal=masks)
+        if spectrum:
+            job = dataclasses.replace(job, bands=_checked_bands(spectrum, job.settings))
         if not light_groups:
             return job
         if job.integrator.bias == "discretised":
@@ -335,6 +345,7 @@ class RenderJob:
             "light_groups": self.light_groups,
             "lit_by": self.lit_by,
             "amodal": list(self.amodal),
+            "bands": self.bands,
             "request": self.request(),
         }
         return json.dumps(content), assets  # in the scene's own order, which numbers the materials
@@ -370,7 +381,7 @@ class RenderJob:
             aov, denoise, request = tuple(content["aov"]), bool(content["denoise"]), dict(content["request"])
             description, field = dict(content["scene"]), content["guiding_field"]
             groups = bool(content.get("light_groups", False)), content.get("lit_by")
-            amodal = tuple(content.get("amodal", ()))
+            amodal, bands = tuple(content.get("amodal", ())), int(content.get("bands", 0))
         except (KeyError, TypeError, ValueError) as error:
             raise UsageError(f"this is no clrender job of the format {FORMAT!r} ({error})") from None
         scene = scene_from_portable(description, assets, "job")
@@ -381,7 +392,15 @@ class RenderJob:
                 f"the job was made for another image: {', '.join(different)} differ here; make it with this version "
                 "of clrender"
             )
-        return dataclasses.replace(job, light_groups=groups[0], lit_by=groups[1], amodal=amodal)
+        return dataclasses.replace(job, light_groups=groups[0], lit_by=groups[1], amodal=amodal, bands=bands)
+
+
+def _checked_bands(count: Any, settings: RenderSettings) -> int:
+    if type(count) is not int or not 3 <= count <= MOST_BANDS:
+        raise UsageError(f"spectrum is {shown(count)}, but must be a whole number from 3 to {MOST_BANDS}, of bands")
+    if not settings.spectral:
+        raise UsageError("spectrum has no effect without spectral; set that as well, or leave spectrum out")
+    return count
 
 
 def _with_catchers(scene: Scene, layers: tuple[str, ...]) -> tuple[str, ...]:

@@ -63,6 +63,7 @@ from clrender.scheduling.policy import Plan
 from clrender.scheduling.run import Tally, WorkerTally, run
 from clrender.scheduling.tally import failures_told
 from clrender.scheduling.until_converged import run_until_converged
+from clrender.spectra.kernel_table import band_edges
 
 if TYPE_CHECKING:
     from clrender.device.preparation import DevicePreparation
@@ -173,6 +174,8 @@ class JobRender:
             self._tell_outcome(flat, taken.tally, image)
         if self._job.light_groups:
             image.light_groups = self._groups(flat, image)
+        if self._job.bands:
+            image.spectrum = self._bands(image)
         if self._job.amodal:
             image.amodal = self._amodal(image)
         if SHADOW_CATCHER in self._job.aov:
@@ -207,6 +210,7 @@ class JobRender:
             denoise=False,
             guiding_field=field,
             light_groups=False,
+            bands=0,
         )
         parts = {}
         for name in group_names(flat):
@@ -219,6 +223,42 @@ class JobRender:
         image.stats["light_groups"] = list(parts)
         image.stats["light_groups_seconds"] = time.perf_counter() - begin
         return adding_up(image.linear, parts)
+
+    def _bands(self, image: RenderedImage) -> npt.NDArray[np.float32] | None:
+        """Radiance in bands of the spectrum: as many samples again for each three of them."""
+        begin, count, field = time.perf_counter(), self._job.bands, image.guiding_field
+        common = dataclasses.replace(
+            self._job,
+            sample_count=image.stats["sample_count"],
+            aov=(),
+            denoise=False,
+            guiding_field=field,
+            light_groups=False,
+            amodal=(),
+            bands=0,
+        )
+        found = np.zeros((*image.linear.shape[:2], count), np.float32)
+        for first in (*range(0, count - 3, 3), count - 3) if not image.interrupted else ():
+            settings = dataclasses.replace(
+                self._settings,
+                spp=self._job.first_sample + image.stats["sample_count"],
+                guiding="off" if field is None else "on",
+                error=None,
+                time_limit=None,
+                bands=(first, count),
+            )
+            job = dataclasses.replace(common, settings=settings)
+            part = JobRender(self._residency, job, None, self._should_stop, cluster=self._cluster).image(False)
+            if part.interrupted:
+                break
+            found[..., first : first + 3] = part.linear
+        else:
+            if not image.interrupted:
+                image.stats["spectrum_nm"] = [round(edge, 6) for edge in band_edges(count).tolist()]
+                image.stats["spectrum_seconds"] = time.perf_counter() - begin
+                return found
+        self._residency.tell("warning: there are no bands of the spectrum, as the render was stopped early")
+        return None
 
     def _catch_shadows(self, image: RenderedImage) -> None:
         """Add the layer of shadow catchers, and their shadows to alpha: the same samples, with and without objects."""
@@ -234,6 +274,7 @@ class JobRender:
             guiding_field=None,
             light_groups=False,
             amodal=(),
+            bands=0,
         )
         for scene in whole_and_bare(self._job.scene) if not image.interrupted else ():
             job = dataclasses.replace(common, scene=scene)
@@ -251,7 +292,7 @@ class JobRender:
         """Masks of instances as if nothing stood before them: the same camera samples, in scenes of each one alone."""
         begin, labelling = time.perf_counter(), Labelling.of(self._job.scene)
         samples = min(self._settings.spp, LAYER_SAMPLES)
-        common = dataclasses.replace(self._job, aov=(), denoise=False, light_groups=False, amodal=())
+        common = dataclasses.replace(self._job, aov=(), denoise=False, light_groups=False, amodal=(), bands=0)
         masks, areas = dict[int, npt.NDArray[np.float32]](), dict[int, float]()
         for number in labelling.numbered(self._job.amodal):
             job = dataclasses.replace(common, scene=alone(self._job.scene, labelling, number))

@@ -22,6 +22,7 @@ from clrender.image.exr_write import ExrFormat
 from clrender.image.files import png_bytes, write_image
 from clrender.limits import checked_path
 from clrender.rendering.amodal import amodal_channels
+from clrender.rendering.bands import band_channels
 from clrender.rendering.light_groups import group_channels
 
 if TYPE_CHECKING:
@@ -103,6 +104,9 @@ class RenderedImage:
         For each layer that is a matte, the names of the scene's shapes or materials (`clrender.aov.matte_names`).
     guiding_field : GuidingField or None
         The field that guided its paths; None if none did, or if a cluster took the samples.
+    spectrum : (height, width, bands) float32 or None
+        Mean radiance in bands of equal width from 360 to 830 nm, W/(sr m2) as `linear`: of light that is the same at
+        all wavelengths each band has the luminance.
     light_groups : dict of str to (height, width, 3) float32
         The part of `linear` that each light group contributes, if they were asked for. Sums of all of them in single
         precision, in any order, are `linear` to the bit, unless the pixel filter is negative somewhere.
@@ -122,6 +126,7 @@ class RenderedImage:
     mattes: Mapping[str, Sequence[str | None]] = field(default_factory=dict)
     guiding_field: GuidingField | None = None
     light_groups: dict[str, npt.NDArray[np.float32]] = field(default_factory=dict)
+    spectrum: npt.NDArray[np.float32] | None = None
     labels: Mapping[str, tuple[Label, ...]] = field(default_factory=dict)
     amodal: dict[int, npt.NDArray[np.float32]] = field(default_factory=dict)
 
@@ -238,7 +243,7 @@ class RenderedImage:
         elif path.suffix.lower() == ".exr":
             check_mattes(self.aovs, exr)
             exact, attributes = exact_channels(self.aovs), matte_attributes(self.mattes)
-            more = group_channels(self.light_groups) | amodal_channels(self.amodal)
+            more = group_channels(self.light_groups) | amodal_channels(self.amodal) | band_channels(self.spectrum)
             exact, channels = exact | more.keys(), exr_channels(self.aovs) | more
             stored = {"exr_type": exr_type, "exr_compression": exr_compression}
             told = {**self.stats, "stored": stored}

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.exact.matrices import interpolated, total
+from clrender.spectra.colors import table_wavelengths
 from clrender.spectra.film import film_table, integral
 from clrender.spectra.lifting import lifting_table
 
-__all__ = ["kernel_table", "wavelength_distribution"]
+__all__ = ["band_distribution", "band_edges", "kernel_table", "wavelength_distribution"]
 
 _Floats: TypeAlias = NDArray[np.float64]
 _FLOOR: Final = 0.04
@@ -46,11 +47,44 @@ def wavelength_distribution() -> _Floats:
     return np.asarray(np.stack([places, spread], axis=1) * (lines / places[-1]), np.float64)
 
 
+def band_edges(count: int) -> _Floats:
+    """Edges of bands of equal width, nanometres, (count + 1,) float64."""
+    at = table_wavelengths()
+    return np.asarray(at[0] + (at[-1] - at[0]) * np.arange(count + 1.0) / count, np.float64)
+
+
+def band_distribution(first: int, count: int) -> _Floats:
+    """Like `wavelength_distribution`, of wavelengths that are spread evenly over three bands.
+
+    Parameters
+    ----------
+    first : int
+        The first of the three.
+    count : int
+        Number of all bands; see `band_edges`.
+    """
+    lines, width = layout.SPECTRA_LINES - 1, 3.0 / count
+    shares = np.arange(layout.SPECTRA_SEGMENTS + 1.0) / layout.SPECTRA_SEGMENTS
+    places = lines * (first / count + width * shares)
+    return np.stack([places, np.full(len(places), lines * width)], axis=1)
+
+
 @cache
-def kernel_table() -> NDArray[np.float32]:
-    """All tables that are the same for every scene, (SPECTRA_GIVEN,) float32."""
+def kernel_table(bands: tuple[int, int] | None = None) -> NDArray[np.float32]:
+    """All tables that are the same for every scene.
+
+    Parameters
+    ----------
+    bands : (int, int), optional
+        The film's colours are three bands: `band_distribution`.
+
+    Returns
+    -------
+    (SPECTRA_GIVEN,) float32
+    """
     table = np.zeros(layout.SPECTRA_GIVEN, np.float32)
-    table[: 2 * layout.SPECTRA_SEGMENTS + 2] = wavelength_distribution().ravel()
+    drawn = wavelength_distribution() if bands is None else band_distribution(*bands)
+    table[: 2 * layout.SPECTRA_SEGMENTS + 2] = drawn.ravel()
     film = film_table().astype(np.float32)
     table[layout.SPECTRA_FILM : layout.SPECTRA_LIFTING] = np.concatenate([film, film[-1:]]).ravel()
     table[layout.SPECTRA_LIFTING :] = lifting_table().ravel()

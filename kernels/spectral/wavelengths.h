@@ -94,6 +94,17 @@ static vfloat wavelengths_one(__global const float* table, vfloat u, vfloat* day
     return line;
 }
 
+// The film of three bands of equal width, which are the thirds of the distribution: it has the mean radiance in each.
+static void wavelengths_bands(vec3 u, vec3 film[3]) {
+    const vfloat one = splat(1.0f), none = splat(0.0f);
+#ifdef WAVELENGTHS_EQUAL
+    const vmask first = u.x < 1.0f / 3.0f, last = u.x >= 2.0f / 3.0f;
+    film[0] = film[1] = film[2] = vec3_of(first ? one : none, first | last ? none : one, last ? one : none);
+#else
+    film[0] = vec3_of(one, none, none), film[1] = vec3_of(none, one, none), film[2] = vec3_of(none, none, one);
+#endif
+}
+
 static Wavelengths wavelengths_of(__global const float* table, __global const Settings* settings, Sampler sampler, vuint pass) {
     const vec3 u = wavelengths_numbers(wavelengths_sampler(settings, sampler, pass));
     Wavelengths w;
@@ -103,6 +114,7 @@ static Wavelengths wavelengths_of(__global const float* table, __global const Se
     w.lines.x = wavelengths_one(table, u.x, &w.daylight.x, &w.film[0]);
     w.lines.y = wavelengths_one(table, u.y, &w.daylight.y, &w.film[1]);
     w.lines.z = wavelengths_one(table, u.z, &w.daylight.z, &w.film[2]);
+    if (settings->spectral > 1u) wavelengths_bands(u, w.film);
     return w;
 }
 

@@ -24,7 +24,7 @@ from clrender.image.tone_map import TONE_MAPS as OPERATORS
 RENDER_OPTIONS = (
     "output spp size seed device integrator filter filter-radius shadow-rays indirect-rays max-depth roulette "
     "termination sampling light-sampler kernels code reuse photons photon-radius light-paths guiding guiding-paths "
-    "guiding-memory guiding-field save-guiding-field specular-chains spectral no-spectral patches patch-rays "
+    "guiding-memory guiding-field save-guiding-field specular-chains spectral no-spectral spectrum patches patch-rays "
     "radiosity-display tone-map exposure aov denoise tile "
     "f-stop shutter iso environment time-at frames fps variant samples-per-pass work-group lanes time shard stats "
     "quiet allow-path plugin strict up define camera crop alpha hide-environment light-groups amodal "

@@ -20,7 +20,7 @@ from clrender.cli import main
 from clrender.cli.render import render as render_command
 from clrender.errors import ClrenderError, SceneError, UsageError
 from clrender.integrators import INTEGRATORS
-from clrender.limits import Bytes, Choice, Flag, Range, Region
+from clrender.limits import Bands, Bytes, Choice, Flag, Range, Region
 from clrender.scene import Scene
 from clrender.scene.load import load
 from clrender.settings import (
@@ -106,6 +106,8 @@ def allowed(name: str) -> st.SearchStrategy[Any]:
         return st.tuples(*(st.integers(low, domain.most) for low in (0, 0, 1, 1)))
     if isinstance(domain, Flag):
         return st.booleans()
+    if isinstance(domain, Bands):
+        return st.tuples(st.integers(0, 3), st.integers(6, 300))
     assert isinstance(domain, Range)
     high = min(domain.high, 1e9)
     if domain.whole:

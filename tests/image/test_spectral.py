@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import OpenEXR
 import pytest
 
 import clrender
@@ -259,6 +261,46 @@ def test_paths_of_three_wavelengths_find_what_those_of_one_do(device: Device, ro
 def test_radiosity_refuses_wavelengths(device: Device) -> None:
     with pytest.raises(UsageError, match="spectral is True, but the integrator radiosity"):
         clrender.render(busy(), device=device, size=(8, 8), spp=1, integrator="radiosity", spectral=True)
+
+
+def test_bands_add_up_to_the_spectrum(device: Device) -> None:
+    """A light of a table below a mirror: each band has the mean of the spectrum in it."""
+    ramp = {"wavelengths": [360.0, 830.0], "values": [1.0, 5.0]}
+    paint = {"wavelengths": [360.0, 830.0], "values": [0.2, 0.8]}
+    what = scene(
+        materials={"paint": {"type": "mirror", "reflectance": paint}},
+        shapes=[
+            {"type": "quad", "origin": [-9, -9, -1], "edge_u": [18, 0, 0], "edge_v": [0, 18, 0], "material": "paint"}
+        ],
+        lights=[around(ramp)],
+    )
+    image = clrender.render(what, device=device, size=(8, 8), spp=64, spectral=True, spectrum=10)
+    assert image.spectrum is not None and image.spectrum.shape == (8, 8, 10)
+    fine = (np.arange(1000) + 0.5) / 1000.0
+    wanted = ((1.0 + 4.0 * fine) * (0.2 + 0.6 * fine)).reshape(10, 100).mean(axis=1)
+    assert image.spectrum.mean(axis=(0, 1)) == pytest.approx(wanted, rel=2e-3)
+    assert image.stats["spectrum_nm"][:2] == [360.0, 407.0]
+    plain = clrender.render(what, device=device, size=(8, 8), spp=64, spectral=True)
+    assert plain.stats["image_sha256"] == image.stats["image_sha256"]
+
+
+def test_bands_of_glass_that_disperses_light(device: Device, tmp_path: Path) -> None:
+    image = clrender.render(busy(), device=device, size=(8, 8), spp=256, spectral=True, spectrum=6)
+    image.save(tmp_path / "bands.exr")
+    assert image.spectrum is not None
+    same = clrender.render(busy(), device=device, size=(8, 8), spp=256, spectral=True, spectrum=6, lanes=1, tile=4)
+    assert same.spectrum is not None and same.spectrum.tobytes() == image.spectrum.tobytes()
+    with OpenEXR.File(str(tmp_path / "bands.exr"), separate_channels=True) as file:
+        names = [name for name in file.channels() if name.startswith("S0.")]
+    assert sorted(names)[0] == "S0.399,166667nm" and len(names) == 6
+    # The bands of a spectrum weigh what the film sees of them
+    assert float(image.spectrum.min()) >= 0.0
+
+
+@pytest.mark.parametrize(("count", "spectral", "words"), [(2, True, "from 3 to 300"), (6, False, "without spectral")])
+def test_bands_are_refused(device: Device, count: int, spectral: bool, words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        clrender.render(busy(), device=device, size=(4, 4), spp=1, spectral=spectral, spectrum=count)
 
 
 def test_layers_show_colors(device: Device) -> None:

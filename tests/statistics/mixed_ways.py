@@ -22,6 +22,7 @@ UNUSED: Final = {
     "crop": "has the bits of the whole (tests/image/test_crops.py)",
     "guiding_memory": "bounds the number of cells, which the number of paths varies",
     "light_paths": "of bdpt, as many as pixels",
+    "bands": "is set by the spectrum that is asked for (tests/image/test_spectral.py)",
     "patches": "of radiosity, which takes almost none of these scenes",
     "patch_rays": "of radiosity",
     "radiosity_display": "of radiosity",
