@@ -70,6 +70,7 @@ _MORE: Final = (
 )
 """Optional features of scenes."""
 _WAVES: Final = [360.0, 420.0, 480.0, 560.0, 620.0, 830.0]
+_INDEX_WAVES: Final = [360.0, 451.0, 549.0, 617.0, 830.0]
 _MOST: Final = 0.8
 """Fraction of the scenes that have a feature."""
 
@@ -214,18 +215,18 @@ class _Maker:
         return made if self.fog is None else {**made, "fog": self.fog}
 
     def _spectra(self) -> None:
-        """Spectra in the place of some colours, and of the indices of metals."""
-        from clrender.scene.metals import METALS
+        """Spectra in the place of some colours, and of the indices of metals.
 
+        Of an index that is three numbers, Mitsuba 3.9.1 cuts off at 1 what is more.
+        """
         for material in self.materials.values():
             color = material.get("reflectance")
             if isinstance(color, list) and max(color) > 0.0 and self.random.random() < 0.5:
                 shares = self.random.uniform(0.05, 1.0, 6) * max(color)
                 material["reflectance"] = {"wavelengths": _WAVES, "values": _rounded(shares)}
-            if "metal" in material:
-                for key, part in zip(("eta", "k"), METALS[material.pop("metal")], strict=True):
-                    values = [part[2], *part[::-1], part[0]]
-                    material[key] = {"wavelengths": [360.0, 451.0, 549.0, 617.0, 830.0], "values": values}
+            for key in {"eta", "k"} & material.keys():
+                red, green, blue = material[key]
+                material[key] = {"wavelengths": _INDEX_WAVES, "values": [blue, blue, green, red, red]}
         for each in self._all():
             for key in ("emission", "intensity", "irradiance", "radiance"):
                 if isinstance(each.get(key), list) and self.random.random() < 0.5:
