@@ -51,6 +51,9 @@ _RENDERS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     "room, reuse": ("room", {"integrator": "reuse"}),
     "room, photon": ("room", {"integrator": "photon", "photons": 20000}),
     "room-diffuse, radiosity": ("room-diffuse", {"integrator": "radiosity", "patches": 1000}),
+    "surfaces, wavelengths": ("surfaces", {"spectral": True}),
+    "prism": ("prism", {}),
+    "prism, path": ("prism", {"integrator": "path"}),
 }
 """Test renders: scene and settings by title."""
 _MIXED: Final = 12

@@ -448,6 +448,32 @@ def test_glass_without_thickness_is_thin(tmp_path: Path) -> None:
     assert made.thin and made.attenuation_color is None
 
 
+@pytest.mark.parametrize(
+    "dispersion, abbe",
+    [(0.0, None), (0.1, 200.0), (0.36, 20.0 / 0.36), (1e3, 1.0)],
+    ids=["none", "little", "glass", "most"],
+)
+def test_dispersion_is_twenty_over_the_abbe_number(tmp_path: Path, dispersion: float, abbe: float | None) -> None:
+    extensions: dict[str, Any] = {
+        "KHR_materials_transmission": {"transmissionFactor": 1.0},
+        "KHR_materials_volume": {"thicknessFactor": 1.0},
+        "KHR_materials_ior": {"ior": 1.6},
+        "KHR_materials_dispersion": {"dispersion": dispersion},
+    }
+    made = material(tmp_path, {"extensions": extensions})
+    assert made.ior == 1.6 and (made.dispersion is None) == (abbe is None)
+    if abbe is not None:
+        assert made.dispersion.abbe == pytest.approx(abbe)
+
+
+def test_a_file_whose_walls_are_thin_may_name_a_dispersion(tmp_path: Path) -> None:
+    extensions: dict[str, Any] = {
+        "KHR_materials_transmission": {"transmissionFactor": 1.0},
+        "KHR_materials_dispersion": {"dispersion": 0.5},
+    }
+    assert material(tmp_path, {"extensions": extensions}).thin
+
+
 def test_textures_have_their_channels_samplers_and_sets(tmp_path: Path) -> None:
     model = Model()
     near = model.texture(np.zeros((2, 2, 4)), {"magFilter": 9728, "wrapS": 33071, "wrapT": 33648})
