@@ -139,7 +139,10 @@ def test_builtin_name_wins_over_a_file(tmp_path: Path, monkeypatch: pytest.Monke
 
 @pytest.mark.parametrize(
     "name",
-    ["make_meshes.py", "make_models.py", "make_sky.py", "make_lamps.py", "make_clouds.py", "make_strands.py"],
+    [
+        *("make_meshes.py", "make_models.py", "make_sky.py", "make_lamps.py"),
+        *(pytest.param(name, marks=pytest.mark.long) for name in ("make_clouds.py", "make_strands.py")),
+    ],
 )
 def test_files_are_the_ones_the_script_makes(name: str) -> None:
     script = scenes_folder().parent / "scripts" / name

@@ -53,7 +53,12 @@ def described(**more: Any) -> Scene:
 
 
 @pytest.mark.parametrize(
-    "more", [{}, {"filter": "mitchell"}, {"integrator": "bdpt"}, {"filter": "gaussian", "seed": 3}], ids=str
+    "more",
+    [
+        *(pytest.param(more, marks=pytest.mark.long) for more in ({}, {"filter": "mitchell"}, {"integrator": "bdpt"})),
+        {"filter": "gaussian", "seed": 3},
+    ],
+    ids=str,
 )
 def test_an_image_over_a_background(device: Device, more: dict[str, Any]) -> None:
     scene = described()

@@ -281,7 +281,7 @@ def crowd(count: int, **camera: Any) -> Scene:
     )
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_a_thousand_instances_are_the_mean_of_their_moments(device: Device) -> None:
     """Blocks of pixels, within five standard errors of sixteen seeds."""
     blurred, size = crowd(1000, shutter=[0.0, 1.0]), (32, 32)

@@ -88,7 +88,7 @@ def test_a_back_may_be_black(device: Device) -> None:
         )
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_textures_of_plugins_and_in_their_parameters(device: Device) -> None:
     """The albedo shows them: stripes over u and v of a square, in a Lambertian material and in a plugin's parameter."""
     grain = {"plugin": "grain", "transform": {"offset": [0.05, 0.0]}, "parameters": {"low": (0.1, 0.2, 0.3)}}

@@ -122,6 +122,8 @@ class Run:
         With curves of hair and of the matt material.
     measured : bool
         With the reflectance of measured surfaces, one of them anisotropic, in the place of mirror and metal.
+    spectral : str
+        At wavelengths: ``colors`` that the scene has, or ``spectra`` of lights and materials and glass that disperses.
     """
 
     kernel: str
@@ -148,6 +150,7 @@ class Run:
     grids: bool = False
     strands: bool = False
     measured: bool = False
+    spectral: str = ""
 
 
 RENDERS: Final = {
@@ -221,6 +224,18 @@ RENDERS: Final = {
     "bdpt-1-motion": Run("bdpt", 1, motion=True),
     "reuse-4-motion": Run("reuse", 4, samples=2, motion=True),
     "photon-4-motion": Run("photon", 4, motion=True),
+    "path-4-colors": Run("path", 4, samples=2, textured=True, sky=True, spectral="colors"),
+    "path-4-spectra": Run("path", 4, samples=2, spectral="spectra"),
+    "path-1-spectra": Run("path", 1, samples=2, rough=True, media=True, spectral="spectra"),
+    "path-4-rough-spectra": Run("path", 4, rough=True, textured=True, instances=True, spectral="spectra"),
+    "staged-1-spectra": Run("staged", 1, rough=True, interiors=True, spectral="spectra"),
+    "bdpt-1-spectra": Run("bdpt", 1, rough=True, media=True, spectral="spectra"),
+    "bdpt-4-colors": Run("bdpt", 4, sun=True, spectral="colors"),
+    "photon-4-spectra": Run("photon", 4, spectral="spectra"),
+    "reuse-4-spectra": Run("reuse", 4, samples=2, spectral="spectra"),
+    "whitted-4-spectra": Run("whitted", 4, spectral="spectra"),
+    "guided-4-spectra": Run("guided", 4, rough=True, spectral="spectra"),
+    "chains-4-spectra": Run("chains", 4, spectral="spectra"),
     "path-1-plugins": Run("path", 1, plugins=True),
     "path-4-plugins": Run("path", 4, samples=2, plugins=True, instances=True),
     "path-4-replicates": Run("path", 4, samples=4, replicate=2),
@@ -437,6 +452,17 @@ def scene(run: Run, folder: Path) -> FlatScene:
         described["materials"] |= {name: {"type": "measured", "file": name} for name in names}
         described["materials"]["mirror"] = {"type": "mix", "materials": ("a.bsdf", "c.binary")}
         described["materials"]["glass"] = {"type": "measured", "file": "b.bsdf", "anisotropy_rotation": 30.0}
+    if run.spectral == "spectra":
+        leaf = {"wavelengths": (400, 550, 700), "values": (0.1, 0.5, 0.9)}
+        tables = {"eta": leaf, "k": {"wavelengths": (400, 700), "values": (2.0, 4.0)}}
+        described["materials"] |= {
+            "glass": {"type": "dielectric", "dispersion": {"glass": "SF11"}, "roughness": 0.4 * run.rough},
+            "matt": {"type": "lambert", "reflectance": leaf},
+            "mirror": {"type": "conductor", "roughness": 0.3, **tables} if run.rough else {"type": "mirror"},
+        }
+        point, sun, *_ = described["lights"]
+        point["intensity"], sun["irradiance"] = {"illuminant": "FL11", "scale": 2.0}, {"blackbody": 4000}
+        shapes[5]["emission"] = {"wavelengths": (588, 589, 590), "values": (0.0, 90.0, 0.0)}
     if run.strands:
         described["materials"]["hair"] = {"type": "hair", "eumelanin": 0.3, "opacity": 0.7 if run.opacity else 1.0}
         line = [[0.05 * k * k - 0.5, 0.25 * k - 0.2, 0.5 - 0.1 * k] for k in range(5)]
@@ -486,7 +512,7 @@ def render(device: Device, run: Run) -> str:
         "width": WIDTH, "height": HEIGHT, "tile": TILE, "seed": 5, "shadow_rays": shadow, "max_depth": 6, "reuse": 16,
         "indirect_rays": indirect, "roulette": layout.ROULETTE_THROUGHPUT, "light_samples": shadow,
         "bsdf_samples": indirect, "replicate_spp": run.replicate, "light_paths": 40,
-        "specular_chains": run.kernel.startswith("chains"),
+        "specular_chains": run.kernel.startswith("chains"), "spectral": bool(run.spectral),
     }.items():  # fmt: skip
         settings[name] = value
     with tempfile.TemporaryDirectory() as folder:

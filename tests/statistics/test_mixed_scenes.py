@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 ALARM = 1e-3
 """Chance that a correct renderer fails either of the two tests of scenes, each time its bits change."""
-FEW = {"white": (3, 20, 32), "light": (24, 3, 18), "black": (21, 32, 1)}
+FEW = {"white": (3, 20), "light": (24, 3), "black": (21, 32)}
 """Of two programs: with an environment and without volumes, with volumes and without an environment."""
 SIDE_BY_SIDE = {"white": (10,), "light": (18, 21), "black": (0, 3)}
 """With volumes, where an index of refraction once depended on the materials that other paths had met."""
@@ -90,7 +90,7 @@ def told(found: list[Comparison]) -> str:
 def test_a_few_mixed_scenes(oracle: Oracle) -> None:
     scenes = [mixed_scene(kind, number) for kind, numbers in FEW.items() for number in numbers]
     made = [comparison for mixed in scenes for comparison in oracle.judged(mixed)]
-    assert len(made) > 30
+    assert len(made) > 20
     assert not (found := surprising(made, ALARM)), told(found)
 
 
