@@ -159,7 +159,8 @@ static void scene_choose_wavelength(Scene* scene, Sampler sampler, vuint depth, 
     own.seed = sampler.seed ^ 0x2545f491u;
     own.index = sampler.index;
     sampler_hash_bits(own, sampler_set(depth, SET_SPARE), &bits, &unused);
-    const vfloat u = unit_interval(bits) * (throughput.x + throughput.y + throughput.z), two = throughput.x + throughput.y;
+    const vfloat random = unit_interval(bits), part = depth == 0u ? wavelengths_choice(sampler, random) : random;
+    const vfloat u = part * (throughput.x + throughput.y + throughput.z), two = throughput.x + throughput.y;
     const vuint other = (u < two) | !(throughput.z > 0.0f) ? splat_uint(1u) : splat_uint(2u);
     const vuint second = (throughput.y > 0.0f) | (throughput.z > 0.0f) ? other : splat_uint(0u);
     scene->wavelengths.first = u < throughput.x ? splat_uint(0u) : second;

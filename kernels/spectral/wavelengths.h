@@ -72,17 +72,29 @@ static Sampler wavelengths_sampler(__global const Settings* settings, Sampler ow
 #define WAVELENGTHS_EQUAL
 #endif
 
-// Three numbers a third apart. Over the samples of a pixel, or of a replicate, they are evenly spaced from one offset on, so that the sum of what
+// A number in units of 2^-32. Over the samples of a pixel, or of a replicate, they are evenly spaced from one offset on, so that the sum of what
 // varies smoothly from one end of the spectrum to the other has next to no error: the film sees little of either end.
+static vuint wavelengths_number(Sampler sampler) {
+    return reverse_bits(sampler.index) + hash_pair(sampler.seed, splat_uint(SET_WAVELENGTH));
+}
+
+// This number and those a third beside it, in ascending order.
 static vec3 wavelengths_numbers(Sampler sampler) {
-    const vuint offset = hash_pair(sampler.seed, splat_uint(SET_WAVELENGTH));
-    const vfloat number = unit_interval(reverse_bits(sampler.index) + offset);
+    const vuint number = wavelengths_number(sampler);
 #ifdef WAVELENGTHS_EQUAL
-    return vec3_of(number, number, number);
+    const vfloat all = unit_interval(number);
+    return vec3_of(all, all, all);
 #else
-    const vfloat u = number * (1.0f / 3.0f), second = u + 1.0f / 3.0f, third = u + 2.0f / 3.0f;
+    const vfloat u = unit_interval(number * 3u) * (1.0f / 3.0f), second = u + 1.0f / 3.0f, third = u + 2.0f / 3.0f;
     return vec3_of(u, second, third);
 #endif
+}
+
+// A random number that chooses one of three, the number itself if they are as likely: then those chosen are evenly spaced, too. For one choice of a
+// path alone: given what followed from it, the number is no longer random.
+static vfloat wavelengths_choice(Sampler sampler, vfloat random) {
+    const vuint third = mul_hi(wavelengths_number(sampler), splat_uint(3u));
+    return (vfloat_of(vint_from_uint(third)) + random) * (1.0f / 3.0f);
 }
 
 // One of the three: where it is in the tables, with the illuminant there, and what the film makes of it.
