@@ -27,6 +27,7 @@ _SCENES: Final = {
     "product": 1024,
     "fisheye": 512,
     "pool": 128,
+    "prism": 1024,
 }
 """Samples per pixel, by built-in scene."""
 _WIDTH: Final = 640
