@@ -194,27 +194,9 @@ class JobRender:
         if image.interrupted:
             self._residency.tell("warning: there are no layers of light groups, as the render was stopped early")
             return {}
-        begin, field = time.perf_counter(), image.guiding_field
-        settings = dataclasses.replace(
-            self._settings,
-            spp=self._job.first_sample + image.stats["sample_count"],
-            guiding="off" if field is None else "on",
-            error=None,
-            time_limit=None,
-        )
-        common = dataclasses.replace(
-            self._job,
-            settings=settings,
-            sample_count=image.stats["sample_count"],
-            aov=(),
-            denoise=False,
-            guiding_field=field,
-            light_groups=False,
-            bands=0,
-        )
-        parts = {}
+        begin, parts = time.perf_counter(), {}
         for name in group_names(flat):
-            job = dataclasses.replace(common, lit_by=name)
+            job = dataclasses.replace(self._again(image), lit_by=name)
             part = JobRender(self._residency, job, None, self._should_stop, cluster=self._cluster).image(False)
             if part.interrupted:
                 self._residency.tell("warning: there are no layers of light groups, as the render was stopped early")
@@ -224,12 +206,14 @@ class JobRender:
         image.stats["light_groups_seconds"] = time.perf_counter() - begin
         return adding_up(image.linear, parts)
 
-    def _bands(self, image: RenderedImage) -> npt.NDArray[np.float32] | None:
-        """Radiance in bands of the spectrum: as many samples again for each three of them."""
-        begin, count, field = time.perf_counter(), self._job.bands, image.guiding_field
-        common = dataclasses.replace(
+    def _again(self, image: RenderedImage, **settings: Any) -> RenderJob:
+        """The job that renders the same samples as the image once more, without layers, under these settings."""
+        field, count = image.guiding_field, image.stats["sample_count"]
+        settings |= {"spp": self._job.first_sample + count, "guiding": "off" if field is None else "on"}
+        return dataclasses.replace(
             self._job,
-            sample_count=image.stats["sample_count"],
+            settings=dataclasses.replace(self._settings, error=None, time_limit=None, **settings),
+            sample_count=count,
             aov=(),
             denoise=False,
             guiding_field=field,
@@ -237,17 +221,13 @@ class JobRender:
             amodal=(),
             bands=0,
         )
+
+    def _bands(self, image: RenderedImage) -> npt.NDArray[np.float32] | None:
+        """Radiance in bands of the spectrum: as many samples again for each three of them."""
+        begin, count = time.perf_counter(), self._job.bands
         found = np.zeros((*image.linear.shape[:2], count), np.float32)
         for first in (*range(0, count - 3, 3), count - 3) if not image.interrupted else ():
-            settings = dataclasses.replace(
-                self._settings,
-                spp=self._job.first_sample + image.stats["sample_count"],
-                guiding="off" if field is None else "on",
-                error=None,
-                time_limit=None,
-                bands=(first, count),
-            )
-            job = dataclasses.replace(common, settings=settings)
+            job = self._again(image, bands=(first, count))
             part = JobRender(self._residency, job, None, self._should_stop, cluster=self._cluster).image(False)
             if part.interrupted:
                 break
