@@ -258,6 +258,19 @@ def test_paths_of_three_wavelengths_find_what_those_of_one_do(device: Device, ro
         assert np.abs(found / one - 1.0).max() < 0.01, (way, found, one)
 
 
+def test_wavelengths_that_go_on_in_glass_are_evenly_spaced(device: Device) -> None:
+    """In white light each path brings what its wavelength is to the film, and nothing else."""
+    what = scene(
+        camera={**CAMERA, "vertical_fov": 10.0},
+        materials={"glass": {"type": "dielectric", "dispersion": {"glass": "SF11"}}},
+        shapes=[{"type": "sphere", "center": [0.0, 0.0, 0.0], "radius": 1.0, "material": "glass"}],
+        lights=[around([1.0, 1.0, 1.0])],
+    )
+    given = {"size": (16, 16), "spp": 64, "spectral": True, "filter": "box", "roulette": "none", "max_depth": 64}
+    image = clrender.render(what, device=device, **given).linear
+    assert np.abs(image - 1.0).max() < 0.02
+
+
 def test_radiosity_refuses_wavelengths(device: Device) -> None:
     with pytest.raises(UsageError, match="spectral is True, but the integrator radiosity"):
         clrender.render(busy(), device=device, size=(8, 8), spp=1, integrator="radiosity", spectral=True)
