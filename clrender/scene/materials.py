@@ -187,16 +187,40 @@ class _Microfacets(Part):
     )
 
 
-def _with_index(given: Any) -> Any:
-    """The keys of a material with its `ior`, where its `dispersion` says that."""
-    said = given.get("dispersion") if isinstance(given, Mapping) else None
-    if not said or "ior" in given or (isinstance(said, Mapping) and list(said) == ["abbe"]):
-        return given
-    try:
-        dispersion = Dispersion.model_validate(said)
-    except ValidationError:
-        return {**given, "ior": 1.5}  # the key itself is refused in its place
-    return given if dispersion.abbe is not None else {**given, "ior": float(dispersion.indices(1.0))}
+class _Refracting(Part):
+    """What a material with an index of refraction has, which may depend on the wavelength."""
+
+    dispersion: Dispersion | None = Field(None, description="index of refraction by wavelength (`spectral`)")
+
+    if TYPE_CHECKING:
+        ior: float
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_an_index(cls, given: Any) -> Any:
+        """The keys with `ior`, where `dispersion` says that."""
+        said = given.get("dispersion") if isinstance(given, Mapping) else None
+        if not said or "ior" in given or (isinstance(said, Mapping) and list(said) == ["abbe"]):
+            return given
+        try:
+            dispersion = Dispersion.model_validate(said)
+        except ValidationError:
+            return {**given, "ior": 1.5}  # the key itself is refused in its place
+        return given if dispersion.abbe is not None else {**given, "ior": float(dispersion.indices(1.0))}
+
+    @model_validator(mode="after")
+    def _has_one_index(self) -> _Refracting:
+        if self.dispersion is None or self.dispersion.abbe is not None:
+            return self
+        said = float(self.dispersion.indices(1.0))
+        if abs(self.ior - said) > 1e-9:
+            raise fault("material", f"is {self.ior:g}, but its dispersion says {said:.6g}; leave it out", "ior")
+        return self
+
+    @property
+    def spectral_ior(self) -> float:
+        """`ior`, with its values by wavelength if there is a dispersion."""
+        return self.ior if self.dispersion is None else self.dispersion.indices(self.ior)
 
 
 def _ior_by_dispersion(schema: dict[str, Any]) -> None:
@@ -204,15 +228,7 @@ def _ior_by_dispersion(schema: dict[str, Any]) -> None:
     schema["required"] = [key for key in schema["required"] if key != "ior"]
 
 
-def _check_dispersion(ior: float, dispersion: Dispersion | None) -> None:
-    if dispersion is None or dispersion.abbe is not None:
-        return
-    said = float(dispersion.indices(1.0))
-    if abs(ior - said) > 1e-9:
-        raise fault("material", f"is {ior:g}, but its dispersion says {said:.6g}; leave it out", "ior")
-
-
-class Dielectric(_Bumpy, _Microfacets):
+class Dielectric(_Bumpy, _Microfacets, _Refracting):
     """Smooth or rough interface between transparent media: `ior` behind the front side, `exterior_ior` in front of it.
 
     With a `priority`, it is instead the medium inside closed shapes: where they overlap, the highest priority applies.
@@ -223,7 +239,6 @@ class Dielectric(_Bumpy, _Microfacets):
 
     type: Literal["dielectric"]
     ior: Index = Field(description="index of refraction; with a `dispersion` that says it, not needed")
-    dispersion: Dispersion | None = Field(None, description="index of refraction by wavelength (`spectral`)")
     exterior_ior: Index = 1.0
     roughness: ShareOrTexture = Field(0.0, description="microfacet alpha is its square; 0: smooth")
     thin: Flag = Field(False, description="thin wall: both interfaces at zero thickness, without refraction")
@@ -233,16 +248,6 @@ class Dielectric(_Bumpy, _Microfacets):
     attenuation_color: _AttenuationColor = None
     attenuation_distance: _AttenuationDistance = None
 
-    @model_validator(mode="before")
-    @classmethod
-    def _has_an_index(cls, given: Any) -> Any:
-        return _with_index(given)
-
-    @property
-    def spectral_ior(self) -> float:
-        """`ior`, with its values by wavelength if there is a dispersion."""
-        return self.ior if self.dispersion is None else self.dispersion.indices(self.ior)
-
     @model_validator(mode="after")
     def _is_a_medium(self) -> Dielectric:
         if self.thin and self.priority is not None:
@@ -251,7 +256,6 @@ class Dielectric(_Bumpy, _Microfacets):
             sentence = "cannot be given beside priority: the volume that is outside has its own index; leave it out"
             raise fault("material", sentence, "exterior_ior")
         _check_attenuation(self)
-        _check_dispersion(self.ior, self.dispersion)
         return self
 
     @property
@@ -315,7 +319,7 @@ class Conductor(_Opaque, _Microfacets):
         return (eta.values, k.values) if isinstance(eta, SpectralColor) and isinstance(k, SpectralColor) else None
 
 
-class Principled(_Opaque):
+class Principled(_Opaque, _Refracting):
     """Metal, plastic, glass, cloth and blends of them: the metallic-roughness model of glTF 2.0 with its extensions."""
 
     late_keys: ClassVar[frozenset[str]] = frozenset(
@@ -330,7 +334,6 @@ class Principled(_Opaque):
         "ggx", description="distribution of the microfacet normals; `beckmann`: without transmission, coat and sheen"
     )
     ior: Annotated[Index, Field(ge=1.0)] = 1.5
-    dispersion: Dispersion | None = Field(None, description="index of refraction by wavelength (`spectral`)")
     specular: ShareOrTexture = Field(1.0, description="strength of the dielectric reflection")
     specular_color: ReflectanceOrTexture = Field(
         (1.0, 1.0, 1.0), description="colour of the dielectric reflection at normal incidence"
@@ -359,20 +362,9 @@ class Principled(_Opaque):
     )
     emission_strength: Power = 1.0
 
-    @model_validator(mode="before")
-    @classmethod
-    def _has_an_index(cls, given: Any) -> Any:
-        return _with_index(given)
-
-    @property
-    def spectral_ior(self) -> float:
-        """`ior`, with its values by wavelength if there is a dispersion."""
-        return self.ior if self.dispersion is None else self.dispersion.indices(self.ior)
-
     @model_validator(mode="after")
     def _absorbs_inside(self) -> Principled:
         _check_attenuation(self)
-        _check_dispersion(self.ior, self.dispersion)
         if self.attenuation_color is not None and self.transmission == 0.0:
             sentence = "does nothing without transmission; give it some, or leave both out"
             raise fault("material", sentence, "attenuation_color")

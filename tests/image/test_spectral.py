@@ -266,8 +266,8 @@ def test_wavelengths_that_go_on_in_glass_are_evenly_spaced(device: Device) -> No
         shapes=[{"type": "sphere", "center": [0.0, 0.0, 0.0], "radius": 1.0, "material": "glass"}],
         lights=[around([1.0, 1.0, 1.0])],
     )
-    given = {"size": (16, 16), "spp": 64, "spectral": True, "filter": "box", "roulette": "none", "max_depth": 64}
-    image = clrender.render(what, device=device, **given).linear
+    given: dict[str, Any] = {"spp": 64, "spectral": True, "filter": "box", "roulette": "none", "max_depth": 64}
+    image = clrender.render(what, device=device, size=(16, 16), **given).linear
     assert np.abs(image - 1.0).max() < 0.02
 
 
