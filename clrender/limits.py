@@ -16,6 +16,7 @@ from typing import Any, Protocol
 from clrender.errors import UsageError
 
 __all__ = [
+    "MOST_BANDS",
     "Bands",
     "Bytes",
     "Choice",
@@ -29,6 +30,9 @@ __all__ = [
     "nearest",
     "shown",
 ]
+
+MOST_BANDS = 300
+"""Most bands of a spectrum."""
 
 _DIGITS = 400
 """Longest text that is parsed as a number: longer ones are surely mistakes, and slow to convert."""
@@ -228,7 +232,7 @@ class Bands:
 
     @property
     def words(self) -> str:
-        return "two whole numbers, the first of three bands and the number of all, at most 300"
+        return f"two whole numbers, the first of three bands and the number of all, at most {MOST_BANDS}"
 
     @property
     def metavar(self) -> str:
@@ -238,7 +242,7 @@ class Bands:
         given = tuple(value) if isinstance(value, list | tuple) else ()
         if len(given) == 2 and all(type(each) is int for each in given):
             first, count = given
-            if 0 <= first <= count - 3 and count <= 300:
+            if 0 <= first <= count - 3 and count <= MOST_BANDS:
                 return first, count
         raise NotAllowed(f"is {shown(value)}, but must be {self.words}")
 
@@ -251,7 +255,7 @@ class Bands:
     def schema(self) -> dict[str, Any]:
         return {
             "type": "array",
-            "items": {"type": "integer", "minimum": 0, "maximum": 300},
+            "items": {"type": "integer", "minimum": 0, "maximum": MOST_BANDS},
             "minItems": 2,
             "maxItems": 2,
         }

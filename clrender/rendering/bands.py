@@ -7,10 +7,7 @@ import numpy.typing as npt
 
 from clrender.spectra.kernel_table import band_edges
 
-__all__ = ["MOST_BANDS", "band_channels"]
-
-MOST_BANDS = 300
-"""Most bands of a spectrum."""
+__all__ = ["band_channels"]
 
 
 def band_channels(spectrum: npt.NDArray[np.float32] | None) -> dict[str, npt.NDArray[np.float32]]:

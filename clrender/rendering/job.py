@@ -21,8 +21,7 @@ from clrender.files.package_data import kernels_folder
 from clrender.flatten.plugin_rows import plugin_hashes, used_plugins
 from clrender.flatten.supported import check_materials, check_motion
 from clrender.integrators import INTEGRATORS, Integrator
-from clrender.limits import checked_path, shown
-from clrender.rendering.bands import MOST_BANDS
+from clrender.limits import MOST_BANDS, checked_path, shown
 from clrender.scene import Camera, Scene
 from clrender.scene.portable import scene_from_portable, scene_to_portable
 from clrender.settings import REPLICATE_SPP, RenderSettings, check_memory, present, settings_for
