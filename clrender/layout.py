@@ -181,6 +181,12 @@ SPECTRA_GIVEN: Final = SPECTRA_LIFTING + 12 * LIFTING_LIGHTNESSES * LIFTING_CHRO
 """Wavelengths of tables of spectra; segments of the inverse of their distribution, with which the array begins; and
 where in it red, green and blue of the film begin, the table of colours' spectra, and the spectra of the scene."""
 
+THIN_FILM_STEPS: Final = 3072
+THIN_FILM_FACETS: Final = 24
+THIN_FILM_MATERIALS: Final = THIN_FILM_STEPS + THIN_FILM_FACETS**2
+"""Rows of the table of what is left of the interference of light, by the difference of its ways: 4 nm each; rows and
+columns of that of the cosines at which facets reflect; and where films of materials begin."""
+
 CAMERA_PERSPECTIVE: Final = 0
 CAMERA_ORTHOGRAPHIC: Final = 1
 CAMERA_PANORAMIC: Final = 2
@@ -708,6 +714,15 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
     "CONE": (
         ("AXIS", 0, 3, "child of a node of the light BVH: unit, middle of a cone with all directions of its light"),
         ("COSINE", 3, 1, "of half the cone's angle"),
+    ),
+    "THIN_FILM": (
+        ("SHARE", 0, 1, "film of a material: share of the surface that it is on"),
+        ("SHARE_TEXTURE", 1, 1, "bits: the texture that stands for it, or NONE"),
+        ("LEAST", 2, 1, "thickness, nanometres, where its texture is 0"),
+        ("RANGE", 3, 1, "what is added where that is 1, or where there is none"),
+        ("THICKNESS_TEXTURE", 4, 1, "bits: that texture, or NONE"),
+        ("IOR", 5, 1, "its index over that of the medium before it"),
+        ("INDEX", 6, 1, "its index"),
     ),
     "NODE": (
         ("CENTER", 0, 3, "child of a node of the light BVH: sphere about its lights"),

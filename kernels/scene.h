@@ -21,6 +21,7 @@
     X(float, grid_words)     /* and their densities, in bricks */                                                           \
     X(float, measured_rows)  /* of measured reflectance, two each: material/lobe/measured.h */                               \
     X(float, measured_words) /* and its tables */                                                                           \
+    X(float, thin_film_rows) /* eight each: means over wavelengths, and then of each material its film: material/thin_film.h */   \
     X(float, attribute_rows) /* of primitives with textures: texture coordinates, and which textures; else one row */          \
     X(float, texture_rows)   /* of each texture: which picture, and how it lies */                                             \
     X(float, texture_slots)  /* of each material: which textures stand for its parameters */                                   \

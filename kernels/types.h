@@ -110,6 +110,9 @@
 #define SPECTRA_FILM 516u
 #define SPECTRA_LIFTING 900u
 #define SPECTRA_GIVEN 615300u
+#define THIN_FILM_STEPS 3072u
+#define THIN_FILM_FACETS 24u
+#define THIN_FILM_MATERIALS 3648u
 #define CAMERA_PERSPECTIVE 0u
 #define CAMERA_ORTHOGRAPHIC 1u
 #define CAMERA_PANORAMIC 2u
@@ -535,6 +538,14 @@ typedef struct {
 
 #define CONE_ROW_AXIS 0                 // child of a node of the light BVH: unit, middle of a cone with all directions of its light
 #define CONE_ROW_COSINE 3               // of half the cone's angle
+
+#define THIN_FILM_ROW_SHARE 0           // film of a material: share of the surface that it is on
+#define THIN_FILM_ROW_SHARE_TEXTURE 1   // bits: the texture that stands for it, or NONE
+#define THIN_FILM_ROW_LEAST 2           // thickness, nanometres, where its texture is 0
+#define THIN_FILM_ROW_RANGE 3           // what is added where that is 1, or where there is none
+#define THIN_FILM_ROW_THICKNESS_TEXTURE 4// bits: that texture, or NONE
+#define THIN_FILM_ROW_IOR 5             // its index over that of the medium before it
+#define THIN_FILM_ROW_INDEX 6           // its index
 
 #define NODE_ROW_CENTER 0               // child of a node of the light BVH: sphere about its lights
 #define NODE_ROW_RADIUS 3               // negative: infinitely far

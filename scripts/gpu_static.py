@@ -120,6 +120,7 @@ _RARE: Final[Mapping[str, tuple[str, ...]]] = {
     "curves": ("curves",),
     "hair": ("curves", "hair"),
     "measured": ("measured",),
+    "iridescence": ("iridescence",),
 }
 """Features that a program for any scene does not have."""
 _SCENELESS: Final = [

@@ -34,7 +34,7 @@ LARGEST_PAGE = 1 << 34
 _PAGES = 4
 _AS_THEY_ARE = (
     *("material_rows", "media_rows", "albedo_tables", "light_nodes", "light_order", "environment_map"),
-    *("light_cones", "lamp_tables", "grid_rows", "measured_rows", "curve_rows"),
+    *("light_cones", "lamp_tables", "grid_rows", "measured_rows", "thin_film_rows", "curve_rows"),
     *("instance_rows", "instance_guides", "instance_motions", "motion_rows"),
     *("hole_rows", "attribute_rows", "texture_rows", "texture_slots", "texel_values"),
 )

@@ -20,6 +20,7 @@ from clrender.exporters.surfaces import (
     is_rough,
     passes,
     radiance_of,
+    tell_of_film,
     tell_of_glow,
     tell_of_grid,
     without_measured,
@@ -131,6 +132,7 @@ class MaterialWriter:
 
     def _surface(self, tree: NodeTree, material: Material, at: At) -> Socket:
         material = without_measured(self._target, material, at, "diffuse")
+        tell_of_film(self._target, material, at)
         if isinstance(material, Mix):
             first, second = (
                 self._surface(tree, self._target.scene.materials[name], ("materials", name))

@@ -17,6 +17,7 @@ from clrender.exporters.surfaces import (
     is_rough,
     passes,
     radiance_of,
+    tell_of_film,
     tell_of_glow,
     tell_of_grid,
     without_measured,
@@ -157,6 +158,7 @@ class MaterialWriter:
 
     def _surface(self, material: Material, at: At) -> Properties:
         material = without_measured(self._target, material, at, "matte")
+        tell_of_film(self._target, material, at)
         color = self._textures.color
         if isinstance(material, Lambert):
             return {"type": "matte", "kd": color(material.reflectance, (*at, "reflectance"))}

@@ -12,7 +12,7 @@ import numpy as np
 from clrender.exporters.files import write_bytes
 from clrender.exporters.mitsuba_textures import TextureWriter
 from clrender.exporters.mitsuba_xml import Element, element, spectral, value
-from clrender.exporters.surfaces import ONCE, alphas_of, is_rough, without_measured
+from clrender.exporters.surfaces import ONCE, alphas_of, is_rough, tell_of_film, without_measured
 from clrender.exporters.target import Target
 from clrender.flatten.hair import hair_absorption
 from clrender.flatten.measured import is_anisotropic
@@ -136,6 +136,7 @@ class MaterialWriter:
                     self._target.leave_out(sentence, *at)
                 return self._measured(material, file)
             material = without_measured(self._target, material, at, "diffuse: Mitsuba reads files of RGL with spectra")
+        tell_of_film(self._target, material, at)
         if isinstance(material, Lambert):
             return self._diffuse(material.reflectance, (*at, "reflectance"))
         if isinstance(material, OrenNayar):

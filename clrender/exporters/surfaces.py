@@ -18,6 +18,7 @@ from clrender.scene.materials import (
     SMOOTH_BELOW,
     Conductor,
     Dielectric,
+    Iridescent,
     Lambert,
     Material,
     Measured,
@@ -42,6 +43,7 @@ __all__ = [
     "is_rough",
     "passes",
     "radiance_of",
+    "tell_of_film",
     "tell_of_glow",
     "tell_of_grid",
     "tell_of_meshes",
@@ -52,6 +54,20 @@ __all__ = [
 
 ONCE: Final = "multiple scattering between microfacets, so that rough surfaces are darker"
 """What most programs leave out."""
+
+
+def tell_of_film(target: Target, material: Material, at: At) -> None:
+    """Note that a thin film is left out.
+
+    Parameters
+    ----------
+    target : Target
+    material : Material
+    at : tuple of str or int
+        Its location.
+    """
+    if isinstance(material, Iridescent) and material.filmed:
+        target.leave_out("thin films, so that surfaces do not iridesce", *at, "iridescence")
 
 
 def without_measured(target: Target, material: Material, at: At, written_as: str) -> Material:

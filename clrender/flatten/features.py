@@ -24,7 +24,17 @@ __all__ = ["Features"]
 _CALIBRATED: Final = (layout.CAMERA_BROWN_CONRADY, layout.CAMERA_KANNALA_BRANDT)
 
 
-_RARE: Final = ("motion", "deformation", "grids", "glowing_media", "curves", "hair", "measured", "dispersion")
+_RARE: Final = (
+    "motion",
+    "deformation",
+    "grids",
+    "glowing_media",
+    "curves",
+    "hair",
+    "measured",
+    "dispersion",
+    "iridescence",
+)
 """Features that no program for any scene has."""
 
 
@@ -78,6 +88,8 @@ class Features:
         Some material's reflectance is measured.
     dispersion : bool
         Some index of refraction depends on the wavelength, where wavelengths are rendered.
+    iridescence : bool
+        Some material has a thin film.
     plugins : tuple of (str, str)
         Names and texts of the kernel files that some materials' plugins make; see `clrender.plugins.kernel_files`.
     """
@@ -112,6 +124,7 @@ class Features:
     hair: bool = False
     measured: bool = False
     dispersion: bool = False
+    iridescence: bool = False
     plugins: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -230,6 +243,7 @@ class Features:
             curves=bool(arrays["curve_rows"].any()),
             hair=len(arrays["albedo_tables"]) > 1 and bool((_kinds(arrays) == layout.MATERIAL_HAIR).any()),
             measured=bool(arrays["measured_rows"].any()),
+            iridescence=len(arrays["thin_film_rows"]) > 1,
             plugins=tuple(kernel_files(plugins).items()) if plugins else (),
         )
         return found.seen_by(camera, instances.moves)

@@ -32,6 +32,7 @@ from clrender.flatten.plugin_rows import used_plugins
 from clrender.flatten.spectral import SpectralPlace, disperses
 from clrender.flatten.surfaces import flat_surfaces
 from clrender.flatten.texture_rows import flat_textures
+from clrender.flatten.thin_films import thin_film_rows
 from clrender.scene.description import (
     Camera,
     DirectionalLight,
@@ -69,7 +70,8 @@ class FlatScene:
         ``material_rows`` (2 M, 16) float32, and ``albedo_tables`` (N,) float32, one zero where no material has rows;
         ``media_rows`` (N, 16) float32, zero if paths need not track the media that they are inside;
         ``grid_rows`` and ``grid_words``: see `clrender.flatten.grids.flat_grids`;
-        ``measured_rows`` and ``measured_words``: see `clrender.flatten.measured.MeasuredArrays`;
+        ``measured_rows`` and ``measured_words``: see `clrender.flatten.measured.MeasuredArrays`; ``thin_film_rows``:
+        see `clrender.flatten.thin_films.thin_film_rows`;
         ``attribute_rows`` (T + R, 16) float32, or one row where no shape is textured; ``texture_rows``,
         ``texture_slots``, ``texel_values`` and ``texels``: see `clrender.flatten.texture_rows.FlatTextures`;
         ``hole_rows`` (N, 64) uint32, see `clrender.flatten.holes`, one row if no opacity is textured; ``lights`` (L,)
@@ -253,6 +255,7 @@ def flatten(
         "grid_words": grid_words,
         "measured_rows": measured.rows,
         "measured_words": measured.words,
+        "thin_film_rows": thin_film_rows(scene, textures.films),
         "attribute_rows": _padded(surfaces.attributes),
         "texture_rows": textures.rows,
         "texture_slots": textures.slots,
@@ -279,7 +282,7 @@ def flatten(
             continue  # hashes of scenes without grids are older than these
         if name.startswith("measured_") and not measured.head_of:
             continue  # likewise
-        if name == "curve_rows" and not array.any():
+        if name in ("curve_rows", "thin_film_rows") and not array.any():
             continue  # likewise
         digest.update(f"{name} {array.shape}".encode())
         if name == "texels":

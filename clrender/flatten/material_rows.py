@@ -22,6 +22,7 @@ from clrender.scene.materials import (
     Conductor,
     Dielectric,
     Hair,
+    Iridescent,
     Lambert,
     Material,
     Measured,
@@ -83,7 +84,7 @@ class MaterialArrays:
 
 def has_row(material: Material) -> bool:
     """Whether a material needs more numbers than a colour and an index."""
-    if material.masked:
+    if material.masked or (isinstance(material, Iridescent) and material.filmed):
         return True
     if isinstance(material, Lambert | Mirror):
         return not material.two_sided

@@ -27,12 +27,13 @@ from clrender.scene.textures import (
     PluginTexture,
     Ramp,
     Texture,
+    ThicknessMap,
     textures_of,
 )
 from clrender.scene.values import Vector
 from clrender.wording import place
 
-__all__ = ["SLOTS", "FlatTextures", "flat_textures"]
+__all__ = ["FILM_KEYS", "SLOTS", "FlatTextures", "flat_textures"]
 
 SLOTS: Final[Mapping[str, int]] = {
     "reflectance": layout.TEXTURE_SLOTS["BASE_COLOR"],
@@ -44,6 +45,8 @@ SLOTS: Final[Mapping[str, int]] = {
 """Column of a material's texture slots, by key of the material."""
 _COLORS: Final = ("reflectance", "f0", "base_color", "specular_color", "sheen_color", "emission")
 """Keys of colours; their files of 8 or 16 bits are sRGB by default."""
+FILM_KEYS: Final = ("iridescence", "iridescence_thickness")
+"""Keys of a thin film, whose textures have no slots; see `clrender.flatten.thin_films`."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,8 @@ class FlatTextures:
         Hash of the images.
     emission : mapping of int to int
         Index of the emission texture, by index of the shape.
+    films : mapping of (int, str) to int
+        Index of the texture of a thin film, by number and key of the material.
     """
 
     rows: NDArray[np.float32]
@@ -72,6 +77,7 @@ class FlatTextures:
     texels: NDArray[np.uint8]
     sha256: str
     emission: Mapping[int, int]
+    films: Mapping[tuple[int, str], int]
 
 
 def flat_textures(scene: Scene) -> FlatTextures:
@@ -99,10 +105,18 @@ def flat_textures(scene: Scene) -> FlatTextures:
         rows.append(row)
         return len(rows) - 1
 
+    films: dict[tuple[int, str], int] = {}
     for number, (name, material) in enumerate(scene.materials.items()):
         own = parameter_slots(scene, material) if isinstance(material, PluginMaterial) else {}
         for key, texture in textures_of(material):
             if key == "emission":
+                continue
+            if key in FILM_KEYS:
+                films[number, key] = len(rows)
+                if isinstance(texture, PluginTexture):
+                    rows += _made(scene, texture, len(rows))
+                else:
+                    add(texture, ("materials", name, key), False)
                 continue
             of_diffuse = isinstance(material, OrenNayar) and key == "roughness"
             steps = key.split(".", 1)
@@ -127,7 +141,7 @@ def flat_textures(scene: Scene) -> FlatTextures:
         slots = slots[: max(len(scene.materials), 1)]
     sha256 = hashlib.sha256("".join(each.sha256 for each in store.pictures.values()).encode()).hexdigest()
     whole = np.array(rows, np.float32) if rows else np.zeros((1, 16), np.float32)
-    return FlatTextures(whole, slots.view(np.float32), values.table, store.texels, sha256, emission)
+    return FlatTextures(whole, slots.view(np.float32), values.table, store.texels, sha256, emission, films)
 
 
 def _made(scene: Scene, texture: PluginTexture, at: int) -> list[NDArray[np.float32]]:
@@ -192,6 +206,8 @@ def _row(texture: AnyTexture, picture: StoredPicture, colored: bool, values: int
         # In integers the middle of 0 to 2n + 1 is n + 1, which no number between 0 and 1 represents exactly
         spread, bias = (2.0, -1.0) if step is None else ((2.0 * step + 1.0) / step, -(step + 1.0) / step)
         factor = (spread, spread, texture.scale)
+    if isinstance(texture, ThicknessMap):
+        filters, channel = texture.filter, texture.channel
     if isinstance(texture, BumpMap):
         filters, channel, factor = "exact", texture.channel, (texture.scale,) * 3
     row = np.zeros(16, np.float32)

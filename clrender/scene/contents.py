@@ -45,6 +45,7 @@ from clrender.scene.textures import (
     NormalMap,
     PluginTexture,
     Ramp,
+    ThicknessMap,
     textures_of,
 )
 from clrender.scene.values import (
@@ -220,7 +221,7 @@ class SceneContents(Head):
                 found.append(((*at, "emission"), shape.emission))
         return found
 
-    def texture_files(self) -> list[tuple[tuple[str | int, ...], ImageTexture | NormalMap | BumpMap]]:
+    def texture_files(self) -> list[tuple[tuple[str | int, ...], ImageTexture | NormalMap | BumpMap | ThicknessMap]]:
         """Textures that name a file, each with the location of the name."""
         placed = self.placed_textures()
         return [((*at, "texture"), each) for at, each in placed if not isinstance(each, Checker | Ramp)]

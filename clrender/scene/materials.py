@@ -30,6 +30,7 @@ from clrender.scene.textures import (
     PictureShare,
     ReflectanceOrTexture,
     ShareOrTexture,
+    ThicknessOrTexture,
     textures_of,
 )
 from clrender.scene.values import (
@@ -59,6 +60,7 @@ __all__ = [
     "Conductor",
     "Dielectric",
     "Hair",
+    "Iridescent",
     "Lambert",
     "Material",
     "Measured",
@@ -223,18 +225,48 @@ class _Refracting(Part):
         return self.ior if self.dispersion is None else self.dispersion.indices(self.ior)
 
 
+class Iridescent(Part):
+    """What a material has that may lie below a thin film, as of oil, oxide or soap (Belcour and Barla 2017)."""
+
+    iridescence: ShareOrTexture = Field(0.0, description="share of the surface that has a thin film, which iridesces")
+    iridescence_ior: Annotated[Finite, Field(ge=1.0, le=5.0)] = Field(
+        1.3, description="index of refraction of the film"
+    )
+    iridescence_thickness: ThicknessOrTexture = Field(
+        400.0, description="thickness of the film, nanometres; or an image with the `range` that it stands for"
+    )
+
+    @model_validator(mode="after")
+    def _has_a_film(self) -> Iridescent:
+        if self.iridescence == 0.0:
+            for key in ("iridescence_ior", "iridescence_thickness"):
+                if key in self.model_fields_set:
+                    sentence = "does nothing without iridescence; give that the share of the surface with the film"
+                    raise fault("material", f"{sentence}, up to 1, or leave this out", key)
+        return self
+
+    @property
+    def filmed(self) -> bool:
+        """Whether there is a film, at least at some points."""
+        return self.iridescence != 0.0 and self.iridescence_thickness != 0.0
+
+
+IRIDESCENCE_KEYS: Final = frozenset({"iridescence", "iridescence_ior", "iridescence_thickness"})
+"""Keys of `Iridescent`, which are younger than others."""
+
+
 def _ior_by_dispersion(schema: dict[str, Any]) -> None:
     """Say in a JSON Schema that ``ior`` is needed only where no dispersion says it."""
     schema["required"] = [key for key in schema["required"] if key != "ior"]
 
 
-class Dielectric(_Bumpy, _Microfacets, _Refracting):
+class Dielectric(_Bumpy, _Microfacets, _Refracting, Iridescent):
     """Smooth or rough interface between transparent media: `ior` behind the front side, `exterior_ior` in front of it.
 
     With a `priority`, it is instead the medium inside closed shapes: where they overlap, the highest priority applies.
     """
 
-    late_keys: ClassVar[frozenset[str]] = frozenset({"dispersion"})
+    late_keys: ClassVar[frozenset[str]] = frozenset({"dispersion"}) | IRIDESCENCE_KEYS
     model_config = ConfigDict(json_schema_extra=_ior_by_dispersion)
 
     type: Literal["dielectric"]
@@ -277,8 +309,10 @@ class OrenNayar(_Opaque):
     roughness: ShareOrTexture = Field(0.5, description="0: Lambertian; 1: maximum")
 
 
-class Conductor(_Opaque, _Microfacets):
+class Conductor(_Opaque, _Microfacets, Iridescent):
     """Smooth or rough metal: a measured one by name, by `eta` and `k`, or by its colour `f0`."""
+
+    late_keys: ClassVar[frozenset[str]] = IRIDESCENCE_KEYS
 
     type: Literal["conductor"]
     metal: _Metal | None = None
@@ -319,10 +353,10 @@ class Conductor(_Opaque, _Microfacets):
         return (eta.values, k.values) if isinstance(eta, SpectralColor) and isinstance(k, SpectralColor) else None
 
 
-class Principled(_Opaque, _Refracting):
+class Principled(_Opaque, _Refracting, Iridescent):
     """Metal, plastic, glass, cloth and blends of them: the metallic-roughness model of glTF 2.0 with its extensions."""
 
-    late_keys: ClassVar[frozenset[str]] = frozenset(
+    late_keys: ClassVar[frozenset[str]] = IRIDESCENCE_KEYS | frozenset(
         {"diffuse_transmission", "diffuse_transmission_color", "microfacets", "dispersion"}
     )
 

@@ -27,6 +27,8 @@ __all__ = [
     "ShareOrTexture",
     "Texture",
     "TextureTransform",
+    "ThicknessMap",
+    "ThicknessOrTexture",
     "textures_of",
 ]
 
@@ -52,6 +54,7 @@ def _or_list(one: dict[str, Any], count: int) -> WithJsonSchema:
 
 _NUMBER: Final = {"type": "number"}
 Coordinate = Annotated[Finite, Field(ge=-_UV_LIMIT, le=_UV_LIMIT)]
+FilmThickness: TypeAlias = Annotated[Finite, Field(ge=0.0, le=10000.0)]
 Step = Annotated[Finite, Field(gt=0.0, le=_UV_LIMIT)]
 Grey: TypeAlias = Annotated[tuple[Power, Power, Power], BeforeValidator(_triple), _or_list(_NUMBER, 3)]
 Wraps: TypeAlias = Annotated[
@@ -140,8 +143,18 @@ class BumpMap(_Mapped):
     channel: Literal["r", "g", "b", "a", "luminance"] = "r"
 
 
+class ThicknessMap(_Mapped):
+    """Thickness of a thin film, from an image."""
+
+    texture: FileName = Field(description="image file")
+    range: tuple[FilmThickness, FilmThickness] = Field(description="thickness where the image is 0 and 1, nanometres")
+    wrap: Wraps = ("repeat", "repeat")
+    filter: Literal["linear", "nearest"] = "linear"
+    channel: Literal["r", "g", "b", "a", "luminance"] = "r"
+
+
 Texture: TypeAlias = ImageTexture | Checker | Ramp
-AnyTexture: TypeAlias = Texture | NormalMap | BumpMap
+AnyTexture: TypeAlias = Texture | NormalMap | BumpMap | ThicknessMap
 MaterialTexture: TypeAlias = AnyTexture | PluginTexture
 _FORMS: Final[Mapping[str, type[Part]]] = {
     "texture": ImageTexture,
@@ -195,6 +208,16 @@ Parameter: TypeAlias = Annotated[_Number | _Triple, Discriminator(_parameter_for
 """A parameter of a plugin's texture."""
 ParameterOrTexture: TypeAlias = Annotated[_Number | _Triple | _Texture | _Made, Discriminator(_parameter_form)]
 """A parameter of a plugin's material."""
+
+
+def _thickness_form(value: Any) -> str:
+    return "<texture>" if isinstance(value, Mapping | ThicknessMap) else "<constant>"
+
+
+ThicknessOrTexture: TypeAlias = Annotated[
+    Annotated[FilmThickness, Tag("<constant>")] | Annotated[ThicknessMap, Tag("<texture>")],
+    Discriminator(_thickness_form),
+]
 
 
 def textures_of(part: Part) -> Iterator[tuple[str, MaterialTexture]]:

@@ -185,6 +185,9 @@ static void bsdf_no_rows(Bsdf* b) {
     b->closure.diffuse.transmission = splat(0.0f);
     b->closure.glass.eta = splat(1.0f);
     b->closure.albedo = vec3_all(0.0f);
+#ifdef IRIDESCENCE
+    b->closure.glass.film.present = b->closure.reflection.film.present = mask_none();
+#endif
 #ifdef PLUGIN_BSDFS
     b->closure.plugin = splat_uint(0u);
 #endif
@@ -391,6 +394,33 @@ static vec3 bsdf_eval(const Bsdf* b, vec3 direction, vfloat* pdf) {
 #endif
 }
 
+#if defined(MATERIALS) && defined(IRIDESCENCE)
+// What glass that is smooth reflects below a film.
+static vec3 bsdf_film_reflects(const Bsdf* b) {
+    const Glass* g = &b->closure.glass;
+    vfloat beyond;
+    const vfloat eta = b->thin ? g->eta : b->eta;
+    const vec3 once = thin_film_boundary(&g->film, eta, b->wo.z, dielectric_fresnel(b->wo.z, eta, &beyond));
+    return choose(b->thin, vec3_of(glass_thin(once.x), glass_thin(once.y), glass_thin(once.z)), once);
+}
+#endif
+
+// Of glass that is smooth, how often it reflects.
+static vfloat bsdf_reflects(const Bsdf* b) {
+    vfloat beyond, share = dielectric_fresnel(b->wo.z, b->eta, &beyond);
+#ifdef MATERIALS
+    if (lane_any(b->thin)) share = b->thin ? glass_fresnel(&b->closure.glass, b->wo.z) : share;
+#ifdef IRIDESCENCE
+    const vmask filmed = b->closure.glass.film.present;
+    if (lane_any(filmed)) {
+        const vec3 colors = bsdf_film_reflects(b);
+        share = filmed ? lesser((colors.x + colors.y + colors.z) * (1.0f / 3.0f), splat(1.0f)) : share;
+    }
+#endif
+#endif
+    return share;
+}
+
 // A local direction of a delta, and its weight.
 static vec3 bsdf_sample_delta(const Bsdf* b, vfloat u, vec3* wi) {
     vec3 mirrored, through;
@@ -407,6 +437,19 @@ static vec3 bsdf_sample_delta(const Bsdf* b, vfloat u, vec3* wi) {
         *wi = choose(wall, choose(reflect, mirrored, negate(b->wo)), *wi);
         weight = choose(wall, choose(reflect, vec3_all(1.0f), b->color), weight);
     }
+#ifdef IRIDESCENCE
+    const vmask filmed = glass & b->closure.glass.film.present;
+    if (lane_any(filmed)) {
+        const vfloat chosen = bsdf_reflects(b), left = splat(1.0f) - chosen;
+        const vmask reflect = u < chosen;
+        const vec3 one = vec3_all(1.0f), colors = bsdf_film_reflects(b), passed = mul(b->color, sub(one, colors));
+        vec3 refracted;
+        dielectric_sample(one, b->eta, b->wo, splat(1.0f), &refracted);
+        *wi = choose(filmed, choose(reflect, mirrored, choose(b->thin, negate(b->wo), refracted)), *wi);
+        const vfloat over = inverse_or_one(left) * (b->thin ? splat(1.0f) : index_radiance(b->eta));
+        weight = choose(filmed, choose(reflect, scale(colors, inverse_or_one(chosen)), scale(passed, over)), weight);
+    }
+#endif
 #endif
     return weight;
 }

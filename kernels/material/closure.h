@@ -132,6 +132,32 @@ static vec3 closure_eval_layers(const Closure* c, vec3 base, vec3 wm, vec3 wo, v
     return f;
 }
 
+#ifdef IRIDESCENCE
+// About what a film adds to the albedo of the layer above a diffuse surface.
+static vec3 closure_film_adds(const Closure* c, vfloat alpha, vfloat albedo, vfloat cosine) {
+    const ThinFilm* film = &c->reflection.film;
+    const vec3 f0 = c->diffuse.f0, f90 = c->diffuse.f90;
+    const ThinFilmFacets facets = thin_film_facets(film, alpha, cosine);
+    const vec3 low = sub(thin_film_schlick(film, f0, f90, facets.low), fresnel_schlick(f0, f90, facets.low));
+    const vec3 high = sub(thin_film_schlick(film, f0, f90, facets.high), fresnel_schlick(f0, f90, facets.high));
+    return scale(along(low, sub(high, low), facets.second), albedo);
+}
+#endif
+
+// E of the layer above a diffuse surface, of a direction with that albedo of its facets.
+static vec3 closure_layer_albedo(const Closure* c, vfloat albedo, vfloat grazing, vec3 w) {
+    const vec3 layer = diffuse_layer_albedo(&c->diffuse, albedo, grazing);
+#ifdef IRIDESCENCE
+    const vmask filmed = c->reflection.film.present & c->diffuse.covered;
+    if (lane_any(filmed)) {
+        const vfloat alpha = albedo_seen(&c->facets, w);
+        const vec3 whole = add(layer, closure_film_adds(c, alpha, albedo, w.z));
+        return choose(filmed, vec3_of(bounded(whole.x, 0.0f, 1.0f), bounded(whole.y, 0.0f, 1.0f), bounded(whole.z, 0.0f, 1.0f)), layer);
+    }
+#endif
+    return layer;
+}
+
 // f, and the density.
 static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
     const LobeProbabilities* probability = &c->probability;
@@ -168,7 +194,8 @@ static vec3 closure_eval(const Closure* c, vec3 wo, vec3 wi, vfloat* pdf) {
         f = closure_eval_layers(c, f, wm, wo, up, above, transmittance, &density);
     }
     if (lane_any(c->diffuse.present)) {
-        const vec3 diffuse = diffuse_eval(&c->diffuse, c->tables, wo, up, above, albedo, grazing, c->inside ? splat(1.0f) : transmittance);
+        const vec3 layer = closure_layer_albedo(c, albedo, grazing, up);
+        const vec3 diffuse = diffuse_eval(&c->diffuse, c->tables, wo, up, above, layer, c->inside ? splat(1.0f) : transmittance);
         f = choose(above | (c->diffuse.transmission > 0.0f), add(f, diffuse), f);
     }
 #ifdef HAIR

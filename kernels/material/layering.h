@@ -39,7 +39,26 @@ static void layering_reflection(const Parameters* p, vmask lit, vfloat metallic,
     r->missing = splat(0.0f);
     Diffuse* d = &c->diffuse;
     d->f0 = f0, d->f90 = f90;
+#ifdef IRIDESCENCE
+    r->metal = p->color;
+    r->layer_f0 = f0, r->layer_f90 = f90;
+    r->metallic = metallic, r->layered = plastic;
+#endif
 }
+
+#ifdef IRIDESCENCE
+// The film, as it is seen from this side. `inside`: of what light passes into.
+static void layering_film(const Scene* scene, const Parameters* p, vmask lit, vmask inside, ThinFilm* film) {
+    film->tables = scene->thin_film_rows;
+    film->present = lit & (p->film_share > 0.0f) & (p->film_thickness > 0.0f);
+    film->share = p->film_share;
+    film->ior = inside ? quotient(p->film_ior, p->ior) : p->film_ior;
+    film->way = p->film_thickness * p->film_index * 2.0f;
+#ifdef SPECTRAL
+    film->lines = scene->wavelengths.lines;
+#endif
+}
+#endif
 
 static void layering_diffuse(const Parameters* p, vmask lit, vfloat plastic, Diffuse* d) {
     const vmask layered = p->kind == MATERIAL_PRINCIPLED;
@@ -87,6 +106,10 @@ static void layering_lobes(const Scene* scene, const Parameters* p, vmask front,
     layering_reflection(p, lit, metallic, plastic, clear, c);
     layering_diffuse(p, lit, plastic, &c->diffuse);
     layering_glass(p, lit, front, clear, &c->facets, &c->glass);
+#ifdef IRIDESCENCE
+    layering_film(scene, p, lit, mask_none(), &c->reflection.film);
+    layering_film(scene, p, lit, !thin & !front, &c->glass.film);
+#endif
 
     // Sheen and coat
     c->inside = (clear > 0.0f) & !thin & !front;
@@ -144,12 +167,44 @@ static Covers layering_covers(const Closure* c) {
     return over;
 }
 
+#ifdef IRIDESCENCE
+// Means over the cosine-weighted hemisphere: of what a metal below a film reflects, and, added, of what the film adds to the layer's albedo. Gauss' rule in
+// the squared cosine.
+#define LAYERING_FILM_NODES 6
+__constant float LAYERING_FILM_COSINES[LAYERING_FILM_NODES] = {0.18375321f, 0.41157661f, 0.61700114f, 0.78696226f, 0.91137517f, 0.98297241f};
+__constant float LAYERING_FILM_WEIGHTS[LAYERING_FILM_NODES] = {0.08566225f, 0.18038079f, 0.23395697f, 0.23395697f, 0.18038079f, 0.08566225f};
+
+static void layering_film_averages(const Closure* c, const Parameters* p, vec3* metal, vec3* layer) {
+    const Reflection* r = &c->reflection;
+    const vec3 one = vec3_all(1.0f);
+    vec3 metals = vec3_all(0.0f), layers = vec3_all(0.0f);
+    for (int i = 0; i < LAYERING_FILM_NODES; ++i) {
+        const vfloat cosine = splat(LAYERING_FILM_COSINES[i]), weight = splat(LAYERING_FILM_WEIGHTS[i]);
+        vec3 bare = fresnel_schlick(p->color, one, cosine);
+        vec3 seen = thin_film_schlick(&r->film, p->color, one, cosine);
+        if (lane_any(r->measured)) {
+            bare = fresnel_metal(r->f0, r->f90, cosine);
+            seen = choose(r->measured, thin_film_reflects(&r->film, r->f0, r->f90, cosine, bare), seen);
+        }
+        metals = along(metals, seen, weight);
+        const vfloat albedo = albedo_even(c->tables, c->facets.base, c->facets.mean, cosine);
+        layers = along(layers, closure_film_adds(c, c->facets.mean, albedo, cosine), weight);
+    }
+    *metal = choose(r->film.present, metals, *metal);
+    *layer = choose(r->film.present, add(*layer, layers), *layer);
+}
+#endif
+
 // Along `wo`: reflection, and what it leaves to a diffuse surface.
 static void layering_reflect(Closure* c, const Parameters* p, vec3 wo, BaseAlbedos* e) {
     Reflection* r = &c->reflection;
     const vfloat albedo = albedo_facets(c->tables, &c->facets, wo), lost = albedo_facets_lost(c->tables, &c->facets);
     const vfloat grazing = albedo_grazing(c->tables, c->facets.base, albedo_seen(&c->facets, wo), wo.z);
-    const vec3 average = choose(r->measured, p->fresnel, fresnel_schlick_average(p->color, vec3_all(1.0f)));
+    vec3 average = choose(r->measured, p->fresnel, fresnel_schlick_average(p->color, vec3_all(1.0f)));
+    vec3 reflected = diffuse_layer_average(&c->diffuse, c->tables, &c->facets, splat(1.0f) - lost);
+#ifdef IRIDESCENCE
+    if (lane_any(r->film.present)) layering_film_averages(c, p, &average, &reflected);
+#endif
     const vfloat metallic = p->kind == MATERIAL_CONDUCTOR ? splat(1.0f) : p->metallic;
     const vmask below_coat = c->coat.present & (metallic > 0.0f), below_sheen = c->sheen.present & (metallic > 0.0f);
     if (lane_any(below_coat | below_sheen)) {
@@ -160,13 +215,22 @@ static void layering_reflect(Closure* c, const Parameters* p, vec3 wo, BaseAlbed
     r->missing = parameters_flag(p, MATERIAL_FLAG_SINGLE_SCATTERING) ? splat(0.0f) : splat(1.0f) - albedo;
     r->multiple = scale(reflection_multiple(average, lost), metallic);
     const vec3 f0 = choose(r->measured, p->color, r->f0), f90 = choose(r->measured, vec3_all(1.0f), r->f90);
-    e->reflection = choose(r->present, along(scale(f0, albedo), sub(f90, f0), albedo * grazing), e->reflection);
+    vec3 seen = along(scale(f0, albedo), sub(f90, f0), albedo * grazing);
+#ifdef IRIDESCENCE
+    if (lane_any(r->film.present)) {
+        const ThinFilmFacets facets = thin_film_facets(&r->film, albedo_seen(&c->facets, wo), wo.z);
+        const vec3 low = reflection_fresnel(r, facets.low), high = reflection_fresnel(r, facets.high);
+        seen = choose(r->film.present, scale(along(low, sub(high, low), facets.second), albedo), seen);
+    }
+#endif
+    e->reflection = choose(r->present, seen, e->reflection);
     e->multiple_reflection = choose(r->present, scale(r->multiple, r->missing * lost * PI), e->multiple_reflection);
     if (lane_any(c->diffuse.present & c->diffuse.covered)) {
         Diffuse* d = &c->diffuse;
         const Covers over = layering_covers(c);
-        diffuse_cover(d, &over, c->tables, &c->facets, splat(1.0f) - lost, albedo, grazing, c->transmittance, wo.z);
-        const vec3 left = choose(d->covered, sub(vec3_all(1.0f), diffuse_layer_albedo(d, albedo, grazing)), vec3_all(1.0f));
+        const vec3 layer = closure_layer_albedo(c, albedo, grazing, wo);
+        diffuse_cover(d, &over, c->tables, &c->facets, reflected, layer, c->transmittance, wo.z);
+        const vec3 left = choose(d->covered, sub(vec3_all(1.0f), layer), vec3_all(1.0f));
         e->diffuse = choose(d->present, scale(mul(d->color, left), diffuse_share(d, mask_all())), e->diffuse);
         e->diffuse_transmission = choose(d->present, scale(mul(d->transmission_color, left), diffuse_share(d, mask_none())), e->diffuse_transmission);
     }
@@ -177,11 +241,12 @@ static void layering_refract(Closure* c, const Parameters* p, vec3 wo, BaseAlbed
     Glass* g = &c->glass;
     glass_prepare(g, &c->facets, c->tables, wo);
     g->missing = parameters_flag(p, MATERIAL_FLAG_SINGLE_SCATTERING) ? splat(0.0f) : g->missing;
-    const vfloat share = g->present ? g->share : splat(0.0f), back = glass_fresnel(g, wo.z);
+    const vfloat share = g->present ? g->share : splat(0.0f);
+    const vec3 back = glass_colors(g, wo.z);
     e->glass_single = share * (splat(1.0f) - g->missing);
     e->glass_multiple_reflection = share * g->missing * (splat(1.0f) - g->passes);
     e->glass_multiple_transmission = share * g->missing * g->passes;
-    e->glass = scale(add(vec3_of(back, back, back), scale(g->color, splat(1.0f) - back)), share);
+    e->glass = scale(add(back, mul(g->color, sub(vec3_all(1.0f), back))), share);
 }
 
 // Lobes are sampled about as often as they scatter light along `wo`; what scatters none, by the cosine. `coat` and `sheen`: albedos.

@@ -30,6 +30,9 @@ typedef struct {
     vfloat diffuse_transmission;
     vec3 diffuse_transmission_color;
     vec3 eta, k, fresnel;
+#ifdef IRIDESCENCE
+    vfloat film_share, film_thickness, film_ior, film_index; // of a thin film: nanometres; index over that of the medium before it, and alone
+#endif
 #ifdef SPECULAR_CHAINS
     vmask mixed;                   // it is one of mixed materials
 #endif
@@ -91,6 +94,27 @@ static vmask parameters_glossy(const Parameters* p) {
     const vmask opaque = (p->kind == MATERIAL_PRINCIPLED) & (p->transmission == 0.0f) & (p->diffuse_transmission == 0.0f);
     return opaque | (p->kind == MATERIAL_MIRROR) | (p->kind == MATERIAL_CONDUCTOR) | (p->kind == MATERIAL_MEASURED);
 }
+
+#ifdef IRIDESCENCE
+// The film that lies on the lanes' materials, where they have rows. `given`: their indices by their rows.
+static void parameters_film(const Scene* scene, const Surface* s, vmask has_row, vuint row, vfloat given, Parameters* p) {
+    vfloat film[8];
+    lane_octets(scene->thin_film_rows, (row + THIN_FILM_MATERIALS) * 8u, film);
+    p->film_share = has_row ? film[THIN_FILM_ROW_SHARE] : splat(0.0f);
+    // The surface may lie in something else than what the material says
+    const vfloat own = given > 0.0f ? given : p->ior;
+    p->film_ior = film[THIN_FILM_ROW_IOR] * quotient(p->ior, own), p->film_index = film[THIN_FILM_ROW_INDEX];
+    vfloat most = splat(1.0f);
+#ifdef TEXTURES
+    const Attributes* a = &s->attributes;
+    const vuint share = vfloat_bits(film[THIN_FILM_ROW_SHARE_TEXTURE]), thickness = vfloat_bits(film[THIN_FILM_ROW_THICKNESS_TEXTURE]);
+    const vmask varies = has_row & a->textured & (share != NONE), swells = has_row & a->textured & (thickness != NONE);
+    if (lane_any(varies)) p->film_share = varies ? bounded(parameter_texture(scene, a, share, varies).x, 0.0f, 1.0f) : p->film_share;
+    if (lane_any(swells)) most = swells ? bounded(parameter_texture(scene, a, thickness, swells).x, 0.0f, 1.0f) : most;
+#endif
+    p->film_thickness = fma(film[THIN_FILM_ROW_RANGE], most, film[THIN_FILM_ROW_LEAST]);
+}
+#endif
 
 #ifdef TEXTURES
 // Textures in the place of parameters; `material` is the number of each lane's material.
@@ -188,6 +212,9 @@ static Parameters material_at(const Scene* scene, const Surface* s, vec3 directi
         p.numbers[i] = a[MATERIAL_ROW_NUMBERS + i];
         p.numbers[PLUGIN_NUMBERS / 2 + i] = b[LAYER_ROW_MORE_NUMBERS + i];
     }
+#endif
+#ifdef IRIDESCENCE
+    parameters_film(scene, s, has_row, row, a[MATERIAL_ROW_IOR], &p);
 #endif
 #ifdef TEXTURES
     parameters_texture(scene, s, has_row ? row : vfloat_bits(s->attributes.row[ATTRIBUTE_ROW_SLOTS]), direction, &p);

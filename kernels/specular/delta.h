@@ -36,15 +36,9 @@ static vmask delta_in_chain(const Surface* s, const Bsdf* b, vec3 direction) {
 
 // The probability with which a path takes one of the two ways.
 static vfloat delta_chosen(const Bsdf* b, vmask through) {
-    vfloat beyond, reflected = splat(1.0f);
+    vfloat reflected = splat(1.0f);
     const vmask glass = b->kind == MATERIAL_DIELECTRIC;
-    if (lane_any(glass)) {
-        vfloat share = dielectric_fresnel(b->wo.z, b->eta, &beyond);
-#ifdef MATERIALS
-        if (lane_any(b->thin)) share = b->thin ? glass_fresnel(&b->closure.glass, b->wo.z) : share;
-#endif
-        reflected = glass ? share : reflected;
-    }
+    if (lane_any(glass)) reflected = glass ? bsdf_reflects(b) : reflected;
     const vfloat passing = splat(1.0f) - reflected;
     return through ? (passing > 1.0e-6f ? passing : splat(0.0f)) : reflected;
 }

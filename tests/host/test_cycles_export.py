@@ -474,6 +474,8 @@ def test_checkers_and_normal_maps(picture: Path) -> None:
         ({"camera": {**CAMERA, "mirrored": True}}, "the mirroring of the image"),
         ({"materials": {"m": {"type": "principled", "sheen_color": [0.1, 0.1, 0.1]}},
           "shapes": [{**QUAD, "material": "m"}]}, "the balance of sheen"),
+        ({"materials": {"m": {"type": "conductor", "metal": "Au", "iridescence": 1.0}},
+          "shapes": [{**QUAD, "material": "m"}]}, "thin films"),
         ({"media": {"a": {"absorption": [1.0] * 3}}, "fog": "a", "shapes": [{**BALL, "interior": "a"}]},
          "that the innermost medium counts"),
         ({"media": {"a": {"absorption": [1.0] * 3}},

@@ -69,6 +69,7 @@ def test_arrays_are_what_the_kernels_expect() -> None:
         "triangles",
         "primitive_shape",
         "material_rows",
+        "thin_film_rows",
         "hole_rows",
         "instance_rows",
         "instance_guides",

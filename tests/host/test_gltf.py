@@ -26,7 +26,7 @@ from clrender.scene.portable import scene_from_portable, scene_to_portable
 from clrender.scene.posed import pose_meshes
 from clrender.scene.resting import opened
 from clrender.scene.shapes import Mesh
-from clrender.scene.textures import ImageTexture, NormalMap
+from clrender.scene.textures import ImageTexture, NormalMap, ThicknessMap
 
 
 def loaded(folder: Path, model: Model, name: str = "m.glb", **choices: Any) -> Scene:
@@ -472,6 +472,39 @@ def test_a_file_whose_walls_are_thin_may_name_a_dispersion(tmp_path: Path) -> No
         "KHR_materials_dispersion": {"dispersion": 0.5},
     }
     assert material(tmp_path, {"extensions": extensions}).thin
+
+
+def test_iridescence_is_a_film_of_its_largest_thickness(tmp_path: Path) -> None:
+    film: dict[str, Any] = {"iridescenceFactor": 0.7, "iridescenceIor": 1.8, "iridescenceThicknessMaximum": 350.0}
+    made = material(tmp_path, {"extensions": {"KHR_materials_iridescence": film}})
+    assert (made.iridescence, made.iridescence_ior, made.iridescence_thickness) == (0.7, 1.8, 350.0)
+    plain = material(tmp_path, {"extensions": {"KHR_materials_iridescence": {"iridescenceFactor": 1.0}}})
+    assert (plain.iridescence, plain.iridescence_ior, plain.iridescence_thickness) == (1.0, 1.3, 400.0)
+    none = material(tmp_path, {"extensions": {"KHR_materials_iridescence": {"iridescenceIor": 1.8}}})
+    assert not none.filmed
+
+
+def test_a_film_may_vary_and_what_none_is_like_is_cut_off(tmp_path: Path) -> None:
+    model = Model()
+    picture = model.texture(np.zeros((2, 2, 3)), {"wrapS": 33071})
+    film = {
+        "iridescenceFactor": 0.5,
+        "iridescenceTexture": {"index": picture},
+        "iridescenceIor": 9.0,
+        "iridescenceThicknessMaximum": 2e4,
+        "iridescenceThicknessTexture": {"index": picture},
+    }
+    model.extend("KHR_materials_iridescence")
+    source = {"extensions": {"KHR_materials_iridescence": film}}
+    model.node(mesh=model.quad(model.add("materials", source)))
+    scene = loaded(tmp_path, model)
+    made = scene.materials["material 0"]
+    assert isinstance(made, Principled) and made.iridescence_ior == 5.0
+    share, thickness = made.iridescence, made.iridescence_thickness
+    assert isinstance(share, ImageTexture) and isinstance(thickness, ThicknessMap)
+    assert (share.channel, share.scale, share.wrap) == ("r", (0.5,) * 3, ("clamp", "repeat"))
+    assert (thickness.channel, thickness.range, thickness.wrap) == ("g", (100.0, 1e4), ("clamp", "repeat"))
+    assert sum("KHR_materials_iridescence" in note for note in scene.notes) == 2
 
 
 def test_textures_have_their_channels_samplers_and_sets(tmp_path: Path) -> None:

@@ -245,6 +245,7 @@ def test_materials_that_stay(tmp_path: Path, material: dict[str, Any]) -> None:
     [
         ({"type": "oren_nayar", "reflectance": [0.5, 0.5, 0.5]}, "the roughness of oren_nayar"),
         ({"type": "conductor", "metal": "Au", "roughness": 0.3}, "multiple scattering"),
+        ({"type": "conductor", "metal": "Au", "roughness": 0.0, "iridescence": 1.0}, "thin films"),
         ({"type": "dielectric", "ior": 1.5, "roughness": 0.3, "thin": True}, "the roughness of thin glass"),
         ({"type": "subsurface", "albedo": 0.8, "radius": 0.1}, "the inside of subsurface"),
         ({"type": "principled", "diffuse_roughness": 0.5}, "the roughness of the diffuse part"),

@@ -27,12 +27,12 @@ PLUGINS: Final[tuple[Plugin, ...]] = (plugin(_HALFWAY), *map(plugin, _FILES))
 """Textures do not depend on the place, so that scenes can be moved."""
 _COLORS: Final = ("reflectance", "base_color", "f0", "specular_color", "sheen_color")
 _NUMBERS: Final = {
-    "dielectric": ("roughness",),
+    "dielectric": ("roughness", "iridescence"),
     "oren_nayar": ("roughness",),
-    "conductor": ("roughness", "anisotropy"),
+    "conductor": ("roughness", "anisotropy", "iridescence"),
     "principled": (
         *("metallic", "roughness", "specular", "diffuse_roughness", "coat", "coat_roughness"),
-        *("sheen_roughness", "anisotropy", "transmission"),
+        *("sheen_roughness", "anisotropy", "transmission", "iridescence"),
     ),
     "mix": ("weight",),
 }

@@ -18,6 +18,7 @@ from typing import Any, Final
 
 import numpy as np
 from mixed_files import files
+from mixed_films import filmed
 from mixed_measured import measured
 from mixed_parts import Draw, Json, emission_for_white, medium
 from mixed_plugins import PLUGINS, plugged
@@ -99,6 +100,7 @@ def mixed_scene(kind: str, number: int) -> Mixed:
     _dyed(mixed, kind == "white")
     stranded(mixed.name, mixed.content, kind == "white")
     measured(mixed.name, mixed.content, kind == "white")
+    filmed(mixed.name, mixed.content, kind == "white")
     plugged(mixed.name, mixed.content)
     spectral(mixed.name, mixed.content, kind == "white")
     return mixed

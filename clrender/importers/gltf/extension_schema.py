@@ -78,6 +78,15 @@ MATERIAL_EXTENSIONS: Final[Mapping[str, Rule]] = dict(
         _material("ior", ior=number(0.0)),
         _material("dispersion", dispersion=number(0.0)),
         _material(
+            "iridescence",
+            iridescenceFactor=_SHARE,
+            iridescenceTexture=TEXTURE_INFO,
+            iridescenceIor=number(1.0),
+            iridescenceThicknessMinimum=number(0.0),
+            iridescenceThicknessMaximum=number(0.0),
+            iridescenceThicknessTexture=TEXTURE_INFO,
+        ),
+        _material(
             "pbrSpecularGlossiness",
             diffuseFactor=many(_SHARE, 4, 4),
             diffuseTexture=TEXTURE_INFO,

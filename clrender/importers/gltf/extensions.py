@@ -24,6 +24,7 @@ _READ: Final = frozenset(
         "KHR_materials_dispersion",
         "KHR_materials_emissive_strength",
         "KHR_materials_ior",
+        "KHR_materials_iridescence",
         "KHR_materials_pbrSpecularGlossiness",
         "KHR_materials_sheen",
         "KHR_materials_specular",
@@ -49,7 +50,6 @@ _CURES: Final[Mapping[str, str]] = {
 }
 """Why some required extensions are refused."""
 _INSTEAD: Final[Mapping[str, str]] = {
-    "KHR_materials_iridescence": "surfaces reflect without colours of thin films",
     "KHR_animation_pointer": "what it moves stays as it is in the file",
     "EXT_lights_image_based": "give the environment with --environment FILE",
     "KHR_lights_image_based": "give the environment with --environment FILE",

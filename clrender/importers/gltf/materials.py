@@ -18,6 +18,9 @@ __all__ = ["Materials", "Used"]
 _LEAST_LEFT: Final = 1e-3
 """Replaces 0 in an attenuation colour, which no finite medium has."""
 _HIGH_INDEX: Final = 1000.0
+_MOST_FILM_INDEX: Final = 5.0
+_THICKEST_FILM: Final = 10000.0
+"""Nanometres."""
 _MOST_SPECULAR: Final = 0.98
 """Largest reflectance at normal incidence for which an index of refraction is found."""
 
@@ -92,7 +95,7 @@ class Materials:
         if name in materials:
             name = f"{name} {at}"
         materials[name] = made
-        used = [value for value in made.values() if isinstance(value, dict)]
+        used = [value for value in made.values() if isinstance(value, dict) and "texture" in value]
         sets = frozenset(value.get("uv_set", 0) for value in used)
         unlit = self._document.extension(source, "KHR_materials_unlit") is not None
         transparent = source.get("alphaMode", "OPAQUE") != "OPAQUE"
@@ -140,6 +143,7 @@ class _Material:
         if not glossy:
             self._dielectric()
         self._layers()
+        self._film()
         self._emission()
         self._alpha(base)
         if "normalTexture" in self._source:
@@ -311,6 +315,27 @@ class _Material:
             self.made_of["anisotropy_rotation"] = math.fmod(turn, 360.0)
             if texture is not None:
                 self._note(f"{at}/anisotropyTexture: its directions, in red and green, were left out; its blue counts")
+
+    def _film(self) -> None:
+        """KHR_materials_iridescence: a thin film on all that reflects."""
+        film, at = self._extension("iridescence"), "/extensions/KHR_materials_iridescence"
+        factor = film.get("iridescenceFactor", 0.0)
+        if not factor:
+            return
+        self._number("iridescence", factor, film.get("iridescenceTexture"), f"{at}/iridescenceTexture", "r")
+        ior = film.get("iridescenceIor", 1.3)
+        if ior > _MOST_FILM_INDEX:
+            self._note(f"{at}/iridescenceIor is {ior:g}; {_MOST_FILM_INDEX:g} is taken instead")
+        self.made_of["iridescence_ior"] = min(ior, _MOST_FILM_INDEX)
+        least, most = film.get("iridescenceThicknessMinimum", 100.0), film.get("iridescenceThicknessMaximum", 400.0)
+        if max(least, most) > _THICKEST_FILM:
+            self._note(f"{at}: its film is thicker than {_THICKEST_FILM:g} nm, which is taken instead")
+        least, most = min(least, _THICKEST_FILM), min(most, _THICKEST_FILM)
+        info = film.get("iridescenceThicknessTexture")
+        texture = self._textures.made(info, f"{self._at}{at}/iridescenceThicknessTexture")
+        if texture is not None:
+            texture |= {"channel": "g", "range": [least, most]}
+        self.made_of["iridescence_thickness"] = most if texture is None else texture
 
     def _emission(self) -> None:
         factor = self._source.get("emissiveFactor", [0.0] * 3)

@@ -68,11 +68,17 @@ static vfloat diffuse_correlation(Slant layer, const Covers* over, __global cons
     return correlation;
 }
 
-// Along `wo`, whose cosine is given. `albedo`, `grazing`: of the layer's facets; `average`: E_avg of them; `transmittance`: T of sheen and coat.
-static void diffuse_cover(Diffuse* d, const Covers* over, __global const float* tables, const Facets* facets, vfloat average, vfloat albedo,
-                          vfloat grazing, vfloat transmittance, vfloat cosine) {
-    const vfloat alpha = facets->mean, grazing_average = albedo_grazing_average(tables, facets->base, alpha);
-    const vec3 one = vec3_all(1.0f), reflected = along(scale(d->f0, average), sub(d->f90, d->f0), grazing_average);
+// What the layer reflects of diffuse light. `average`: E_avg of its facets.
+static vec3 diffuse_layer_average(const Diffuse* d, __global const float* tables, const Facets* facets, vfloat average) {
+    return along(scale(d->f0, average), sub(d->f90, d->f0), albedo_grazing_average(tables, facets->base, facets->mean));
+}
+
+// Along `wo`, whose cosine is given. `layer`, `reflected`: what the layer reflects of light along `wo`, and of diffuse light; `transmittance`: T of
+// sheen and coat.
+static void diffuse_cover(Diffuse* d, const Covers* over, __global const float* tables, const Facets* facets, vec3 reflected, vec3 layer,
+                          vfloat transmittance, vfloat cosine) {
+    const vfloat alpha = facets->mean;
+    const vec3 one = vec3_all(1.0f);
     const vec3 left = sub(one, reflected), inverse = vec3_of(inverse_or_one(left.x), inverse_or_one(left.y), inverse_or_one(left.z));
     const Slant e = albedo_facets_slant(tables, facets->base, 0u, alpha), g = albedo_facets_slant(tables, facets->base, 1u, alpha);
     const vec3 b = mul(along(scale(d->f0, e.b), sub(d->f90, d->f0), g.b), inverse), c = mul(along(scale(d->f0, e.c), sub(d->f90, d->f0), g.c), inverse);
@@ -84,7 +90,7 @@ static void diffuse_cover(Diffuse* d, const Covers* over, __global const float* 
     correlation.z = diffuse_correlation(z, over, tables, eon, &d->x_b.z, &d->x_c.z, &d->x_1.z);
     d->corrected = d->covered & (d->roughness > 0.0f);
     const vfloat covers = quotient(transmittance, over->sheen_average * over->coat_average);
-    vec3 t = scale(mul(sub(one, diffuse_layer_albedo(d, albedo, grazing)), inverse), covers);
+    vec3 t = scale(mul(sub(one, layer), inverse), covers);
     t = vec3_of(quotient(t.x, correlation.x), quotient(t.y, correlation.y), quotient(t.z, correlation.z));
     if (lane_any(d->corrected)) t = choose(d->corrected, add(t, mul(t, diffuse_correction(d, tables, cosine))), t);
     d->transmitted = choose(d->covered, t, one);
@@ -93,11 +99,10 @@ static void diffuse_cover(Diffuse* d, const Covers* over, __global const float* 
 // The share of the surface whose light leaves on this side (`above`) or the other.
 static vfloat diffuse_share(const Diffuse* d, vmask above) { return d->share * (above ? splat(1.0f) - d->transmission : d->transmission); }
 
-// f in 1/sr; `albedo`, `grazing` of the layer's facets along `wi`, and `transmittance` of sheen and coat. Light leaves a sheet on its other side
+// f in 1/sr; `layer`: what it reflects along `wi`, and `transmittance` of sheen and coat. Light leaves a sheet on its other side
 // as it leaves on this one: `wi` is the mirror image of the direction there. Both sides are covered alike, so that the same is lost on the way.
-static vec3 diffuse_eval(const Diffuse* d, __global const float* tables, vec3 wo, vec3 wi, vmask above, vfloat albedo, vfloat grazing,
-                         vfloat transmittance) {
-    vec3 t = scale(sub(vec3_all(1.0f), diffuse_layer_albedo(d, albedo, grazing)), transmittance);
+static vec3 diffuse_eval(const Diffuse* d, __global const float* tables, vec3 wo, vec3 wi, vmask above, vec3 layer, vfloat transmittance) {
+    vec3 t = scale(sub(vec3_all(1.0f), layer), transmittance);
     if (lane_any(d->corrected)) t = choose(d->corrected, add(t, mul(t, diffuse_correction(d, tables, wi.z))), t);
     const vec3 f = scale(eon_eval(choose(above, d->color, d->transmission_color), d->roughness, wo, wi), diffuse_share(d, above));
     return choose(d->present, choose(d->covered, mul(f, mul(d->transmitted, t)), f), vec3_all(0.0f));

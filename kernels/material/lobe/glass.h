@@ -12,6 +12,7 @@
 #include "material/beckmann.h"
 #include "material/dielectric.h"
 #include "material/fresnel.h"
+#include "material/thin_film.h"
 #ifdef TURNED_GLASS
 #include "material/turned_glass.h"
 #endif
@@ -31,6 +32,7 @@ typedef struct {
     vfloat critical;         // cosine of the critical angle
     vfloat bend;             // columns from one end of its bend to the other
     vfloat level;            // of them, how far the horizon is from the middle
+    ThinFilm film;           // on its outside
 #ifdef TURNED_GLASS
     TurnedGlass turned;      // where facets are rougher along x
 #endif
@@ -126,6 +128,30 @@ static vfloat glass_fresnel(const Glass* g, vfloat cosine) {
     return g->thin ? glass_thin(reflected) : reflected;
 }
 
+// The same by color where a film lies on it.
+static vec3 glass_colors(const Glass* g, vfloat cosine) {
+    const vfloat reflected = glass_fresnel(g, cosine);
+#ifdef IRIDESCENCE
+    if (lane_any(g->film.present)) {
+        vfloat beyond;
+        const vec3 once = thin_film_boundary(&g->film, g->eta, cosine, dielectric_fresnel(cosine, g->eta, &beyond));
+        return choose(g->thin, vec3_of(glass_thin(once.x), glass_thin(once.y), glass_thin(once.z)), once);
+    }
+#endif
+    return vec3_of(reflected, reflected, reflected);
+}
+
+// How often a sampled facet reflects.
+static vfloat glass_reflects(const Glass* g, vfloat cosine) {
+#ifdef IRIDESCENCE
+    if (lane_any(g->film.present)) {
+        const vec3 colors = glass_colors(g, cosine);
+        return lesser((colors.x + colors.y + colors.z) * (1.0f / 3.0f), splat(1.0f));
+    }
+#endif
+    return glass_fresnel(g, cosine);
+}
+
 // What passes, from the cosines on both sides, which near total reflection are known better than one from the other, and without the
 // difference of 1 and what is reflected: the same bits but for roundings whichever side light comes from.
 static vfloat glass_between(vfloat cosine, vfloat beyond, vfloat eta) {
@@ -147,9 +173,10 @@ static vec3 glass_eval(const Glass* g, const Facets* facets, __global const floa
     wm = choose(wm.z < 0.0f, negate(wm), wm);
     const vfloat in = inner(wo, wm), out = inner(choose(bent, down, up), wm);
     const vfloat near = bounded(absolute(in), 1.0e-7f, 1.0f);
-    const vfloat reflected = glass_fresnel(g, near);
+    const vfloat reflected = glass_reflects(g, near);
     vfloat part = above ? reflected : splat(1.0f) - reflected;
-    if (lane_any(bent)) part = bent ? glass_between(near, bounded(absolute(out), 0.0f, 1.0f), g->eta) : part;
+    const vmask exact = bent & !thin_film_present(&g->film);
+    if (lane_any(exact)) part = exact ? glass_between(near, bounded(absolute(out), 0.0f, 1.0f), g->eta) : part;
 
     // From a density of facets to a density of directions (Walter et al., eq. 14 and 17)
     const vfloat stretch = fma(in, quotient(splat(1.0f), g->eta), out);
@@ -164,7 +191,14 @@ static vec3 glass_eval(const Glass* g, const Facets* facets, __global const floa
     // Diffuse lobes
     const vfloat missing = glass_missing(g, facets, tables, above == (g->eta < 1.0f), up);
     const vfloat f = fma(g->missing * missing, above ? g->back : g->through, once);
-    const vec3 tinted = choose(above, vec3_all(1.0f), scale(g->color, g->squeezed));
+    vec3 tinted = choose(above, vec3_all(1.0f), scale(g->color, g->squeezed));
+#ifdef IRIDESCENCE
+    if (lane_any(g->film.present)) {
+        const vec3 colors = glass_colors(g, near), parts = choose(above, colors, sub(vec3_all(1.0f), colors));
+        const vec3 first = scale(parts, once * inverse_or_one(part)), again = scale(vec3_all(1.0f), f - once);
+        tinted = choose(g->film.present, mul(tinted, scale(add(first, again), inverse_or_one(f))), tinted);
+    }
+#endif
     return choose(g->present, scale(tinted, f * g->share), vec3_all(0.0f));
 }
 
@@ -174,7 +208,11 @@ static vec3 glass_sample(const Glass* g, Alpha a, vec3 wo, vfloat u, vfloat v, v
     const vfloat cosine = bounded(inner(wo, wm), 0.0f, 1.0f), inverse = quotient(splat(1.0f), g->eta);
     vfloat beyond;
     const vfloat boundary = dielectric_fresnel(cosine, g->eta, &beyond);
+#ifdef IRIDESCENCE
+    const vmask reflect = w < glass_reflects(g, cosine);
+#else
     const vmask reflect = w < (g->thin ? glass_thin(boundary) : boundary);
+#endif
     const vec3 mirrored = sub(scale(wm, cosine * 2.0f), wo);
     const vec3 refracted = along(scale(wo, -inverse), wm, fma(cosine, inverse, -beyond));
     const vec3 passed = choose(g->thin, vec3_of(mirrored.x, mirrored.y, -mirrored.z), refracted);

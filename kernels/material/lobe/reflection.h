@@ -8,6 +8,7 @@
 #include "material/albedo.h"
 #include "material/beckmann.h"
 #include "material/fresnel.h"
+#include "material/thin_film.h"
 
 typedef struct {
     vmask present;
@@ -16,6 +17,12 @@ typedef struct {
     vec3 f0, f90;            // times their share of the surface; where measured: eta and k
     vec3 multiple;           // scale of the second lobe: F_ms / (π (1 − E_avg)) times the share of metal
     vfloat missing;          // 1 − E(μo); 0 where facets reflect once only
+#ifdef IRIDESCENCE
+    ThinFilm film;           // that lies on it; what is below, if not measured:
+    vec3 metal;              // color of metal,
+    vec3 layer_f0, layer_f90;    // the layer above what is diffuse,
+    vfloat metallic, layered;    // and the share of the surface that each has
+#endif
 } Reflection;
 
 // Scale of the second lobe of a metal with that average Fresnel term.
@@ -27,9 +34,28 @@ static vec3 reflection_multiple(vec3 average, vfloat lost) {
     return vec3_of(reflection_multiple_of(average.x, lost), reflection_multiple_of(average.y, lost), reflection_multiple_of(average.z, lost));
 }
 
+#ifdef IRIDESCENCE
+// Of metal and of the layer below the film.
+static vec3 reflection_filmed(const Reflection* r, vfloat cosine) {
+    vec3 f = vec3_all(0.0f);
+    if (lane_any(r->metallic > 0.0f)) f = scale(thin_film_schlick(&r->film, r->metal, vec3_all(1.0f), cosine), r->metallic);
+    if (lane_any(r->layered > 0.0f)) f = along(f, thin_film_schlick(&r->film, r->layer_f0, r->layer_f90, cosine), r->layered);
+    return f;
+}
+#endif
+
 static vec3 reflection_fresnel(const Reflection* r, vfloat cosine) {
     vec3 f = fresnel_schlick(r->f0, r->f90, cosine);
     if (lane_any(r->measured)) f = choose(r->measured, fresnel_metal(r->f0, r->f90, cosine), f);
+#ifdef IRIDESCENCE
+    const vmask filmed = r->film.present;
+    if (lane_any(filmed)) {
+        const vec3 bare = f;
+        f = choose(filmed & !r->measured, reflection_filmed(r, cosine), f);
+        const vmask index = filmed & r->measured;
+        if (lane_any(index)) f = choose(index, thin_film_reflects(&r->film, r->f0, r->f90, cosine, bare), f);
+    }
+#endif
     return f;
 }
 
