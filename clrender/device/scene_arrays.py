@@ -190,7 +190,7 @@ class SceneArrays:
         self._scene = scene
         self._chains: Buffer | None = None
         self._spectral: dict[str, Buffer] = {}
-        self._bands: tuple[int, int] | None = None
+        self._seen: tuple[tuple[int, int] | None, bytes | None] = None, None
         self.rates: dict[tuple[str, bytes], float] = {}
         triangles, primitives = scene.triangle_count, scene.triangle_count + scene.analytic_count
         device.common_program(large=primitives > _MANY_PRIMITIVES)
@@ -338,19 +338,23 @@ class SceneArrays:
             self._chains = self._device.upload(table)
         return self._chains
 
-    def spectral(self, bands: tuple[int, int] | None = None) -> dict[str, Buffer]:
+    def spectral(
+        self, bands: tuple[int, int] | None = None, film: NDArray[np.float64] | None = None
+    ) -> dict[str, Buffer]:
         """Arrays that kernels read in place of others if they render wavelengths, uploaded at the first call.
 
         Parameters
         ----------
         bands : (int, int), optional
+        film : (95, 4) float64, optional
             See `clrender.spectra.kernel_table.kernel_table`. A render with others must have ended.
         """
-        if not self._spectral or self._bands != bands:
+        seen = bands, None if film is None else film.tobytes()
+        if not self._spectral or self._seen != seen:
             self._forget_spectral()
-            arrays = spectral_arrays(self._scene.arrays, self._scene.spectral, bands)
+            arrays = spectral_arrays(self._scene.arrays, self._scene.spectral, bands, film)
             self._spectral = {name: self._device.upload(_with_first_rows(array)) for name, array in arrays.items()}
-            self._bands = bands
+            self._seen = seen
             if "materials" in arrays or "lights" in arrays:
                 self._compute_spectral_rows()
         return self._spectral

@@ -205,7 +205,7 @@ class DeviceWorker:
             named = {**self._arrays.buffers, "settings": self._settings_buffer}
             if settings["spectral"][0]:
                 first, count = divmod(int(settings["bands"][0]), 1024)
-                named |= self._arrays.spectral((first, count) if count else None)
+                named |= self._arrays.spectral((first, count) if count else None, scene.film)
             if table is not None:
                 named["chain_table"] = table
             self.scene_arguments = [named[name] for name in scene_array_names()]

@@ -112,6 +112,8 @@ class FlatScene:
         Up to this `clrender.flatten.touching.camera_reach` the arrays do not depend on it.
     spectral : tuple of SpectralPlace
         Numbers of the arrays that are spectra where wavelengths are rendered.
+    film : (95, 4) float64 or None
+        What the camera sees of wavelengths, if not what the film does: `clrender.spectra.film.sensor_table`.
     """
 
     arrays: Mapping[str, NDArray[Any]]
@@ -131,12 +133,14 @@ class FlatScene:
     light_groups: tuple[str, ...] = ()
     camera_free: float = math.inf
     spectral: tuple[SpectralPlace, ...] = ()
+    film: NDArray[np.float64] | None = None
 
     @property
     def sha256(self) -> str:
         """Hash of all scene data that the kernels read, including the camera."""
+        film = b"" if self.film is None else self.film.tobytes()
         return hashlib.sha256(
-            self.arrays_sha256.encode() + self.camera.tobytes() + self.camera_knots.tobytes()
+            self.arrays_sha256.encode() + self.camera.tobytes() + self.camera_knots.tobytes() + film
         ).hexdigest()
 
     @property
@@ -334,6 +338,7 @@ def flatten(
         ),
         origin=origin,
         light_groups=lights.groups,
+        film=scene.camera.film,
         camera_free=surfaces.camera_free,
         spectral=spectral,
     )
@@ -354,7 +359,8 @@ def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene
     size = (width, height)
     around = surrounded(camera, flat.arrays, flat.triangle_count, flat.instances, scene.camera, flat.origin, size)
     features = flat.features.seen_by(around, flat.instances.moves)
-    return dataclasses.replace(flat, camera=around, camera_knots=knots, features=features)
+    film = scene.camera.film
+    return dataclasses.replace(flat, camera=around, camera_knots=knots, features=features, film=film)
 
 
 def moving_from(flat: FlatScene, scene: Scene, size: tuple[int, int]) -> FlatScene:

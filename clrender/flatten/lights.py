@@ -27,7 +27,7 @@ from clrender.flatten.spectral import SpectralPlace
 from clrender.flatten.surface_arrays import FlatSurfaces
 from clrender.flatten.surfaces import triangle_areas
 from clrender.flatten.texture_rows import FlatTextures
-from clrender.scene.description import DirectionalLight, Scene, SunSkyLight
+from clrender.scene.description import DirectionalLight, IesLight, Scene, SunSkyLight
 from clrender.scene.motion import matrices_of
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.spectra import SpectralColor
@@ -184,7 +184,7 @@ def flat_lights(
         if isinstance(light, AT_POINT):
             lamp = lamps[total] = lamp_at(light, tables)
             color, factor, kind = lamp.intensity, lamp.flux, lamp.kind
-            said = getattr(light, "intensity", None)
+            said = light.scale if isinstance(light, IesLight) else getattr(light, "intensity", None)
             if max(color) > POWER_LIMIT:
                 bright = f"makes an intensity of {max(color):g} W/sr; at most {POWER_LIMIT:g} is known"
                 raise SceneError(f"{scene.source}: lights[{index}].scale: {bright}")

@@ -65,7 +65,10 @@ def disperses(places: Sequence[SpectralPlace]) -> bool:
 
 
 def spectral_arrays(
-    arrays: Mapping[str, NDArray[Any]], places: Sequence[SpectralPlace] = (), bands: tuple[int, int] | None = None
+    arrays: Mapping[str, NDArray[Any]],
+    places: Sequence[SpectralPlace] = (),
+    bands: tuple[int, int] | None = None,
+    film: NDArray[np.float64] | None = None,
 ) -> dict[str, NDArray[Any]]:
     """Arrays that kernels read in place of those of the same names, or beside them.
 
@@ -76,6 +79,7 @@ def spectral_arrays(
     places : sequence of SpectralPlace
         Its `spectral`.
     bands : (int, int), optional
+    film : (95, 4) float64, optional
         See `clrender.spectra.kernel_table.kernel_table`.
 
     Returns
@@ -93,7 +97,7 @@ def spectral_arrays(
         else:
             at = slice(place.column, place.column + place.count)
             array[place.rows, at] = mark if place.count == 1 else (mark, 1.0, 0.0)
-    return {**changed, "spectra": np.concatenate([kernel_table(bands), given.table()])}
+    return {**changed, "spectra": np.concatenate([kernel_table(bands, film), given.table()])}
 
 
 def _color(mark: float, before: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -482,6 +482,8 @@ class JobRender:
         memory |= {"flatten_peak_rss_bytes": flattened, "flat_bytes": flat.nbytes}
         for line in flat.messages:
             self._residency.tell(line)
+        if flat.film is not None and not self._job.settings.spectral:
+            self._residency.tell("warning: the response of the camera counts with wavelengths only; set spectral")
         return flat, memory
 
     def _request(self, flat: FlatScene) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from clrender.image.exposure import PHOTOGRAPHIC
 from clrender.meshes.data import COORDINATE_LIMIT
 from clrender.scene.camera_motion import CameraMotion, CameraTrack
 from clrender.scene.poses import TIME_LIMIT, Seconds
+from clrender.scene.spectra import Response
 from clrender.scene.values import Finite, Flag, Length, Part, Row, Vector, cross, fault, length
 
 __all__ = ["Camera", "Distortion"]
@@ -98,7 +99,7 @@ class Camera(Part):
 
     late_keys: ClassVar[frozenset[str]] = frozenset(
         {"mirrored", "lens_shift", "fx", "fy", "cx", "cy", "skew", "resolution", "pixel_origin", "distortion"}
-        | {*_POSES, "convention", "time", "rolling_shutter", "flow_step", "motion"}
+        | {*_POSES, "convention", "time", "rolling_shutter", "flow_step", "motion", "response"}
     )
 
     type: Literal["perspective", "orthographic", "panoramic", "fisheye", "intrinsics"] = Field(
@@ -185,6 +186,9 @@ class Camera(Part):
         description="seconds from the time of the image to the one to which the layers flow and scene_flow lead, which "
         "is earlier if they are below 0; default: from the opening of the shutter to its closing",
     )
+    response: Response | None = Field(
+        None, description="sensitivity of the camera's colours (`spectral`; default: the image is linear Rec. 709)"
+    )
     motion: CameraMotion = Field((), description="keys of a motion of the camera; times ascend")
 
     @model_validator(mode="after")
@@ -249,6 +253,11 @@ class Camera(Part):
         if self.focus_distance is not None:
             return self.focus_distance
         return length(tuple(t - p for t, p in zip(self.target, self.position, strict=True)))  # type: ignore[arg-type]
+
+    @property
+    def film(self) -> _Floats | None:
+        """What it sees of wavelengths, if it has a `response`: `clrender.spectra.film.sensor_table`."""
+        return None if self.response is None else self.response.film()
 
     @property
     def own_keys(self) -> set[str]:

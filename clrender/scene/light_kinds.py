@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, Strict, WithJsonSchema, model_valid
 from clrender.errors import SceneError
 from clrender.exact.angles import sin_cos_degrees
 from clrender.exact.elementary import degrees_of
-from clrender.scene.spectra import LightColor
+from clrender.scene.spectra import LightColor, LightFactor
 from clrender.scene.sun_position import parsed_time, sun_position
 from clrender.scene.values import (
     NUMBER_OR_TRIPLE,
@@ -117,7 +117,7 @@ class IesLight(_Grouped):
         description="approximate direction of horizontal angle 0; angles increase counter-clockwise seen against "
         "`direction`; default: +z, or +y if `direction` is along z",
     )
-    scale: Factor = Field((1.0, 1.0, 1.0), description="factor for the intensity")
+    scale: LightFactor = Field((1.0, 1.0, 1.0), description="factor for the intensity; a spectrum is that of the lamp")
 
     @model_validator(mode="after")
     def _has_directions(self) -> IesLight:

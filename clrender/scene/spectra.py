@@ -15,13 +15,25 @@ from pydantic import (
     Field,
     PlainSerializer,
     Tag,
+    WithJsonSchema,
     model_validator,
 )
 
 from clrender.exact.matrices import interpolated, times, total
-from clrender.scene.values import Color, Extinction, Finite, Index, Part, Power, Reflectance, fault
+from clrender.scene.values import (
+    NUMBER_OR_TRIPLE,
+    Color,
+    Extinction,
+    Finite,
+    Index,
+    Part,
+    Power,
+    Reflectance,
+    fault,
+    number_as_triple,
+)
 from clrender.spectra.colors import table_wavelengths
-from clrender.spectra.film import film_color, reflectance_film_weights
+from clrender.spectra.film import film_color, reflectance_film_weights, sensor_table
 from clrender.spectra.glasses import GLASSES, LINE_D, abbe_indices, cauchy_indices, sellmeier_indices
 from clrender.spectra.illuminants import ILLUMINANTS, blackbody_spectrum, illuminant_spectrum
 
@@ -31,6 +43,8 @@ __all__ = [
     "ExtinctionColor",
     "IndexColor",
     "LightColor",
+    "LightFactor",
+    "Response",
     "SpectralColor",
     "Spectrum",
     "light_branch",
@@ -105,6 +119,42 @@ class Spectrum(Part):
         middle = (fine[1:] + fine[:-1]) / 2.0
         means = total(interpolated(middle, given, values, outside).reshape(len(at), 50).T) / 50.0
         return np.asarray(means, np.float64)
+
+
+_Sensitivities: TypeAlias = Annotated[tuple[Power, ...], Field(min_length=2, max_length=_MOST_VALUES)]
+
+
+class Response(Part):
+    """Sensitivity of a camera's three colours, relative to each other at different wavelengths."""
+
+    wavelengths: Annotated[_Wavelengths, Field(min_length=2)] = Field(
+        description="of the numbers, nanometres, ascending"
+    )
+    red: _Sensitivities = Field(description="response to light of 1 per wavelength; linear in between, 0 beyond")
+    green: _Sensitivities
+    blue: _Sensitivities
+    white: Literal[ILLUMINANTS] = Field(  # type: ignore[valid-type]
+        "D65", description="illuminant of the CIE that is white: of luminance 1 it is [1, 1, 1]"
+    )
+
+    @model_validator(mode="after")
+    def _sees(self) -> Response:
+        _check_table(self.wavelengths, self.wavelengths)
+        for key in ("red", "green", "blue"):
+            if len(getattr(self, key)) != len(self.wavelengths):
+                counts = f"has {len(getattr(self, key))} numbers, and there are {len(self.wavelengths)} wavelengths"
+                raise fault("response", f"{counts}; give one for each", key)
+            if not self._table(key).any():
+                raise fault("response", "sees nothing from 360 to 830 nm; give the numbers of a sensor", key)
+        return self
+
+    def _table(self, key: str) -> NDArray[np.float64]:
+        return Spectrum(wavelengths=self.wavelengths, values=getattr(self, key)).light()
+
+    def film(self) -> NDArray[np.float64]:
+        """What the film sees, (95, 4) float64: see `clrender.spectra.film.sensor_table`."""
+        seen = np.stack([self._table(key) for key in ("red", "green", "blue")], axis=1)
+        return sensor_table(seen, illuminant_spectrum(self.white))
 
 
 class SpectralColor(tuple[float, float, float]):
@@ -212,6 +262,18 @@ ExtinctionColor: TypeAlias = Annotated[
 """The imaginary part, likewise."""
 LightColor: TypeAlias = Annotated[Annotated[Color, Tag("<constant>")] | light_branch, Discriminator(_color_form)]
 """The colour of light: red, green and blue, or a spectrum."""
+
+
+def _factor(value: Any) -> Any:
+    return value if isinstance(value, Mapping | Spectrum | SpectralColor) else number_as_triple(value)
+
+
+LightFactor: TypeAlias = Annotated[
+    Annotated[Color, Tag("<constant>"), WithJsonSchema(NUMBER_OR_TRIPLE)] | light_branch,
+    Discriminator(_color_form),
+    BeforeValidator(_factor),
+]
+"""A factor of light: a number, or a colour."""
 
 
 class Dispersion(Part):

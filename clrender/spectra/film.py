@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from clrender.exact.matrices import times, total
 from clrender.spectra.colors import TO_REC709, daylight, observer
 
-__all__ = ["film_color", "film_table", "integral", "reflectance_film_weights"]
+__all__ = ["film_color", "film_table", "integral", "reflectance_film_weights", "sensor_table"]
 
 _Floats: TypeAlias = NDArray[np.float64]
 
@@ -34,6 +34,24 @@ def film_table() -> _Floats:
     colors = times(TO_REC709, matching)
     white = [integral(colors[:, channel], light) for channel in range(3)]
     return np.asarray(np.concatenate([colors / np.array(white), light[:, None]], axis=1), np.float64)
+
+
+def sensor_table(sensitivities: _Floats, white: _Floats) -> _Floats:
+    """Like `film_table`, of a sensor with other sensitivities.
+
+    Parameters
+    ----------
+    sensitivities : (95, 3) float64
+        At `clrender.spectra.colors.table_wavelengths`, in any unit, linear in between; no column is 0 everywhere.
+    white : (95,) float64
+        The light whose color is white.
+
+    Returns
+    -------
+    (95, 4) float64
+    """
+    scale = np.array([integral(sensitivities[:, channel], white) for channel in range(3)])
+    return np.asarray(np.concatenate([sensitivities / scale, film_table()[:, 3:]], axis=1), np.float64)
 
 
 def film_color(values: _Floats) -> _Floats:

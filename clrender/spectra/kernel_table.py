@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -23,9 +22,13 @@ _FINE: Final = 20
 """Points of a line over which the distribution is summed up."""
 
 
-@cache
-def wavelength_distribution() -> _Floats:
+def wavelength_distribution(film: _Floats | None = None) -> _Floats:
     """Wavelengths that evenly spaced random numbers stand for: the inverse of their distribution.
+
+    Parameters
+    ----------
+    film : (95, 4) float64, optional
+        What the film sees; default: `clrender.spectra.film.film_table`.
 
     Returns
     -------
@@ -33,7 +36,7 @@ def wavelength_distribution() -> _Floats:
         In lines from the first of `table_wavelengths` on, ascending; and the derivative, which is linear in between:
         one over the density. That is about the length of the color that the film sees of daylight, and never 0.
     """
-    table = film_table()
+    table = film_table() if film is None else film
     lines = layout.SPECTRA_LINES - 1
     seen = np.sqrt(total((table[:, :3] * table[:, 3:]).T ** 2))
     fine = np.linspace(0.0, lines, lines * _FINE + 1)
@@ -69,24 +72,25 @@ def band_distribution(first: int, count: int) -> _Floats:
     return np.stack([places, np.full(len(places), lines * width)], axis=1)
 
 
-@cache
-def kernel_table(bands: tuple[int, int] | None = None) -> NDArray[np.float32]:
+def kernel_table(bands: tuple[int, int] | None = None, film: _Floats | None = None) -> NDArray[np.float32]:
     """All tables that are the same for every scene.
 
     Parameters
     ----------
     bands : (int, int), optional
         The film's colours are three bands: `band_distribution`.
+    film : (95, 4) float64, optional
+        What the film sees; default: `clrender.spectra.film.film_table`.
 
     Returns
     -------
     (SPECTRA_GIVEN,) float32
     """
     table = np.zeros(layout.SPECTRA_GIVEN, np.float32)
-    drawn = wavelength_distribution() if bands is None else band_distribution(*bands)
+    drawn = wavelength_distribution(film) if bands is None else band_distribution(*bands)
     table[: 2 * layout.SPECTRA_SEGMENTS + 2] = drawn.ravel()
-    film = film_table().astype(np.float32)
-    table[layout.SPECTRA_FILM : layout.SPECTRA_LIFTING] = np.concatenate([film, film[-1:]]).ravel()
+    seen = (film_table() if film is None else film).astype(np.float32)
+    table[layout.SPECTRA_FILM : layout.SPECTRA_LIFTING] = np.concatenate([seen, seen[-1:]]).ravel()
     table[layout.SPECTRA_LIFTING :] = lifting_table().ravel()
     table.setflags(write=False)
     return table

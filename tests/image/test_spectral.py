@@ -14,8 +14,8 @@ import clrender
 from clrender.errors import UsageError
 from clrender.exact.matrices import inverse, times
 from clrender.scene import Scene
-from clrender.spectra.colors import TO_REC709
-from clrender.spectra.film import film_color, reflectance_film_weights
+from clrender.spectra.colors import TO_REC709, table_wavelengths
+from clrender.spectra.film import film_color, integral, reflectance_film_weights
 from clrender.spectra.glasses import GLASSES, sellmeier_indices
 from clrender.spectra.illuminants import illuminant_spectrum
 from clrender.spectra.lifting import reflectance_spectra, unbounded_spectra
@@ -121,6 +121,28 @@ def test_white_under_each_illuminant_has_its_chromaticity(device: Device, name: 
     )
     found = mean(device, what, spp=1024, max_depth=1, size=(8, 8))
     assert np.abs(xy(found) - xy(film_color(illuminant_spectrum(name)))).max() < 1e-4
+
+
+def test_a_lamp_of_a_file_has_its_own_spectrum(device: Device, tmp_path: Path) -> None:
+    """Twice as bright as the file says, in the colour of a gas discharge."""
+    lines = ["IESNA:LM-63-2002", "TILT=NONE", "1 -1 1 2 1 1 2 0 0 0", "1 1 0", "0 180", "0", "683 683"]
+    (tmp_path / "even.ies").write_text("\n".join(lines))
+    wall = {"type": "quad", "origin": [-1.0, -1.0, 0.0], "edge_u": [2.0, 0.0, 0.0], "edge_v": [0.0, 2.0, 0.0]}
+
+    def seen(**light: Any) -> Any:
+        lights = [{"position": [0.0, 0.0, 3.0], **light}]
+        what = scene(
+            materials={"white": {"type": "lambert", "reflectance": [1.0, 1.0, 1.0]}},
+            shapes=[{**wall, "material": "white"}],
+            lights=lights,
+        )
+        return mean(device, what.placed("test", tmp_path))
+
+    lamp = seen(type="ies", file="even.ies", scale={"illuminant": "HP1", "scale": 2.0})
+    assert lamp == pytest.approx(seen(type="point", intensity={"illuminant": "HP1", "scale": 2.0}), rel=1e-4)
+    assert seen(type="ies", file="even.ies", scale=2.0) == pytest.approx(
+        seen(type="point", intensity=[2.0, 2.0, 2.0]), rel=1e-4
+    )
 
 
 def test_surfaces_in_daylight_have_the_colors_of_the_other_mode(device: Device) -> None:
@@ -308,6 +330,69 @@ def test_bands_of_glass_that_disperses_light(device: Device, tmp_path: Path) -> 
     assert sorted(names)[0] == "S0.399,166667nm" and len(names) == 6
     # The bands of a spectrum weigh what the film sees of them
     assert float(image.spectrum.min()) >= 0.0
+
+
+def sensor(**more: Any) -> dict[str, Any]:
+    """The sensitivities of a sensor."""
+    lines = table_wavelengths()
+
+    def peak(middle: float, width: float) -> list[float]:
+        return [float(x) for x in np.exp(-0.5 * ((lines - middle) / width) ** 2)]
+
+    return {
+        "wavelengths": lines.tolist(),
+        "red": peak(600.0, 40.0),
+        "green": peak(540.0, 45.0),
+        "blue": [50.0 * x for x in peak(450.0, 30.0)],
+        **more,
+    }
+
+
+@pytest.mark.parametrize("white", ["D65", "A"])
+def test_a_sensor_sees_light_by_its_response(device: Device, white: str) -> None:
+    response = sensor(white=white)
+    for light in ("D65", "A", "FL11"):
+        sky = [around({"illuminant": light})]
+        seen = mean(device, Scene.model_validate({"camera": {**CAMERA, "response": response}, "lights": sky}), spp=256)
+        wanted = [
+            integral(np.array(response[key]), illuminant_spectrum(light))
+            / integral(np.array(response[key]), illuminant_spectrum(white))
+            for key in ("red", "green", "blue")
+        ]
+        assert seen == pytest.approx(wanted, rel=1e-4)
+
+
+def test_cameras_in_turn_see_their_own_colors(device: Device) -> None:
+    """In one session, and in a batch."""
+    plain = scene(lights=[around({"illuminant": "A"})])
+    colored = Scene.model_validate({"camera": {**CAMERA, "response": sensor()}, "lights": plain.lights})
+    settings: dict[str, Any] = {"size": (8, 8), "spp": 64, "spectral": True}
+    told: list[str] = []
+    with clrender.Session(device, notify=told.append) as session:
+        alone = [session.render(each, **settings) for each in (plain, colored, plain)]
+        both = session.render_batch(plain, [plain.camera, colored.camera], **settings)
+        assert not any("response" in line for line in told)
+        session.render(colored, size=(8, 8), spp=1)
+        assert any("response of the camera counts with wavelengths only" in line for line in told)
+    assert alone[0].stats["image_sha256"] == alone[2].stats["image_sha256"] != alone[1].stats["image_sha256"]
+    assert alone[0].stats["scene_sha256"] != alone[1].stats["scene_sha256"]
+    for image, whole in zip(both, alone, strict=False):
+        np.testing.assert_array_equal(image, whole.linear)
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"red": [0.0, 1.0]}, "response.red: has 2 numbers, and there are 95 wavelengths"),
+        ({"green": [0.0] * 95}, "response.green: sees nothing"),
+        ({"white": "D64"}, "response.white"),
+        ({"blue": [-1.0] * 95}, "response.blue"),
+    ],
+)
+def test_what_is_no_response(more: dict[str, Any], words: str) -> None:
+    with pytest.raises(clrender.SceneError, match=words.replace(".", r"\.").split(":")[0]) as raised:
+        Scene(camera={**CAMERA, "response": sensor(**more)})
+    assert words.rsplit(": ", maxsplit=1)[-1] in str(raised.value)
 
 
 @pytest.mark.parametrize(("count", "spectral", "words"), [(2, True, "from 3 to 300"), (6, False, "without spectral")])

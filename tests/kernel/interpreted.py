@@ -122,6 +122,8 @@ class Run:
         With curves of hair and of the matt material.
     measured : bool
         With the reflectance of measured surfaces, one of them anisotropic, in the place of mirror and metal.
+    films : bool
+        With thin films on glass, metal and plastic, one of them as thick as a picture says.
     spectral : str
         At wavelengths: ``colors`` that the scene has, or ``spectra`` of lights and materials and glass that disperses.
     """
@@ -150,6 +152,7 @@ class Run:
     grids: bool = False
     strands: bool = False
     measured: bool = False
+    films: bool = False
     spectral: str = ""
 
 
@@ -215,6 +218,10 @@ RENDERS: Final = {
     "path-1-measured": Run("path", 1, measured=True, textured=True),
     "bdpt-1-measured": Run("bdpt", 1, measured=True),
     "photon-4-measured": Run("photon", 4, measured=True),
+    "path-4-films": Run("path", 4, samples=2, films=True),
+    "path-1-films": Run("path", 1, rough=True, textured=True, films=True),
+    "bdpt-1-films": Run("bdpt", 1, rough=True, films=True),
+    "path-4-films-colors": Run("path", 4, films=True, spectral="colors"),
     "path-4-strands": Run("path", 4, samples=2, strands=True, instances=True),
     "path-1-strands": Run("path", 1, strands=True, textured=True, opacity="veil"),
     "path-8-single-strands": Run("path", 8, "single", strands=True),
@@ -452,6 +459,17 @@ def scene(run: Run, folder: Path) -> FlatScene:
         described["materials"] |= {name: {"type": "measured", "file": name} for name in names}
         described["materials"]["mirror"] = {"type": "mix", "materials": ("a.bsdf", "c.binary")}
         described["materials"]["glass"] = {"type": "measured", "file": "b.bsdf", "anisotropy_rotation": 30.0}
+    if run.films:
+        film: dict[str, Any] = {"iridescence": 0.8, "iridescence_thickness": 350.0}
+        its_roughness = 0.4 * run.rough
+        described["materials"] |= {
+            "glass": {"type": "dielectric", "ior": 1.5, "roughness": its_roughness, **film},
+            "mirror": {"type": "conductor", "metal": "Au", "roughness": its_roughness, **film},
+            "matt": {"type": "principled", "base_color": (0.6, 0.5, 0.3), "metallic": 0.3, "coat": 0.5, **film},
+        }
+        if run.textured:
+            picture = {"texture": "p.png", "range": (100.0, 700.0)}
+            described["materials"]["mirror"] |= {"iridescence": {"ramp": [0.2, 1.0]}, "iridescence_thickness": picture}
     if run.spectral == "spectra":
         leaf = {"wavelengths": (400, 550, 700), "values": (0.1, 0.5, 0.9)}
         tables = {"eta": leaf, "k": {"wavelengths": (400, 700), "values": (2.0, 4.0)}}

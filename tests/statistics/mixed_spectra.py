@@ -53,6 +53,10 @@ def spectral(name: str, content: Json, white: bool) -> None:
     for shape in [*content["shapes"], *grouped]:
         if _is_color(shape.get("emission")) and draw.chance(0.7):
             shape["emission"] = _light(draw, max(shape["emission"]))
+    for light in content["lights"]:
+        if light["type"] == "ies" and draw.chance(0.4):
+            scale = light.get("scale", 1.0)
+            light["scale"] = _light(draw, max(scale) if isinstance(scale, list) else scale)
 
 
 def _is_color(value: Any) -> bool:
