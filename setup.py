@@ -1,4 +1,4 @@
-"""Builds from an emptied folder, and names the commit: deleted files do not stay in the package, and it says what it is.
+"""Builds from an emptied folder, so that deleted files do not stay in the package, and names the commit.
 
 `clrender --version` reads the commit from `clrender/commit.txt`, which exists in sdists and wheels only.
 """

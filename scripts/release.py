@@ -1,8 +1,9 @@
 """Check that this tree is ready to be the release of its version, and build the files of the release.
 
-The steps are: the tree is clean; the version has no tag yet and is later than those released before; CHANGELOG.md has a
-dated section of it below an empty `Unreleased`; CITATION.cff, docs/versions.json and the generated pages are of it; then
-the site, sdist and wheel are built, and the package is checked. Files go to dist/. Nothing is uploaded, and no tag is set.
+The steps are: the tree is clean; the version has no tag yet and is later than those released before; CHANGELOG.md has
+a dated section of it below an empty `Unreleased`; CITATION.cff, docs/versions.json and the generated pages are of it;
+then the site, sdist and wheel are built, and the package is checked. Files go to dist/. Nothing is uploaded, and no tag
+is set.
 """
 
 from __future__ import annotations
@@ -153,7 +154,7 @@ def main() -> int:
         return 0
     for path in sorted((ROOT / "dist").glob(f"clrender-{__version__}*")):
         print(f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.relative_to(ROOT)}")
-    print(f"release: {__version__} is built. Left to do: git tag -a v{__version__}, push the tag, upload dist/ and build/site")
+    print(f"release: {__version__} is built. Left to do: the tag v{__version__}; publish dist/ and build/site")
     return 0
 
 

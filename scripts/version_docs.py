@@ -91,7 +91,10 @@ def tables(data: Mapping[str, Any]) -> str:
     data : mapping
         As in docs/versions.json, oldest first.
     """
-    rows = ["| version | released | kernel hash | known images with the bits of the version before |", "|---|---|---|---|"]
+    rows = [
+        "| version | released | kernel hash | known images with the bits of the version before |",
+        "|---|---|---|---|",
+    ]
     before: dict[str, str] = {}
     lines = []
     for version, entry in data.items():

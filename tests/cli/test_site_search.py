@@ -59,7 +59,15 @@ QUESTIONS: Final = {
 
 WIDTH: Final = 390
 """Of a phone, pixels."""
-WIDE: Final = ("README", "docs/coming-from", "docs/cite", "docs/scene-file", "docs/devices", "docs/integrators", "docs/layers")
+WIDE: Final = (
+    "README",
+    "docs/coming-from",
+    "docs/cite",
+    "docs/scene-file",
+    "docs/devices",
+    "docs/integrators",
+    "docs/layers",
+)
 """Pages with wide tables and long names."""
 
 
@@ -129,6 +137,7 @@ def test_wide_tables_scroll_by_themselves_on_a_phone(address: str) -> None:
             page.goto(f"{address}/{name}.html")
             assert page.evaluate("document.scrollingElement.scrollWidth") <= WIDTH, name
             scrolled += page.evaluate(
-                "[...document.querySelectorAll('.table-wrapper')].filter((each) => each.scrollWidth > each.clientWidth).length"
+                """[...document.querySelectorAll('.table-wrapper')]
+                    .filter((each) => each.scrollWidth > each.clientWidth).length"""
             )
         assert scrolled > 3

@@ -216,7 +216,7 @@ def test_variables_of_the_environment_are_read_somewhere() -> None:
 
 def test_names_of_the_python_interface_exist() -> None:
     named = set(re.findall(r"`clrender\.([A-Za-z_]+)", REFERENCE))
-    assert named <= set(clrender.__all__) | {"radiosity", "cluster", "view", "datasets"}
+    assert named <= set(clrender.__all__) | {"radiosity", "cluster", "view", "datasets", "version"}
     assert set(clrender.__all__) - {"__version__"} <= named | set(re.findall(r"`([A-Z]\w+Error)`", REFERENCE))
 
 
@@ -233,7 +233,7 @@ GUIDED = {
     "Add a light": ("projector", r"(?i)projector"),
     "Add a file format": ("stl", r"\.stl\b|read_stl|stl_text"),
 }
-"""Examples of the guide for developers: in its sections, what they add, and by what a file is known to have a part of it."""
+"""Examples of the guide for developers: by section, what they add, and what is in every file with a part of it."""
 
 
 @for_each("title", GUIDED)
@@ -254,4 +254,6 @@ def test_the_guide_names_every_file_of_its_examples(title: str) -> None:
     tests = [name for name in named if name.startswith("tests/")]
     # Those that run over all endings or keys name none
     general = {"tests/host/test_docs.py", "tests/statistics/test_sample_weights.py"}
-    assert not [name for name in tests if name not in general and not re.search(f"(?i){word}", (ROOT / name).read_text())]
+    assert not [
+        name for name in tests if name not in general and not re.search(f"(?i){word}", (ROOT / name).read_text())
+    ]

@@ -18,8 +18,8 @@ DEVICE = os.environ.get("CLRENDER_TEST_DEVICE", "pocl")
 MAKER = runpy.run_path(str(ROOT / "scripts" / "version_docs.py"))
 TABLE: dict[str, Any] = json.loads((ROOT / "docs" / "versions.json").read_text())
 CURE = (
-    "images of {} are not what its entry in docs/versions.json says: bump the version in clrender/version.py, or, if it is "
-    "not released yet, run `python scripts/version_docs.py --record` and tell the change in CHANGELOG.md"
+    "images of {} are not what its entry in docs/versions.json says: bump the version in clrender/version.py, or, if "
+    "it is not released yet, run `python scripts/version_docs.py --record` and tell the change in CHANGELOG.md"
 )
 
 
