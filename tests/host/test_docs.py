@@ -257,3 +257,10 @@ def test_the_guide_names_every_file_of_its_examples(title: str) -> None:
     assert not [
         name for name in tests if name not in general and not re.search(f"(?i){word}", (ROOT / name).read_text())
     ]
+
+
+def test_alternative_texts_say_what_is_to_be_seen() -> None:
+    for page in PAGES:
+        for text, name in re.findall(r"!\[([^\]]*)\]\(([^)]+)\)", page.read_text()):
+            assert len(text.split()) >= 6, f"{page.name}: {name} has the text {text!r}"
+            assert not re.match(r"(?i)(figures? \d|picture|image)", text), f"{page.name}: {name} has the text {text!r}"
