@@ -7,6 +7,7 @@ folder, so that a link that works on a forge works on the site, and needs no sec
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any, Final
 
 import click
@@ -54,6 +55,9 @@ html_theme: Final = "furo"
 html_title: Final = f"clrender {__version__}"
 html_static_path: Final = ["_static"]
 html_css_files: Final = ["site.css"]
+html_favicon: Final = "_static/favicon.svg"
+# Ranks pages that answer above logs and lists
+html_search_scorer: Final = str(Path(__file__).with_name("search.js"))
 html_extra_path: Final = ["_root"]
 html_copy_source: Final = False
 html_show_sphinx: Final = False

@@ -40,6 +40,12 @@ def _builtin(name: str, **settings: Any) -> Callable[[str], None]:
     return make
 
 
+def _hero(file: str) -> None:
+    """The picture at the top of README.md, whose caption has the command."""
+    settings: dict[str, Any] = {"size": (1440, 1080), "crop": (0, 180, 1440, 720), "spp": 128, "denoise": True}
+    write_sheet(file, [[shown(clrender.render(clrender.load("product"), **settings))]])
+
+
 def _denoise(file: str) -> None:
     image = clrender.render(clrender.load("room"), spp=16, size=(400, 400), denoise=True)
     assert image.denoised is not None
@@ -65,6 +71,27 @@ def _first(file: str) -> None:
         write_sheet(file, [[shown(clrender.render(clrender.load(str(scene)), spp=256))]])
     finally:
         scene.unlink()
+
+
+def _noise(file: str) -> None:
+    room = clrender.load("room")
+    few = clrender.render(room, spp=16, size=(320, 320), denoise=True)
+    assert few.denoised is not None
+    many = clrender.render(room, spp=256, size=(320, 320))
+    write_sheet(file, [[shown_linear(few.linear), shown(many), shown_linear(few.denoised)]])
+
+
+def _black(file: str) -> None:
+    """Figure of a scene in docs/troubleshooting.md, whose light only some integrators find."""
+    (block,) = [each for each in blocks(DOCS / "troubleshooting.md") if each.file == "bulb.toml"]
+    scene = DOCS / ".bulb.toml"
+    scene.write_text(block.text)
+    try:
+        bulb = clrender.load(str(scene))
+        images = [clrender.render(bulb, spp=256, size=(320, 240), integrator=name) for name in ("path", "bdpt")]
+    finally:
+        scene.unlink()
+    write_sheet(file, [[shown(image) for image in images]])
 
 
 def _depth(file: str) -> None:
@@ -181,11 +208,14 @@ def _in_colour(values: npt.NDArray[np.float64]) -> Any:
 
 
 FIGURES: Final[Mapping[str, Callable[[str], None]]] = {
+    "hero.jpg": _hero,
     "room.jpg": _builtin("room", size=(480, 480), spp=256),
     "cornell.jpg": _builtin("cornell", size=(480, 480), spp=256),
     "radiosity.jpg": _builtin("room-diffuse", size=(480, 480), spp=16, integrator="radiosity"),
     "denoise.jpg": _denoise,
     "start-first.jpg": _first,
+    "trouble-noise.jpg": _noise,
+    "trouble-black.jpg": _black,
     "how-depth.jpg": _depth,
     "how-samples.jpg": _samples,
     "how-strategies.jpg": _strategies,

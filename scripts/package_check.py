@@ -101,6 +101,7 @@ def _build(folder: Path, keep: Path | None) -> Path:
         if (ROOT / name).is_file():
             (source / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, source / name)
+    _stamp(source)
     # Without options, `build` makes the wheel from the sdist.
     _run([sys.executable, "-m", "build", "--outdir", str(dist), str(source)])
     (sdist,), (wheel,) = dist.glob("*.tar.gz"), dist.glob("*.whl")
@@ -114,6 +115,14 @@ def _build(folder: Path, keep: Path | None) -> Path:
         shutil.copy2(sdist, keep)
         shutil.copy2(wheel, keep)
     return wheel
+
+
+def _stamp(source: Path) -> None:
+    """Name the commit in the copy, which has no git, as setup.py does where git is."""
+    git = ["git", "-C", str(ROOT)]
+    commit = _run([*git, "rev-parse", "HEAD"]).stdout.strip()
+    dirty = "-dirty" if _run([*git, "status", "--porcelain"]).stdout else ""
+    (source / "clrender" / "commit.txt").write_text(f"{commit}{dirty}\n")
 
 
 def _demand_files(source: Path, sdist: set[str], wheel: set[str]) -> None:
@@ -193,7 +202,8 @@ def _use(environment: Path, work: Path, extras: str) -> str:
     def everything(name: str) -> bool:
         return name in extras.split(",") or "all" in extras.split(",")
 
-    clrender("--version")
+    if "\ncommit " not in (said := clrender("--version")):
+        raise CheckError(f"`clrender --version` names no commit: {said}")
     clrender("render", "room", *SCENE, "-o", "a.png", "-o", "a.exr", "-o", "a.npy", "-o", "a.film", "--stats", "a.json",
              "--aov", "albedo,normal", "--progress", "json")  # fmt: skip
     digest: str = json.loads((work / "a.json").read_text())["image_sha256"]

@@ -45,13 +45,14 @@ LAYERS: Final = (
     ("meshes", "image", "cameras", "plugins", "grids", "curves", "measured"),
     ("spectra",),
     ("limits",),
+    ("version",),
     ("files",),
     ("process",),
     ("layout",),
     ("drawing", "statistics", "exact"),
     ("extras",),
     ("wording",),
-    ("errors", "version"),
+    ("errors",),
 )
 RANK: Final = {name: rank for rank, names in enumerate(LAYERS) for name in names}
 MODULES: Final = sorted(path for path in PACKAGE.rglob("*.py") if "scenes" not in path.parts)

@@ -18,7 +18,6 @@ from typing import Any, Final, NoReturn
 import click
 from click.shell_completion import CompletionItem
 
-import clrender
 from clrender.cli.interrupt import INTERRUPTED, TERMINATED, Terminated, raising_signals
 from clrender.cli.streams import ReaderLeft
 from clrender.errors import ClrenderError
@@ -183,7 +182,11 @@ def _no_such_option(error: click.NoSuchOption) -> str:
 
 def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     if wanted:
-        click.echo(f"clrender {clrender.__version__}")
+        from clrender.version import info
+
+        version, commit, kernels = info()
+        lines = [f"clrender {version}", *([f"commit {commit}"] if commit else []), f"kernels {kernels}"]
+        click.echo("\n".join(lines))
         ctx.exit()
 
 
@@ -193,7 +196,12 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
 @click.option(
-    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_print_version, help="Print the version."
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_print_version,
+    help="Print version, commit and kernel hash.",
 )
 @click.pass_context
 def main(ctx: click.Context) -> None:

@@ -13,9 +13,9 @@ from typing import IO, Any, Final
 from clrender.datasets.files import json_bytes
 from clrender.datasets.variation import DatasetPlan
 from clrender.datasets.writers.webdataset import END, archive_of
-from clrender.device.source import kernels_sha256
 from clrender.errors import UsageError
 from clrender.files.access import atomic_write
+from clrender.files.kernel_hash import kernels_sha256
 from clrender.flatten.plugin_rows import plugin_hashes
 from clrender.version import __version__
 

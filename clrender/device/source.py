@@ -16,16 +16,16 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from clrender.errors import RenderError
+from clrender.files.kernel_hash import kernel_files
 from clrender.files.package_data import kernels_folder
 
-__all__ = ["SMALL_CODE", "Source", "expand", "kernels_sha256", "load_source"]
+__all__ = ["SMALL_CODE", "Source", "expand", "load_source"]
 
 SMALL_CODE: Final = "SMALL_CODE"
 """Macro of programs that are compiled to small code, which takes less time; only for compilers that are Clang."""
 
 _COLD: Final = "#pragma clang attribute push(__attribute__((cold)), apply_to = function)"
 _DIRECTIVE = re.compile(r"\s*#\s*(\w+)\s*(.*?)\s*$")
-_INCLUDES = re.compile(rb'#[ \t]*include[ \t]*"([^"\n]+)"')
 _DECIDE = ("include", "if", "ifdef", "ifndef", "else", "elif", "endif")
 _PLUGIN = re.compile(r'^// plugin \w+\n#line 1 "([^"]*)"', re.MULTILINE)
 _LINE = re.compile(r'#line (\d+) "([^"]*)"')
@@ -127,40 +127,6 @@ def _expand_once(entry: str) -> str:
     return _expand(entry, kernels_folder(), {})
 
 
-def kernels_sha256(root: Path | None = None) -> str:
-    """Hash of the kernel files of all programs, including their names; the cache key of verdicts about drivers.
-
-    These are the entry points, `*.cl`, and what they include. Other files in the folder do not matter.
-
-    Parameters
-    ----------
-    root : Path, optional
-        Folder of the kernels; default: the installed ones, which are read only once.
-    """
-    return _hash_of(root) if root else _hash_once(kernels_folder())
-
-
-def _hash_of(folder: Path) -> str:
-    known = {path.relative_to(folder).as_posix().encode(): path for path in _kernel_files(folder)}
-    reached = {name for name in known if name.endswith(b".cl")}
-    contents: dict[bytes, bytes] = {}
-    while left := reached - contents.keys():
-        contents |= {name: known[name].read_bytes() for name in left}
-        reached |= {other for name in left for other in _INCLUDES.findall(contents[name])} & known.keys()
-    digest = hashlib.sha256()
-    for name in known:
-        if name in contents:
-            digest.update(b"%b\0%d\0" % (name, len(contents[name])) + contents[name])
-    return digest.hexdigest()
-
-
-_hash_once = cache(_hash_of)
-
-
-def _kernel_files(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.rglob("*") if path.suffix in (".cl", ".h", ".inc"))
-
-
 class _Expander:
     """State of one expansion: the guarded headers that are certainly included at the current line."""
 
@@ -228,7 +194,7 @@ class _Expander:
             raise RenderError(f'{place}kernel file "{name}" cannot be read: {error}') from None
 
     def _nearest(self, name: str) -> str:
-        known = [path.relative_to(self.root).as_posix() for path in _kernel_files(self.root)]
+        known = [path.relative_to(self.root).as_posix() for path in kernel_files(self.root)]
         near = difflib.get_close_matches(name, known, n=1)
         return f'; did you mean "{near[0]}"?' if near else ""
 

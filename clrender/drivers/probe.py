@@ -24,9 +24,9 @@ from typing import IO, TYPE_CHECKING, Any, Final
 
 from clrender.device import cache, program_cache
 from clrender.device.info import DeviceInfo
-from clrender.device.source import kernels_sha256
 from clrender.drivers.discover import Driver, driver_variables, drivers, fingerprint
 from clrender.errors import DeviceError, RenderError
+from clrender.files.kernel_hash import kernels_sha256
 from clrender.process.elapsed import Elapsed, processor_seconds_of
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from clrender.aov import ERRORS, FLOWS, SHADOW_CATCHER, Labelling, check_aovs
-from clrender.device.source import kernels_sha256
 from clrender.errors import UsageError
+from clrender.files.kernel_hash import kernels_sha256
 from clrender.files.package_data import kernels_folder
 from clrender.flatten.plugin_rows import plugin_hashes, used_plugins
 from clrender.flatten.supported import check_materials, check_motion

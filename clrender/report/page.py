@@ -38,6 +38,24 @@ class Page:
     plots: Sequence[Plot]
 
 
+_SEEN: Final = {
+    "figure-1": "A plan of the room from above and from the front, with its lengths, two lights and the camera",
+    "figure-2-5": "The room in a mirror sphere; a white sphere, green on the side of the green wall; a soft shadow",
+    "figure-3": "A hemisphere of dots, which are denser towards the normal",
+    "figure-4": "The room twice: bright, and with a black ceiling and black shadows",
+    "figure-6": "The room twice: bright with the square root, and dark, with black shadows, with linear values",
+    "figure-7": "The room with 256, 64 and 16 samples per pixel, and a detail of each: from fine grain to coarse",
+    "figure-8": "The room by one, two and four shadow rays, and a detail of each: soft shadows have finer grain",
+    "figure-9": "The room with paths of three depths, and a detail of each: to the right fewer, brighter specks",
+    "roulettes": "The room by two kinds of roulette, and a detail of each: the constant one has brighter specks",
+    "whitted": "The room by path tracing, and by Whitted's ray tracing with hard shadows and a black ceiling",
+    "time": "A plot of seconds against samples per pixel: rising lines, two of clrender far below that of the report",
+    "noise": "A plot of relMSE against samples per pixel: falling points, those of clrender's roulette far below",
+    "shadow": "A plot of noise at equal time against shadow rays: two lines near 1, highest at four",
+}
+"""What is to be seen in each picture of the Markdown page, by name."""
+
+
 def html_page(page: Page) -> str:
     """The page as one HTML file, with embedded images, plots and style."""
     found = verdicts(page.results)
@@ -77,7 +95,7 @@ def markdown_page(page: Page) -> str:
         "## Why our numbers differ",
         *differences(page.results),
         "## Plots",
-        *(f"![{each.caption}]({picture_name(each)})\n\n*{each.caption}*" for each in page.plots),
+        *(f"![{_SEEN[each.name]}]({picture_name(each)})\n\n*{each.caption}*" for each in page.plots),
         "## Figures",
         *(_markdown_figure(each) for each in page.figures),
         "## How it was measured",
@@ -118,7 +136,7 @@ def _markdown_table(table: Table) -> str:
 def _markdown_figure(figure: Figure) -> str:
     words = "; ".join(", ".join(panel.words for panel in row) for row in figure.rows[:1])
     order = f" From left to right: {words}." if words else ""
-    return f"![{figure.title}]({picture_name(figure)})\n\n**{figure.title}.** {figure.caption}{order}"
+    return f"![{_SEEN[figure.name]}]({picture_name(figure)})\n\n**{figure.title}.** {figure.caption}{order}"
 
 
 def _is_prose(part: str) -> bool:

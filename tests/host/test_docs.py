@@ -17,14 +17,12 @@ from documented_files import make_files
 
 import clrender
 from clrender.cli import main
-from clrender.cli.options import DomainType
 from clrender.datasets import load_spec
 from clrender.integrators import INTEGRATORS
-from clrender.limits import Choice
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "scenes").glob("*.md")])
-README = (ROOT / "README.md").read_text()
+COMMANDS = (ROOT / "docs" / "commands.md").read_text()
 REFERENCE = (ROOT / "docs" / "reference.md").read_text()
 
 
@@ -87,32 +85,45 @@ def test_links_lead_somewhere(page: Path) -> None:
             assert heading in [re.sub(r"[^\w -]", "", each).strip().lower().replace(" ", "-") for each in headings]
 
 
-def test_every_command_of_the_readme_exists_and_every_command_is_in_it() -> None:
-    named = set(re.findall(r"clrender ([a-z]+)(?= |`)", README)) - {"command", "is", "grew", "does"}
-    assert named == set(commands())
+def test_every_command_of_the_table_exists_and_every_command_is_in_it() -> None:
+    named = re.findall(r"^\| `clrender ([a-z]+)(?= |`)", COMMANDS, re.MULTILINE)
+    assert set(named) == set(commands())
 
 
-@for_each("page", [README, REFERENCE, *(path.read_text() for path in (ROOT / "docs").glob("[!n]*.md"))])
-def test_every_option_exists(page: str) -> None:
+def test_the_readme_is_short() -> None:
+    """It is read in two minutes; what is looked up is on the pages, once."""
+    readme = ROOT / "README.md"
+    assert len(readme.read_bytes()) <= 6 * 1024
+    assert not re.search(r"^\|", readme.read_text(), re.MULTILINE), "a table belongs on a page"
+
+
+def test_every_option_of_a_render_has_a_place_in_its_guide() -> None:
+    named = set(re.findall(r"(?<![\w-])--?[a-zA-Z][a-z-]*", (ROOT / "docs" / "rendering.md").read_text()))
+    names = {max(each.opts, key=len): set(each.opts) for each in commands()["render"].params if each.opts[0][0] == "-"}
+    # Of one integrator, or of another setting: its own page has them
+    others = re.compile(r"--(photon|patch|radiosity|reuse|light-paths|guiding-|save-guiding|help)")
+    assert [name for name, any_of in names.items() if not named & any_of and not others.match(name)] == []
+
+
+@for_each("page", [ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+def test_every_option_exists(page: Path) -> None:
     # Of scripts there are a few more, of pipx and podman, and of Dask
     scripts = "".join(path.read_text() for path in (ROOT / "scripts").glob("gpu_*") if path.is_file())
     dask = {"--nthreads", "--memory-limit", "--protocol", "--dashboard-address"}
-    installers = {"--spec", "--from", "--rm", "--build-arg", "--python"}
-    others = {"--install-peers", "--yes", "--by", *dask, *installers, *re.findall(r"--[a-z][a-z-]+", scripts)}
-    named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", page)) - others
+    installers = {"--spec", "--from", "--rm", "--build-arg", "--python", "--no-deps"}
+    installers |= {"--execute", "--to"}  # of nbconvert
+    others = {"--install-peers", "--yes", "--by", "--long", *dask, *installers, *re.findall(r"--[a-z][a-z-]+", scripts)}
+    named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", page.read_text())) - others
     assert named <= set(options())
 
 
-def test_choices_of_options_are_those_of_the_command_line() -> None:
-    for name, listed in re.findall(r"`(--[a-z-]+) ((?:[a-z]+\\\|)+[a-z]+)`", README):
-        domains = [each.type.domain for each in options()[name] if isinstance(each.type, DomainType)]
-        assert domains
-        assert all(isinstance(each, Choice) and set(listed.split("\\|")) == set(each.members) for each in domains)
-
-
 def test_every_integrator_is_in_its_tables() -> None:
-    for page in (README, (ROOT / "docs" / "integrators.md").read_text()):
-        assert all(f"`{name}`" in page for name in INTEGRATORS)
+    page = (ROOT / "docs" / "integrators.md").read_text()
+    assert all(f"\n| `{name}` |" in page for name in INTEGRATORS)
+    heads = re.findall(r"^\| (?:light path )?\|( `path`.*)$|^\| a scene has \|(.*)$", page, re.MULTILINE)
+    assert len(heads) == 3
+    for head in heads:
+        assert set(re.findall(r"`([a-z]+)`", "".join(head))) == set(INTEGRATORS)
 
 
 def completed(text: str) -> str:
@@ -188,7 +199,7 @@ def test_built_in_scenes_are_counted_right() -> None:
         f"{numbers[len(files)].capitalize()} built-in scenes, {numbers[exact]} of them"
         in (ROOT / "CHANGELOG.md").read_text()
     )
-    assert f"{numbers[exact]} have a known exact answer" in README
+    assert f"{numbers[exact]} have a known exact answer" in COMMANDS
 
 
 def test_variables_of_the_environment_are_read_somewhere() -> None:
@@ -205,7 +216,7 @@ def test_variables_of_the_environment_are_read_somewhere() -> None:
 
 def test_names_of_the_python_interface_exist() -> None:
     named = set(re.findall(r"`clrender\.([A-Za-z_]+)", REFERENCE))
-    assert named <= set(clrender.__all__) | {"radiosity", "cluster", "view", "datasets"}
+    assert named <= set(clrender.__all__) | {"radiosity", "cluster", "view", "datasets", "version"}
     assert set(clrender.__all__) - {"__version__"} <= named | set(re.findall(r"`([A-Z]\w+Error)`", REFERENCE))
 
 
@@ -215,3 +226,41 @@ def test_the_notebook_has_the_cells_of_its_page() -> None:
     assert cells == [
         block.text.strip() for block in blocks(ROOT / "docs" / "notebook.md") if block.language == "python"
     ]
+
+
+GUIDED = {
+    "Add a lobe of a BSDF": ("sheen", r"(?i)sheen"),
+    "Add a light": ("projector", r"(?i)projector"),
+    "Add a file format": ("stl", r"\.stl\b|read_stl|stl_text"),
+}
+"""Examples of the guide for developers: by section, what they add, and what is in every file with a part of it."""
+
+
+@for_each("title", GUIDED)
+def test_the_guide_names_every_file_of_its_examples(title: str) -> None:
+    _, section = (ROOT / "docs" / "extend.md").read_text().split(f"## {title}\n")
+    section = section.partition("\n## ")[0]
+    named = set(re.findall(r"`((?:clrender|kernels|scripts|tests)/[\w/]+\.\w+)`", section))
+    assert all((ROOT / name).is_file() for name in named), [name for name in named if not (ROOT / name).is_file()]
+    word, pattern = GUIDED[title]
+    files = [path for folder in ("clrender", "kernels") for path in (ROOT / folder).rglob("*")]
+    found = {
+        path.relative_to(ROOT).as_posix()
+        for path in files
+        if path.suffix in (".py", ".h", ".cl") and re.search(pattern, path.read_text())
+    }
+    assert len(found) > 4
+    assert found - named == set(), f"files with {word} that the guide does not name"
+    tests = [name for name in named if name.startswith("tests/")]
+    # Those that run over all endings or keys name none
+    general = {"tests/host/test_docs.py", "tests/statistics/test_sample_weights.py"}
+    assert not [
+        name for name in tests if name not in general and not re.search(f"(?i){word}", (ROOT / name).read_text())
+    ]
+
+
+def test_alternative_texts_say_what_is_to_be_seen() -> None:
+    for page in PAGES:
+        for text, name in re.findall(r"!\[([^\]]*)\]\(([^)]+)\)", page.read_text()):
+            assert len(text.split()) >= 6, f"{page.name}: {name} has the text {text!r}"
+            assert not re.match(r"(?i)(figures? \d|picture|image)", text), f"{page.name}: {name} has the text {text!r}"

@@ -9,8 +9,9 @@ import pytest
 from cases import for_each
 
 from clrender.device.compiler import first_errors
-from clrender.device.source import expand, kernels_sha256, load_source
+from clrender.device.source import expand, load_source
 from clrender.errors import RenderError
+from clrender.files.kernel_hash import kernels_sha256
 from clrender.files.package_data import kernels_folder
 
 

@@ -18,7 +18,7 @@ DEVICE = os.environ.get("CLRENDER_TEST_DEVICE", "pocl")
 SIZE = {"(800, 800)": "(24, 16)", "spp=64": "spp=2"}
 """What is made smaller."""
 
-BLOCKS = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+BLOCKS = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "python.md").read_text(), re.DOTALL)
 
 
 def run(block: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
@@ -51,8 +51,8 @@ def test_the_python_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pyte
             exec(compile(text.replace('device="all"', ""), f"{page.name}:{block.line}", "exec"), names)
 
 
-def test_the_readme_renders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    names = run(BLOCKS[0].split("\nimage = clrender.render(scene, spp=16")[0], tmp_path, monkeypatch)
+def test_the_first_lines_of_python_render(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    names = run(BLOCKS[0], tmp_path, monkeypatch)
     image = names["image"]
     assert isinstance(image, clrender.RenderedImage)
     assert image.linear.shape == (16, 24, 3) and image.linear.dtype == np.float32
@@ -63,7 +63,7 @@ def test_the_readme_renders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_the_files_that_are_said_to_carry_their_settings_do(tmp_path: Path) -> None:
-    rows = re.findall(r"^\| (`\..*?) \|.*\| (yes|no) \|$", (ROOT / "README.md").read_text(), re.MULTILINE)
+    rows = re.findall(r"^\| (`\..*?) \|.*\| (yes|no) \|$", (ROOT / "docs" / "rendering.md").read_text(), re.MULTILINE)
     said = {ending: answer == "yes" for endings, answer in rows for ending in re.findall(r"`\.(\w+)`", endings)}
     assert set(said) == {"png", "jpg", "exr", "npy", "hdr", "film"}
     image = clrender.render(clrender.load("room"), spp=1, size=(16, 16), device=DEVICE)
@@ -73,8 +73,9 @@ def test_the_files_that_are_said_to_carry_their_settings_do(tmp_path: Path) -> N
         assert (image.stats["image_sha256"].encode() in content) == carries, ending
 
 
-def test_the_readme_keeps_a_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    block = BLOCKS[-1].replace("spp=16", "spp=1, size=(16, 16)").replace('"all"', repr(DEVICE))
+def test_a_session_renders_two_images(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (block,) = [each for each in BLOCKS if "first = session.render" in each]
+    block = block.replace("spp=16", "spp=1, size=(16, 16)").replace('"all"', repr(DEVICE))
     names = run("import clrender\nscene = clrender.load('room')\n" + block, tmp_path, monkeypatch)
     first, other = names["first"], names["other"]
     assert isinstance(first, clrender.RenderedImage) and isinstance(other, clrender.RenderedImage)
