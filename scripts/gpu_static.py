@@ -176,6 +176,8 @@ def _programs() -> dict[str, Program]:
             flags: dict[str, Any] = dict.fromkeys(rare, True)
             macros = {**unsplit, **replace(_EVERYTHING, **flags).macros}
             made[f"{name}, everything and {which}"] = Program(f"{name}.cl", macros)
+        dispersion = replace(_EVERYTHING, dispersion=True).macros
+        made[f"{name}, everything and wavelengths"] = Program(f"{name}.cl", {**unsplit, **dispersion, "SPECTRAL": 1})
     made["film/accumulate, splats"] = Program("film/accumulate.cl", {"SPLATS": 1})
     for name in (*_SCENELESS, *(f"radiosity/{part}" for part in _RADIOSITY)):
         made[name] = Program(f"{name}.cl", {})

@@ -11,10 +11,9 @@ from pydantic import BeforeValidator, Field, Strict, WithJsonSchema, model_valid
 from clrender.errors import SceneError
 from clrender.exact.angles import sin_cos_degrees
 from clrender.exact.elementary import degrees_of
-from clrender.scene.spectra import LightColor, LightFactor
+from clrender.scene.spectra import LightColor
 from clrender.scene.sun_position import parsed_time, sun_position
 from clrender.scene.values import (
-    NUMBER_OR_TRIPLE,
     POWER_LIMIT,
     Color,
     FileName,
@@ -28,7 +27,6 @@ from clrender.scene.values import (
     cross,
     fault,
     length,
-    number_as_triple,
 )
 
 __all__ = [
@@ -43,9 +41,6 @@ __all__ = [
     "SpotLight",
     "SunSkyLight",
 ]
-
-Factor = Annotated[Color, BeforeValidator(number_as_triple), WithJsonSchema(NUMBER_OR_TRIPLE)]
-Albedo = Annotated[Reflectance, BeforeValidator(number_as_triple), WithJsonSchema(NUMBER_OR_TRIPLE)]
 
 
 def _time_as_text(value: Any) -> Any:
@@ -117,7 +112,7 @@ class IesLight(_Grouped):
         description="approximate direction of horizontal angle 0; angles increase counter-clockwise seen against "
         "`direction`; default: +z, or +y if `direction` is along z",
     )
-    scale: LightFactor = Field((1.0, 1.0, 1.0), description="factor for the intensity; a spectrum is that of the lamp")
+    scale: LightColor = Field((1.0, 1.0, 1.0), description="factor for the intensity; a spectrum is that of the lamp")
 
     @model_validator(mode="after")
     def _has_directions(self) -> IesLight:
@@ -157,7 +152,7 @@ class ProjectorLight(_Grouped):
         description="whether a white picture lights a screen across `direction` evenly; otherwise it has the same "
         "radiant intensity in all its directions",
     )
-    scale: Factor = Field(
+    scale: Color = Field(
         (1.0, 1.0, 1.0), description="radiant intensity along `direction` where the picture is 1, W/sr"
     )
 
@@ -199,7 +194,7 @@ class EnvironmentLight(_Grouped):
         description="environment map, instead of `radiance`: `.exr .hdr .pfm`, or a picture in sRGB, whose white is 1",
     )
     rotate_degrees: Finite = Field(0.0, description="rotation of the map about +y, from +z towards +x")
-    scale: Factor = Field((1.0, 1.0, 1.0), description="factor for the radiance")
+    scale: Color = Field((1.0, 1.0, 1.0), description="factor for the radiance")
     visible_to_camera: Flag = Field(
         True, description="false: the camera sees black in its place; it still lights the scene"
     )
@@ -241,13 +236,13 @@ class SunSkyLight(_Grouped):
         None, description="date and time in ISO 8601 with the offset from UTC: `2026-06-21T18:30:00+02:00`"
     )
     turbidity: Annotated[Finite, Field(ge=1.0, le=10.0)] = Field(3.0, description="haze: 2 very clear, 3 clear, 6 hazy")
-    ground_albedo: Albedo = Field((0.3, 0.3, 0.3), description="albedo of the ground")
+    ground_albedo: Reflectance = Field((0.3, 0.3, 0.3), description="albedo of the ground")
     ground: Flag = Field(
         True, description="whether the lower hemisphere is a ground lit by sun and sky; otherwise it is black"
     )
-    sky_scale: Factor = Field((1.0, 1.0, 1.0), description="factor for the sky's radiance; 0: sun only")
-    sun_scale: Factor = Field((1.0, 1.0, 1.0), description="factor for the sun's radiance; 0: sky only")
-    scale: Factor = Field((1.0, 1.0, 1.0), description="factor for both")
+    sky_scale: Color = Field((1.0, 1.0, 1.0), description="factor for the sky's radiance; 0: sun only")
+    sun_scale: Color = Field((1.0, 1.0, 1.0), description="factor for the sun's radiance; 0: sky only")
+    scale: Color = Field((1.0, 1.0, 1.0), description="factor for both")
     rotate_degrees: Finite = Field(0.0, description="rotation of sun and sky about +y, from +z towards +x")
     visible_to_camera: Flag = Field(
         True, description="false: the camera sees black in its place; it still lights the scene"

@@ -93,7 +93,6 @@ _AttenuationColor: TypeAlias = Annotated[
 _AttenuationDistance: TypeAlias = Annotated[
     Length | None, Field(description="metres, in the medium behind the front side")
 ]
-_Albedo: TypeAlias = Annotated[Reflectance, BeforeValidator(number_as_triple), WithJsonSchema(NUMBER_OR_TRIPLE)]
 _PathLength = Annotated[Finite, Field(ge=1e-12, le=COORDINATE_LIMIT)]
 _Radius: TypeAlias = Annotated[
     tuple[_PathLength, _PathLength, _PathLength], BeforeValidator(number_as_triple), WithJsonSchema(NUMBER_OR_TRIPLE)
@@ -260,7 +259,7 @@ def _ior_by_dispersion(schema: dict[str, Any]) -> None:
     schema["required"] = [key for key in schema["required"] if key != "ior"]
 
 
-class Dielectric(_Bumpy, _Microfacets, _Refracting, Iridescent):
+class Dielectric(Iridescent, _Bumpy, _Microfacets, _Refracting):
     """Smooth or rough interface between transparent media: `ior` behind the front side, `exterior_ior` in front of it.
 
     With a `priority`, it is instead the medium inside closed shapes: where they overlap, the highest priority applies.
@@ -309,7 +308,7 @@ class OrenNayar(_Opaque):
     roughness: ShareOrTexture = Field(0.5, description="0: Lambertian; 1: maximum")
 
 
-class Conductor(_Opaque, _Microfacets, Iridescent):
+class Conductor(Iridescent, _Opaque, _Microfacets):
     """Smooth or rough metal: a measured one by name, by `eta` and `k`, or by its colour `f0`."""
 
     late_keys: ClassVar[frozenset[str]] = IRIDESCENCE_KEYS
@@ -353,7 +352,7 @@ class Conductor(_Opaque, _Microfacets, Iridescent):
         return (eta.values, k.values) if isinstance(eta, SpectralColor) and isinstance(k, SpectralColor) else None
 
 
-class Principled(_Opaque, _Refracting, Iridescent):
+class Principled(Iridescent, _Opaque, _Refracting):
     """Metal, plastic, glass, cloth and blends of them: the metallic-roughness model of glTF 2.0 with its extensions."""
 
     late_keys: ClassVar[frozenset[str]] = IRIDESCENCE_KEYS | frozenset(
@@ -468,7 +467,7 @@ class Subsurface(_Bumpy):
     """
 
     type: Literal["subsurface"]
-    albedo: _Albedo = Field(description="diffuse albedo of a thick, flat slab")
+    albedo: Reflectance = Field(description="diffuse albedo of a thick, flat slab")
     radius: _Radius = Field(description="mean free path, metres")
     g: Annotated[Finite, Field(ge=-MOST_G, le=MOST_G)] = Field(
         0.0,

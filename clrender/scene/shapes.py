@@ -20,7 +20,7 @@ from clrender.scene.values import (
     Lengths,
     Name,
     Part,
-    Reflectance,
+    Share,
     Vector,
     cross,
     fault,
@@ -163,6 +163,7 @@ class Tetrahedron(Surface):
         return self
 
 
+_VertexColor: TypeAlias = tuple[Share, Share, Share]
 _Corner = Annotated[int, Strict(), Field(ge=0, lt=2**31)]
 
 
@@ -185,7 +186,7 @@ class Mesh(Surface):
         (), description="second set of texture coordinates"
     )
 
-    colors: Annotated[tuple[Reflectance, ...], FailFast(), Field(max_length=INLINE_LIMIT)] = Field(
+    colors: Annotated[tuple[_VertexColor, ...], FailFast(), Field(max_length=INLINE_LIMIT)] = Field(
         (), description="linear colour per vertex; multiplies the colour of the material"
     )
     vertex_colors: VertexColors | None = Field(

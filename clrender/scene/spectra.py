@@ -43,7 +43,6 @@ __all__ = [
     "ExtinctionColor",
     "IndexColor",
     "LightColor",
-    "LightFactor",
     "Response",
     "SpectralColor",
     "Spectrum",
@@ -252,28 +251,21 @@ else:
     reflectance_branch: TypeAlias = Annotated[
         Spectrum, BeforeValidator(_said), AfterValidator(of_reflectance), _SCHEMA, Tag("<spectrum>")
     ]
-IndexColor: TypeAlias = Annotated[
-    Annotated[tuple[Index, Index, Index], Tag("<constant>")] | index_branch, Discriminator(_color_form)
+_Indices: TypeAlias = Annotated[
+    tuple[Index, Index, Index], BeforeValidator(number_as_triple), WithJsonSchema(NUMBER_OR_TRIPLE), Tag("<constant>")
 ]
+_Extinctions: TypeAlias = Annotated[
+    tuple[Extinction, Extinction, Extinction],
+    BeforeValidator(number_as_triple),
+    WithJsonSchema(NUMBER_OR_TRIPLE),
+    Tag("<constant>"),
+]
+IndexColor: TypeAlias = Annotated[_Indices | index_branch, Discriminator(_color_form)]
 """The real part of an index of refraction: at red, green and blue, or a spectrum."""
-ExtinctionColor: TypeAlias = Annotated[
-    Annotated[tuple[Extinction, Extinction, Extinction], Tag("<constant>")] | index_branch, Discriminator(_color_form)
-]
+ExtinctionColor: TypeAlias = Annotated[_Extinctions | index_branch, Discriminator(_color_form)]
 """The imaginary part, likewise."""
 LightColor: TypeAlias = Annotated[Annotated[Color, Tag("<constant>")] | light_branch, Discriminator(_color_form)]
 """The colour of light: red, green and blue, or a spectrum."""
-
-
-def _factor(value: Any) -> Any:
-    return value if isinstance(value, Mapping | Spectrum | SpectralColor) else number_as_triple(value)
-
-
-LightFactor: TypeAlias = Annotated[
-    Annotated[Color, Tag("<constant>"), WithJsonSchema(NUMBER_OR_TRIPLE)] | light_branch,
-    Discriminator(_color_form),
-    BeforeValidator(_factor),
-]
-"""A factor of light: a number, or a colour."""
 
 
 class Dispersion(Part):

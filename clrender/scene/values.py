@@ -6,7 +6,17 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, TypeAlias
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, StringConstraints, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    Strict,
+    StringConstraints,
+    ValidationError,
+    WithJsonSchema,
+)
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from clrender.errors import SceneError
@@ -92,8 +102,6 @@ Text = Annotated[str, Strict(), AfterValidator(encodable)]
 Flag = Annotated[bool, Strict()]
 Vector: TypeAlias = tuple[Coordinate, Coordinate, Coordinate]
 Lengths: TypeAlias = tuple[Length, Length, Length]
-Color: TypeAlias = tuple[Power, Power, Power]
-Reflectance: TypeAlias = tuple[Share, Share, Share]
 Termination: TypeAlias = Annotated[Finite, Field(ge=0.0, lt=1.0)] | None
 Row: TypeAlias = tuple[Finite, Finite, Finite, Finite]
 Matrix: TypeAlias = tuple[Row, Row, Row, Row]
@@ -108,6 +116,23 @@ NUMBER_OR_TRIPLE: Final[dict[str, Any]] = {
 def number_as_triple(value: Any) -> Any:
     """Accepts one number for three equal ones."""
     return (value, value, value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+def _number_or_triple(**limits: float) -> WithJsonSchema:
+    """JSON Schema of a number, or of three, within limits."""
+    one = {"type": "number", **limits}
+    return WithJsonSchema({"anyOf": [one, {"type": "array", "items": one, "minItems": 3, "maxItems": 3}]})
+
+
+Color: TypeAlias = Annotated[
+    tuple[Power, Power, Power],
+    BeforeValidator(number_as_triple),
+    _number_or_triple(minimum=0.0, maximum=POWER_LIMIT),
+]
+"""Red, green and blue; one number is a grey."""
+Reflectance: TypeAlias = Annotated[
+    tuple[Share, Share, Share], BeforeValidator(number_as_triple), _number_or_triple(minimum=0.0, maximum=1.0)
+]
 
 
 class Part(BaseModel):

@@ -143,7 +143,8 @@ BAD: list[tuple[Any, str]] = [
     ({"camra.position": 1}, 'camra: is an unknown key; did you mean "camera"'),
     ({"materials.whit.reflectance": [0.1] * 3}, r'materials\.whit is not there; did you mean "white"'),
     ({"materials.whit": None}, r'materials\.whit is not there; did you mean "white"'),
-    ({"materials.white.reflectance": math.nan}, r"materials\.white\.reflectance is nan, but must be a list"),
+    ({"materials.white.reflectance": math.nan}, r"white\.reflectance\[0\] is nan, but must be a finite number"),
+    ({"materials.white.reflectance": "grey"}, r'white\.reflectance is the text "grey", but must be a list'),
     ({"materials.white.reflectance[2]": math.nan}, r"materials\.white\.reflectance\[2\] is nan, but must be a finite"),
     (
         {"materials.white.reflectance": [0.5, -1, 0.5]},
