@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from clrender.inspection.light_path import Addition, Guidance, LightPath, PathVertex, Roulette
-from clrender.inspection.tracing import paths
 from clrender.inspection.pixel_paths import PixelPaths
+from clrender.inspection.tracing import paths
 
 __all__ = ["Addition", "Guidance", "LightPath", "PathVertex", "PixelPaths", "Roulette", "paths"]

@@ -29,11 +29,13 @@ _FOLDER: Final = Path(__file__).parent / "page"
 def paths_page(paths: PixelPaths) -> str:
     """HTML of light paths, with the numbers of `PixelPaths.to_json`."""
     template = Template((_FOLDER / "paths.html").read_text(encoding="utf-8"))
-    styles = [(folder / name).read_text(encoding="utf-8") for folder, name in ((PAGE, "style.css"), (_FOLDER, "paths.css"))]
+    styles = [
+        (folder / name).read_text(encoding="utf-8") for folder, name in ((PAGE, "style.css"), (_FOLDER, "paths.css"))
+    ]
     x, y = paths.pixel
     around = paths.surroundings
     return template.substitute(
-        title=escape(f"Light paths of pixel {x},{y} of {paths.about['scene']}"),
+        title=escape(f"Light paths of pixel {x},{y} of {Path(paths.about['scene']).stem}"),
         style="\n".join(styles),
         paths=_in_script(paths.to_json()),
         surroundings=_in_script(json.dumps(None if around is None else _pictured(around))),
@@ -60,6 +62,7 @@ def _pictured(around: Surroundings) -> dict[str, Any]:
         "near_size": [width, height],
         "points": base64.b64encode(points.tobytes()).decode(),
         "colors": base64.b64encode(np.ascontiguousarray(colors).tobytes()).decode(),
+        "rows": around.point_rows,
         "camera": plain(around.camera),
         # What is turned about, and how far rays that leave the scene are drawn
         "middle": max(float(np.median(distances)), 1e-6),

@@ -42,6 +42,5 @@ def check_integrator(name: str) -> None:
     UsageError
     """
     if name not in INTEGRATORS:
-        raise UsageError(
-            f"integrator {name} {_WHY.get(name, 'has kernels of its own')}; light paths are shown of {', '.join(INTEGRATORS)}"
-        )
+        why = _WHY.get(name, "has kernels of its own")
+        raise UsageError(f"integrator {name} {why}; light paths are shown of {', '.join(INTEGRATORS)}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import operator
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -107,9 +108,8 @@ class PixelPaths:
         UsageError
         """
         try:
-            x, y = pixel  # type: ignore[misc]
-            x, y = x.__index__(), y.__index__()
-        except (TypeError, ValueError, AttributeError):
+            x, y = (operator.index(each) for each in pixel)  # type: ignore[attr-defined]  # it looks
+        except (TypeError, ValueError):
             raise UsageError(f"pixel is {shown(pixel)}, but must be a column and a row, such as 400,300") from None
         if not (0 <= x < width and 0 <= y < height):
             raise UsageError(

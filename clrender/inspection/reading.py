@@ -47,8 +47,7 @@ def sample_values(records: _Words) -> tuple[_Floats, npt.NDArray[np.bool_]]:
 def counts(values: _Floats) -> npt.NDArray[np.bool_]:
     """Which samples the film takes: all channels are finite and below 2^43."""
     with np.errstate(invalid="ignore"):
-        taken: npt.NDArray[np.bool_] = (np.abs(values) < _LIMIT).all(axis=-1)
-    return taken
+        return np.asarray((np.abs(values) < _LIMIT).all(axis=-1))
 
 
 class _Row:
@@ -186,7 +185,7 @@ def _vertex(
     guided = bool(flags & layout.INSPECT_GUIDED)
     light = row.bits("LIGHT")
     with np.errstate(invalid="ignore", over="ignore"):
-        contribution: _Floats = np.sum([each.contribution for each in additions] or [np.zeros(3)], axis=0, dtype="f4")
+        contribution: _Floats = sum((each.contribution for each in additions), np.zeros(3, np.float32))
     roulette = None
     if flags & layout.INSPECT_ROULETTE and flags & layout.INSPECT_CARRIES:
         survival, random = row.number("SURVIVAL"), row.number("RANDOM")

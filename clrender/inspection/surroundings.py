@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from clrender.rendering.job import RenderJob
     from clrender.rendering.job_render import Recorded
     from clrender.rendering.session import Session
+    from clrender.settings import RenderSettings
 
 __all__ = ["Surroundings", "surroundings_of"]
 
@@ -42,6 +43,8 @@ class Surroundings:
         First hits of the camera, world space, metres.
     colors : (p, 3) float32
         Radiance seen there.
+    point_rows : int
+        Rows of the grid of rays that found them.
     camera : mapping
         ``position``, ``right``, ``up``, ``forward`` (world space), ``fov``, degrees, upright, and ``projects``: whether
         these say where a point is in the image.
@@ -56,6 +59,7 @@ class Surroundings:
     near_corner: tuple[int, int]
     points: npt.NDArray[np.float32]
     colors: npt.NDArray[np.float32]
+    point_rows: int
     camera: dict[str, Any]
     stops: float
     tone_map: str = "srgb"
@@ -87,14 +91,10 @@ def surroundings_of(
     close = _job(job, dataclasses.replace(wanted, crop=crop, guiding=guiding), guiding_field=field)
     near = session.render(close, should_stop=should_stop, keep_film=False)
     whole = dataclasses.replace(
-        wanted,
-        **_size(wanted.width, wanted.height, _IMAGE_SIDE),
-        spp=min(wanted.spp, _IMAGE_SPP),
-        guiding="off",
-        replicate_spp=None,
+        _smaller(wanted, _IMAGE_SIDE), spp=min(wanted.spp, _IMAGE_SPP), guiding="off", replicate_spp=None
     )
     image = session.render(_job(job, whole), should_stop=should_stop, keep_film=False)
-    few = dataclasses.replace(whole, **_size(wanted.width, wanted.height, _CLOUD_SIDE), spp=_CLOUD_SPP)
+    few = dataclasses.replace(_smaller(whole, _CLOUD_SIDE), spp=_CLOUD_SPP)
     layer = session.layers(_job(job, few, aov=("position",)), should_stop)["position"]
     height, width = layer.shape[:2]
     rows = np.minimum(((np.arange(height) + 0.5) * image.linear.shape[0] / height).astype(int), len(image.linear) - 1)
@@ -112,19 +112,20 @@ def surroundings_of(
         "fov": float(camera.vertical_fov) if camera.type == "perspective" else 45.0,
         "projects": camera.type == "perspective" and not any(camera.lens_shift) and not camera.mirrored,
     }
-    return Surroundings(
-        image.linear, near.linear, (left, top), np.ascontiguousarray(layer[hit]), colors, pose, image.camera_stops
-    )
+    points = np.ascontiguousarray(layer[hit])
+    stops = image.camera_stops
+    return Surroundings(image.linear, near.linear, (left, top), points, colors, height, pose, stops)
 
 
-def _job(job: RenderJob, settings: Any, **more: Any) -> RenderJob:
+def _job(job: RenderJob, settings: RenderSettings, **more: Any) -> RenderJob:
     """The job of a picture."""
     count = settings.spp
     given: dict[str, Any] = {"guiding_field": None, "aov": (), **more}
     return dataclasses.replace(job, settings=settings, first_sample=0, sample_count=count, **given)
 
 
-def _size(width: int, height: int, most: int) -> dict[str, int]:
-    """Width and height of an image of the same shape whose longer side has at most so many pixels."""
-    share = min(1.0, most / max(width, height))
-    return {"width": max(1, round(width * share)), "height": max(1, round(height * share))}
+def _smaller(settings: RenderSettings, most: int) -> RenderSettings:
+    """Settings of an image of the same shape whose longer side has at most so many pixels."""
+    share = min(1.0, most / max(settings.width, settings.height))
+    width, height = (max(1, round(side * share)) for side in (settings.width, settings.height))
+    return dataclasses.replace(settings, width=width, height=height)

@@ -305,7 +305,6 @@ class JobRender:
     def recorded(self, pipelines: Mapping[str, Pipeline], take: Callable[[Unit, UnitSums], None]) -> Recorded:
         """Take the samples by kernels that record their paths, on one device; see `Session.recorded`."""
         flat, _ = self._flat()
-        begin = time.perf_counter()
         with self._memory_held():
             self._film = film = self._new_film(flat)
             prepared = self._prepared(flat)

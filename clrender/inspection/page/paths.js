@@ -10,6 +10,8 @@ const COLORS = { path: "#5db2ff", light: "#ffd45c", blocked: "#ff7a6b", other: "
 const luminance = (color) => (color.includes(null) ? Infinity : 0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2]);
 const number = (value, digits = 4) => (value === null ? "not finite" : readable(value, digits));
 const triple = (values, digits = 3) => (values === null ? "–" : values.map((each) => number(each, digits)).join("  "));
+/** A colour for reading: one number if it is grey. */
+const color = (values, digits = 3) => (values !== null && values.every((each) => each === values[0]) ? number(values[0], digits) : triple(values, digits));
 const percent = (share) => `${readable(100 * share, 3)} %`;
 const heading = (text, extra = {}) => make("th", { scope: "col", ...extra }, text);
 
@@ -130,8 +132,8 @@ function decoded(text, Kind) {
   return new Kind(bytes.buffer);
 }
 
-const cloud = around ? { points: decoded(around.points, Float32Array), colors: decoded(around.colors, Uint8Array) }
-  : { points: new Float32Array(0), colors: new Uint8Array(0) };
+const cloud = around ? { points: decoded(around.points, Float32Array), colors: decoded(around.colors, Uint8Array), rows: around.rows }
+  : { points: new Float32Array(0), colors: new Uint8Array(0), rows: 0 };
 function poseWithoutCamera() {
   const { origin, direction } = rows[0].sample;
   const forward = direction, side = Math.abs(forward[1]) < 0.99 ? [0, 1, 0] : [0, 0, 1];
@@ -189,18 +191,27 @@ function fillSamples() {
   });
   body.replaceChildren(...sorted.map((row) => {
     const { sample } = row, bar = Math.max(0, Math.min(sample.share, 1)) * 5;
-    const box = make("input", { type: "checkbox", "aria-label": `Draw sample ${sample.index}`, onclick: (event) => event.stopPropagation(), onchange: (event) => {
+    row.box = make("input", { type: "checkbox", "aria-label": `Draw sample ${sample.index}`, onclick: (event) => event.stopPropagation(), onchange: (event) => {
       if (event.target.checked) drawn.add(row.rank);
       else drawn.delete(row.rank);
       redraw();
     } });
-    box.checked = drawn.has(row.rank);
-    const line = make("tr", { tabindex: row === chosen ? 0 : -1, "data-sample": sample.index, "aria-current": row === chosen ? "true" : "false", onclick: () => choose(row) },
-      make("td", {}, box), make("td", {}, String(sample.index)), make("td", {}, swatch(sample.value), sample.finite ? readable(row.brightness, 4) : "not finite"),
+    row.line = make("tr", { "data-sample": sample.index, onclick: () => choose(row) },
+      make("td", {}, row.box), make("td", {}, String(sample.index)), make("td", {}, swatch(sample.value), sample.finite ? readable(row.brightness, 4) : "not finite"),
       make("td", {}, percent(sample.share), make("span", { class: "lp-share", style: `width:${bar}rem`, "aria-hidden": "true" })),
       make("td", {}, String(row.size)), make("td", { class: "lp-words" }, brought(row.most)), make("td", { class: "lp-words" }, row.last?.ended ?? ""));
-    return line;
+    return row.line;
   }));
+  markRows();
+}
+
+/** Which row is chosen, and which are drawn; a key reaches the chosen one. */
+function markRows() {
+  for (const row of rows) {
+    row.line.setAttribute("aria-current", row === chosen ? "true" : "false");
+    row.line.tabIndex = row === chosen ? 0 : -1;
+    row.box.checked = drawn.has(row.rank);
+  }
 }
 
 body.addEventListener("keydown", (event) => {
@@ -209,8 +220,7 @@ body.addEventListener("keydown", (event) => {
   const next = event.target === line && steps ? line[steps] : null;
   if (!next) return;
   event.preventDefault();
-  choose(rows.find((row) => row.sample.index === Number(next.dataset.sample)));
-  body.querySelector("tr[aria-current=true]").focus();
+  choose(rows.find((row) => row.line === next));
 });
 
 function samplesPart() {
@@ -235,8 +245,8 @@ function vertexRow(vertex, place) {
   const by = guiding && guiding.share > 0 ? `, ${guiding.by_field ? "by field" : "by BSDF"} (${percent(guiding.share)} by field)` : "";
   return make("tr", { onpointerenter: () => mark(place), onpointerleave: () => mark(null) },
     make("td", {}, String(place + 1)), make("td", { class: "lp-words" }, what + by), make("td", { class: "lp-words" }, kind), make("td", {}, triple(vertex.position)),
-    make("td", {}, triple(vertex.throughput_in)), make("td", {}, vertex.ended ? `– (${vertex.ended})` : triple(vertex.throughput)),
-    make("td", {}, pdf), make("td", {}, triple(vertex.weight)), make("td", {}, played), make("td", {}, swatch(vertex.contribution), triple(vertex.contribution)));
+    make("td", {}, color(vertex.throughput_in)), make("td", {}, vertex.ended ? `– (${vertex.ended})` : color(vertex.throughput)),
+    make("td", {}, pdf), make("td", {}, color(vertex.weight)), make("td", {}, played), make("td", {}, swatch(vertex.contribution), color(vertex.contribution)));
 }
 
 function additionRow(addition, isMost) {
@@ -247,8 +257,8 @@ function additionRow(addition, isMost) {
   const weights = !known ? "" : `MIS light ${number(addition.light_weight)}, BSDF ${number(addition.bsdf_weight)}`;
   return make("tr", { class: isMost ? "lp-addition lp-most" : "lp-addition" }, make("td", {}),
     make("td", { class: "lp-words", colspan: 2 }, where), make("td", {}, addition.position ? triple(addition.position) : addition.direction ? `towards ${triple(addition.direction)}` : ""),
-    make("td", { colspan: 2 }, known ? `radiance ${triple(addition.emitted)}` : ""), make("td", { class: "lp-words", colspan: 2 }, `${densities}; ${weights}`.replace(/^; $/, "")),
-    make("td", {}, result), make("td", {}, addition.order ? triple(addition.contribution) : "0"));
+    make("td", { colspan: 2 }, known ? `radiance ${color(addition.emitted)}` : ""), make("td", { class: "lp-words", colspan: 2 }, `${densities}; ${weights}`.replace(/^; $/, "")),
+    make("td", {}, result), make("td", {}, addition.order ? color(addition.contribution) : "0"));
 }
 
 /** Why a sample is as bright as it is, in a sentence. */
@@ -257,16 +267,20 @@ function sentence(row) {
   if (!sample.finite) return "This sample is not finite, or brighter than 2⁴³, and is left out of the pixel.";
   if (!most) return "This sample found no light.";
   const vertex = sample.vertices[most.place], through = Math.max(...vertex.throughput_in.map((each) => each ?? Infinity));
-  const steps = sample.vertices.slice(0, most.place).filter((each) => each.weight);
-  let top = null;
-  steps.forEach((each, at) => {
-    const gain = Math.max(...each.weight.map((one) => one ?? Infinity)) / (each.roulette ? each.roulette.survival : 1);
+  let top = null, index = 1;
+  sample.vertices.slice(0, most.place).forEach((each, at) => {
+    if (!each.weight) return;
+    // Radiance is divided by the squared index, which no light gets lost by
+    const gain = (Math.max(...each.weight.map((one) => one ?? Infinity)) * each.index_squared) / index / (each.roulette ? each.roulette.survival : 1);
+    index = each.index_squared;
     if (top === null || gain > top.gain) top = { gain, at };
   });
   const part = row.brightness ? ` That is ${percent(most.brings / Math.abs(row.brightness))} of the sample.` : "";
   const emitted = most.addition.light !== null ? `, where it meets radiance ${number(Math.max(...most.addition.emitted.map((each) => each ?? Infinity)))}` : "";
   const grown = top && top.gain > 1.5 ? ` The throughput grew most at vertex ${top.at + 1}, by a factor of ${number(top.gain)}.` : "";
-  return `Most light is added at vertex ${most.place + 1} by ${brought(most)}: the path arrives there with a throughput of ${number(through)}${emitted}.${part}${grown}`;
+  const alone = most.addition.in_full && most.place > 0 && most.addition.strategy === "emission"
+    ? " No light sample could have found it, as the path came from a delta, so it counts in full." : "";
+  return `Most light is added at vertex ${most.place + 1} by ${brought(most)}: the path arrives there with a throughput of ${number(through)}${emitted}.${part}${alone}${grown}`;
 }
 
 function fillDetails() {
@@ -293,12 +307,13 @@ function redraw() {
   drawOverlay();
 }
 function choose(row) {
-  if (chosen && !body.querySelector(`tr[data-sample="${chosen.sample.index}"] input:checked`)) drawn.delete(chosen.rank);
-  if (chosen && chosen !== row && drawn.size === 1) drawn.delete(chosen.rank);
+  // Where only the chosen one is drawn, the next takes its place
+  if (drawn.size === 1) drawn.delete(chosen.rank);
   chosen = row;
   drawn.add(row.rank);
   marked = null;
-  fillSamples();
+  markRows();
+  row.line.focus({ preventScroll: false });
   fillDetails();
   redraw();
 }
@@ -307,7 +322,7 @@ const facts = [data.integrator + (data.guided ? ", guided" : "") + (data.spectra
   `${data.width} × ${data.height}`, `radiance ${triple(data.radiance, 5)}`];
 if (data.nonfinite_samples) facts.push(`${data.nonfinite_samples} samples were not finite and are left out`);
 document.getElementById("view").append(
-  make("header", { class: "lp-bar" }, make("h1", {}, `Light paths of pixel ${data.pixel.join(",")} of ${data.scene}`), make("p", {}, facts.join(" · "))),
+  make("header", { class: "lp-bar" }, make("h1", {}, document.title), make("p", {}, facts.join(" · "))),
   make("div", { class: "lp-parts" }, ...[pictures(), stage(), samplesPart(), details].filter(Boolean)));
 fillSamples();
 fillDetails();

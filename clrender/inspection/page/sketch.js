@@ -21,7 +21,8 @@ const KEYS = { ArrowLeft: [STEP, 0], ArrowRight: [-STEP, 0], ArrowUp: [0, STEP],
 /**
  * A canvas that shows points and lines from a viewpoint that the mouse and the keys move.
  *
- * `cloud`: points (3 n) and colors (3 n, bytes); `pose`: position, right, up, forward, fov; `reach`: distance of what is turned about.
+ * `cloud`: points (3 n), colors (3 n, bytes) and the rows of the grid that they are of; `pose`: position, right, up, forward, fov; `reach`:
+ * distance of what is turned about.
  * `lines()` gives [{ from, to, color, width, dash }], and `dots()` [{ at, color, size, text }], in world space.
  */
 export function sketch(cloud, pose, reach, lines, dots) {
@@ -63,7 +64,9 @@ export function sketch(cloud, pose, reach, lines, dots) {
     const picture = context.createImageData(width, height), words = new Uint32Array(picture.data.buffer);
     words.fill(0xff141414);
     const depths = new Float32Array(width * height).fill(Infinity);
-    const near = view.distance * 1e-3, { points, colors } = cloud, side = Math.max(1, Math.round(1.6 * scale));
+    const near = view.distance * 1e-3, { points, colors } = cloud;
+    // Seen from the camera points are somewhat larger than their grid is wide, as each is anywhere in its cell
+    const side = Math.max(1, Math.min(Math.round((1.6 * (height / Math.max(cloud.rows, 1)) * reach) / view.distance), 8));
     const [r, u, f] = [view.right, view.up, view.forward];
     for (let i = 0; i < points.length; i += 3) {
       const x = points[i] - from[0], y = points[i + 1] - from[1], z = points[i + 2] - from[2];
