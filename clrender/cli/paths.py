@@ -96,9 +96,8 @@ def paths(
     """
     from clrender.files.access import check_writable
     from clrender.importers import load
-    from clrender.inspection import PixelPaths
     from clrender.inspection.pipelines import check_integrator
-    from clrender.inspection.pixel_paths import check_ending
+    from clrender.inspection.pixel_paths import check_ending, check_pixel
     from clrender.inspection.tracing import paths_in
     from clrender.rendering.job import RenderJob
     from clrender.rendering.session import Session
@@ -117,7 +116,7 @@ def paths(
         chosen = {name: value for name, value in settings.items() if value is not None}
         job = RenderJob.of(description, size=size, **chosen)
         check_integrator(job.settings.integrator)
-        PixelPaths.check_pixel(place, job.settings.width, job.settings.height)
+        check_pixel(place, job.settings.width, job.settings.height)
         check_distinct(outputs, scene_files(scene, description))
         pictured = any(path.suffix.lower() == ".html" for path in outputs)
         with Session(list(devices) or None, notify=say, on_stage=waiting.stage) as session:

@@ -21,7 +21,7 @@ from clrender.limits import shown
 if TYPE_CHECKING:
     from clrender.inspection.surroundings import Surroundings
 
-__all__ = ["ENDINGS", "PixelPaths", "check_ending"]
+__all__ = ["ENDINGS", "PixelPaths", "check_ending", "check_pixel"]
 
 ENDINGS: Final = (".json", ".html")
 
@@ -35,6 +35,25 @@ def check_ending(path: str | Path) -> None:
     """
     if Path(path).suffix.lower() not in ENDINGS:
         raise UsageError(f"{path}: light paths are written to a .json or an .html file; name one, such as paths.html")
+
+
+def check_pixel(pixel: object, width: int, height: int) -> tuple[int, int]:
+    """Check the column and row of a pixel, and return them.
+
+    Raises
+    ------
+    UsageError
+    """
+    try:
+        x, y = (operator.index(each) for each in pixel)  # type: ignore[attr-defined]  # it looks
+    except (TypeError, ValueError):
+        raise UsageError(f"pixel is {shown(pixel)}, but must be a column and a row, such as 400,300") from None
+    if not (0 <= x < width and 0 <= y < height):
+        raise UsageError(
+            f"pixel {x},{y} is not within the image of {width} x {height}; columns and rows count from 0, at the "
+            "upper left"
+        )
+    return x, y
 
 
 @dataclass(frozen=True)
@@ -87,7 +106,12 @@ class PixelPaths:
         return paths_page(self)
 
     def save(self, path: str | Path) -> None:
-        """Write the paths to a ``.json`` or an ``.html`` file.
+        """Write the paths to a file.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            Of a ``.json`` or an ``.html`` file.
 
         Raises
         ------
@@ -98,22 +122,3 @@ class PixelPaths:
         text = self.to_html() if Path(path).suffix.lower() == ".html" else self.to_json()
         with atomic_write(path) as file:
             file.write(text.encode())
-
-    @staticmethod
-    def check_pixel(pixel: object, width: int, height: int) -> tuple[int, int]:
-        """The column and row of a pixel, checked.
-
-        Raises
-        ------
-        UsageError
-        """
-        try:
-            x, y = (operator.index(each) for each in pixel)  # type: ignore[attr-defined]  # it looks
-        except (TypeError, ValueError):
-            raise UsageError(f"pixel is {shown(pixel)}, but must be a column and a row, such as 400,300") from None
-        if not (0 <= x < width and 0 <= y < height):
-            raise UsageError(
-                f"pixel {x},{y} is not within the image of {width} x {height}; columns and rows count from 0, at the "
-                "upper left"
-            )
-        return x, y

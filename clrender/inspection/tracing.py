@@ -13,7 +13,7 @@ from clrender.device.source import kernels_sha256
 from clrender.errors import RenderError, UsageError
 from clrender.inspection.names import Names
 from clrender.inspection.pipelines import PIPELINES, check_integrator
-from clrender.inspection.pixel_paths import PixelPaths
+from clrender.inspection.pixel_paths import PixelPaths, check_pixel
 from clrender.inspection.reading import as_rows, counts, highest, light_path, luminance, sample_values
 from clrender.inspection.surroundings import surroundings_of
 from clrender.rendering.job import RenderJob
@@ -125,7 +125,7 @@ def paths_in(
     """
     settings = job.settings
     check_integrator(settings.integrator)
-    x, y = PixelPaths.check_pixel(pixel, settings.width, settings.height)
+    x, y = check_pixel(pixel, settings.width, settings.height)
     most = SAMPLES if samples is None else samples
     if isinstance(most, bool) or not isinstance(most, (int, np.integer)) or most < 1:
         raise UsageError(f"samples is {samples!r}, but must be a whole number from 1 on")
