@@ -25,7 +25,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder, chromium() as browser:
         file = Path(folder) / "paths.html"
         found.save(file)
-        page = browser.new_page(viewport={"width": 1200, "height": 1180}, color_scheme="light")
+        page = browser.new_page(viewport={"width": 1360, "height": 1000}, color_scheme="light")
         page.goto(file.as_uri())
         page.wait_for_selector(".lp-samples tbody tr")
         # Of the samples only the first are of interest

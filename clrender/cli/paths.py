@@ -24,6 +24,7 @@ from clrender.cli.options import (
 )
 from clrender.cli.outputs import check_distinct, scene_files
 from clrender.cli.waiting import Waiting
+from clrender.errors import RenderError
 from clrender.settings import SETTINGS, WORK
 
 if TYPE_CHECKING:
@@ -120,7 +121,13 @@ def paths(
         check_distinct(outputs, scene_files(scene, description))
         pictured = any(path.suffix.lower() == ".html" for path in outputs)
         with Session(list(devices) or None, notify=say, on_stage=waiting.stage) as session:
-            found = paths_in(session, job, place, samples, pictured, should_stop=interrupt.wanted)
+            try:
+                found = paths_in(session, job, place, samples, pictured, should_stop=interrupt.wanted)
+            except RenderError:
+                if not interrupt.wanted():
+                    raise
+                click.echo("error: interrupted; nothing was written", err=True)
+                sys.exit(interrupt.exit_code)
         if found.surroundings is not None:
             stops = found.surroundings.stops + exposure
             around = dataclasses.replace(found.surroundings, stops=stops, tone_map=tone_map)

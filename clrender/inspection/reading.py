@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,7 @@ from clrender.inspection.light_path import Addition, Guidance, LightPath, PathVe
 if TYPE_CHECKING:
     from clrender.inspection.names import Names
 
-__all__ = ["as_rows", "light_path", "sample_values"]
+__all__ = ["as_rows", "counts", "highest", "light_path", "luminance", "sample_values", "written"]
 
 _Words = npt.NDArray[np.uint32]
 _Floats = npt.NDArray[np.float32]
@@ -35,6 +35,11 @@ _LIMIT: Final = np.float32(2.0**43)
 def as_rows(records: _Words) -> _Words:
     """Records of n samples as rows: (n, `INSPECT_ROWS`, `INSPECT_WORDS`)."""
     return records.reshape(-1, layout.INSPECT_ROWS, layout.INSPECT_WORDS)
+
+
+def written(rows: _Words) -> _Words:
+    """A copy of those rows of a sample, (`INSPECT_ROWS`, `INSPECT_WORDS`), that were written."""
+    return rows[: max(1, min(int(rows[0, _SAMPLE["USED"]]), layout.INSPECT_ROWS))].copy()
 
 
 def sample_values(records: _Words) -> tuple[_Floats, npt.NDArray[np.bool_]]:
@@ -82,7 +87,7 @@ def light_path(
     ----------
     index : int
         Number of the sample.
-    rows : (`INSPECT_ROWS`, `INSPECT_WORDS`) uint32
+    rows : (n, `INSPECT_WORDS`) uint32
         What the kernel has written.
     names : Names
     origin : (3,) float
@@ -101,7 +106,7 @@ def light_path(
     additions: list[Addition] = []
     here = np.asarray(origin, np.float64)
     ray: tuple[npt.NDArray[np.float64], _Floats] | None = None
-    for words in rows[1 : min(used, layout.INSPECT_ROWS)]:
+    for words in rows[1:]:
         kind = int(words[0])
         if kind != layout.INSPECT_VERTEX:
             made = _addition(_Row(words, _LIGHT), kind, names, here, np.float32(filter_weight), integrator)
@@ -252,7 +257,7 @@ def _event(flags: int, goes: bool) -> str:
     return f"specular {way}" if flags & layout.INSPECT_SPECULAR else way
 
 
-def highest(values: _Floats, taken: npt.NDArray[np.bool_], most: int) -> Any:
+def highest(values: _Floats, taken: npt.NDArray[np.bool_], most: int) -> npt.NDArray[np.intp]:
     """Indices of the samples with the largest luminance, by magnitude, in that order; those that do not count first."""
     size = np.where(taken, np.abs(luminance(values)), np.inf)
     return np.argsort(-size, kind="stable")[:most]

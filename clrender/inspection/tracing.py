@@ -14,7 +14,7 @@ from clrender.errors import RenderError, UsageError
 from clrender.inspection.names import Names
 from clrender.inspection.pipelines import PIPELINES, check_integrator
 from clrender.inspection.pixel_paths import PixelPaths, check_pixel
-from clrender.inspection.reading import as_rows, counts, highest, light_path, luminance, sample_values
+from clrender.inspection.reading import as_rows, counts, highest, light_path, luminance, sample_values, written
 from clrender.inspection.surroundings import surroundings_of
 from clrender.rendering.job import RenderJob
 from clrender.rendering.session import Session
@@ -178,19 +178,21 @@ class _Kept:
     def __init__(self, most: int) -> None:
         self._most = most
         self._values: list[npt.NDArray[np.float32]] = []
-        self._numbers = np.zeros(0, np.int64)
-        self._records = np.zeros((0, 0), np.uint32)
+        self._rows: dict[int, npt.NDArray[np.uint32]] = {}
 
     def take(self, unit: Unit, sums: UnitSums) -> None:
         """Take a unit of samples."""
         assert sums.records is not None
         found, complete = sample_values(sums.records)
         self._values.append(np.where(complete[:, None], found, np.float32(np.nan)))
-        records = sums.records if not len(self._numbers) else np.concatenate([self._records, sums.records])
-        numbers = np.concatenate([self._numbers, np.arange(len(found)) + unit.first_sample])
+        of_unit = dict(enumerate(as_rows(sums.records), unit.first_sample))
+        numbers = np.array([*self._rows, *of_unit], np.int64)
         values = np.concatenate(self._values)[numbers]
-        best = highest(values, counts(values), self._most)
-        self._numbers, self._records = numbers[best], records[best]
+        best = numbers[highest(values, counts(values), self._most)].tolist()
+        # Most rows are empty: only those that were written stay in memory
+        self._rows = {
+            number: self._rows[number] if number in self._rows else written(of_unit[number]) for number in best
+        }
 
     def values(self) -> npt.NDArray[np.float32]:
         """What each sample adds to the sum of its pixel, (n, 3) float32."""
@@ -198,4 +200,4 @@ class _Kept:
 
     def best(self) -> list[tuple[int, npt.NDArray[np.uint32]]]:
         """Numbers and rows of the samples that contribute most, in that order."""
-        return list(zip(self._numbers.tolist(), as_rows(self._records), strict=True))
+        return list(self._rows.items())

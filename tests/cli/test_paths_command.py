@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import signal
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -144,6 +149,23 @@ def test_the_sketch_turns_by_mouse_and_keys(browser: Any, made: Path, scheme: st
     # Every control has a name, and pictures say what they show
     assert page.locator("img:not([alt]), input:not([aria-label])").count() == 0
     assert not errors
+
+
+@pytest.mark.long
+def test_an_interruption_leaves_no_file(device: Device, tmp_path: Path) -> None:
+    line = ("paths", "room", "--pixel", "80,60", "--size", "160x120", "--spp", "1000000", "-o", "paths.json")
+    started = subprocess.Popen(
+        [sys.executable, "-m", "clrender", *line, "-d", str(device.info.index)],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(Path(clrender.__path__[0]).parent)},
+    )
+    time.sleep(4.0)
+    started.send_signal(signal.SIGINT)
+    _, said = started.communicate(timeout=60)
+    assert started.returncode == 130 and said.splitlines()[-1].startswith("error: interrupted")
+    assert not list(tmp_path.iterdir())
 
 
 BAD: dict[str, tuple[str, tuple[str, ...]]] = {

@@ -33,6 +33,7 @@ WAYS: list[dict[str, Any]] = [
     {"guiding": "on", "guiding_paths": 20000},
     {"guiding": "on", "guiding_paths": 20000, "filter": "mitchell", "sampling": "light"},
     {"spectral": True, "filter": "mitchell"},
+    {"spectral": True, "guiding": "on", "guiding_paths": 20000},
     {"integrator": "direct", "shadow_rays": 2},
     {"integrator": "whitted", "filter": "tent"},
 ]
@@ -197,6 +198,16 @@ def test_a_long_path_says_what_was_left_out(session: clrender.Session) -> None:
         recorded = np.sum([each.contribution for each in sample.vertices], axis=0, dtype=np.float64)
         np.testing.assert_allclose(recorded + sample.rest, sample.radiance, rtol=1e-4)
         assert sample.rest[0] > 0.0
+
+
+def test_samples_that_are_left_out_come_first(session: clrender.Session) -> None:
+    """A point light close to a wall: beside its foot the radiance is more than the film takes."""
+    light = {"type": "point", "position": [0.0, 0.0, 0.02], "intensity": [1e12] * 3}
+    (found,) = same_as_render(session, scene_of(WALL, lights=[light]), [(11, 10)], size=(21, 21), spp=64, max_depth=1)
+    lost = found.nonfinite_samples
+    assert 0 < lost < 64
+    assert [each.finite for each in found.samples] == [False] * lost + [True] * (64 - lost)
+    assert found.samples[0].value[0] > 2.0**43 > found.radiance[0] > 0.0
 
 
 def test_only_some_samples_are_kept(session: clrender.Session) -> None:

@@ -234,7 +234,7 @@ function samplesPart() {
 // The vertices of one sample
 
 const details = make("section", { class: "lp-part lp-wide", "aria-live": "polite" });
-const VERTEX_COLUMNS = ["", "Event", "At", "Position, m", "Throughput before", "after", "pdf, 1/sr", "Weight f cos / pdf", "Roulette", "Contribution"];
+const VERTEX_COLUMNS = ["", "Event", "At", "Position, m", "Throughput before", "after", "pdf, 1/sr", "f cos / pdf", "Roulette", "Contribution"];
 
 function vertexRow(vertex, place) {
   const { roulette, guiding } = vertex;
