@@ -42,7 +42,8 @@ class Addition:
     light_probability : float
         Probability with which light sampling chooses this light at the vertex.
     light_pdf : float
-        Density with which light sampling finds this direction, with the choice of the light, per steradian.
+        Density with which light sampling finds this direction, with the choice of the light, per steradian; of a light
+        without extent, the probability of the choice.
     bsdf_pdf : float
         Density with which directions of the BSDF, and of the guiding field, find it, per steradian; 0: a delta.
     light_weight, bsdf_weight : float
@@ -165,7 +166,7 @@ class PathVertex:
     throughput_in, throughput : (3,) float32
         With which the path arrived, and went on after the event and roulette.
     weight : (3,) float32 or None
-        f |cos| / pdf of the sampled direction.
+        BSDF times cosine over `pdf`, of the sampled direction.
     pdf : float or None
         Its density, per steradian, of the BSDF and the guiding field; 0: a delta.
     bsdf_pdf : float or None
@@ -173,7 +174,7 @@ class PathVertex:
     index_squared : float or None
         Squared index of refraction where the path goes on, relative to where it began.
     roulette : Roulette or None
-        None: it was not played.
+        None: it was not played, as where the path goes straight on.
     guiding : Guidance or None
         None: the field knows nothing here.
     ended : str or None

@@ -192,7 +192,7 @@ def _vertex(
     with np.errstate(invalid="ignore", over="ignore"):
         contribution: _Floats = sum((each.contribution for each in additions), np.zeros(3, np.float32))
     roulette = None
-    if flags & layout.INSPECT_ROULETTE and flags & layout.INSPECT_CARRIES:
+    if flags & layout.INSPECT_ROULETTE and flags & layout.INSPECT_CARRIES and not flags & layout.INSPECT_STRAIGHT:
         survival, random = row.number("SURVIVAL"), row.number("RANDOM")
         roulette = Roulette(survival, random, random < survival)
     light_share = row.number("LIGHT_SHARE")

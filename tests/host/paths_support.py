@@ -78,6 +78,8 @@ def check_sample(sample: LightPath) -> None:
         np.testing.assert_allclose(colors, sample.value, rtol=1e-4, atol=slack)
     for each in every:
         assert (each.order > 0) == each.arrives
+        if each.light is not None and (each.light_pdf >= 1e-30 or each.in_full):
+            assert abs(each.light_weight + each.bsdf_weight - 1.0) < 1e-5, each  # the balance heuristic
         if each.arrives and each.strategy == "light sample":
             assert each.shadow_ray and each.light_pdf > 0.0 and 0.0 <= each.light_weight <= 1.0
         elif not each.arrives:

@@ -238,7 +238,7 @@ const VERTEX_COLUMNS = ["", "Event", "At", "Position, m", "Throughput before", "
 
 function vertexRow(vertex, place) {
   const { roulette, guiding } = vertex;
-  const played = roulette ? `${readable(roulette.random)} ${roulette.survived ? "<" : "≥"} ${readable(roulette.survival)}: ${roulette.survived ? "goes on" : "ends"}` : "–";
+  const played = roulette?.survival === 1 ? "survives" : roulette ? `${readable(roulette.random)} ${roulette.survived ? "<" : "≥"} ${readable(roulette.survival)}: ${roulette.survived ? "goes on" : "ends"}` : "–";
   const what = vertex.again ? `${vertex.event}, next ray` : vertex.event;
   const kind = vertex.material_type ? `${vertex.object ?? ""} ${vertex.material ? `(${vertex.material}, ${vertex.material_type})` : `(${vertex.material_type})`}`.trim() : vertex.object ?? "–";
   const pdf = vertex.pdf === null ? "–" : vertex.pdf === 0 ? "delta" : number(vertex.pdf);
