@@ -47,13 +47,13 @@ static uint inspect_light_kind(const Scene* scene, uint light) {
 }
 
 // The path arrived at a surface, at a point of a medium, or outside of the scene.
-static void inspect_surface(Path* path, Hit hit, const Surface* surface, const Bsdf* bsdf, uint flags) {
+static void inspect_surface(Path* path, vec3 carried, Hit hit, const Surface* surface, const Bsdf* bsdf, uint flags) {
     __global uint* row = path->inspection.vertex = inspect_row(path, INSPECT_VERTEX);
     path->inspection.light_sample = 0;
     if (!row) return;
     INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_ORIGIN, path->ray.origin);
     INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_ARRIVES, path->ray.direction);
-    INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_BEFORE, path->throughput);
+    INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_BEFORE, carried);
     INSPECT_PUT(row, INSPECT_VERTEX_ROW_SURVIVAL, 1.0f);
     INSPECT_PUT(row, INSPECT_VERTEX_ROW_LIGHT_SHARE, 1.0f);
     row[INSPECT_VERTEX_ROW_LIGHT] = NONE;
@@ -73,7 +73,7 @@ static void inspect_vertex(Path* path, Hit hit, const Vertex* v) {
     const uint where = (v->found | !v->traced ? INSPECT_FOUND : 0u) | (bsdf_in_medium(&v->bsdf) ? INSPECT_IN_MEDIUM : 0u);
     const uint how = (v->traced ? 0u : INSPECT_BACK) | (interior_straight(&v->crossing) ? INSPECT_STRAIGHT : 0u) | (v->dark ? INSPECT_DARK : 0u);
     const uint what = (v->samples_lights ? INSPECT_SAMPLES_LIGHTS : 0u) | (v->scatters ? INSPECT_SCATTERS : 0u);
-    inspect_surface(path, hit, &v->surface, &v->bsdf, where | how | what);
+    inspect_surface(path, split_throughput(&path->split, path->throughput), hit, &v->surface, &v->bsdf, where | how | what);
 #ifdef PATH_GUIDED
     __global uint* row = path->inspection.vertex;
     if (!row) return;
@@ -248,7 +248,7 @@ static void inspect_end(const Scene* scene, const Pool* pool, const Path* path, 
 static void inspect_whitted(const Scene* scene, Path* path, Hit hit, vmask found, vmask escapes, const Surface* surface, const Bsdf* bsdf,
                             vmask straight, vmask scatters, vec3 seen) {
     const uint what = (found ? INSPECT_FOUND : 0u) | (straight ? INSPECT_STRAIGHT : 0u) | (scatters ? INSPECT_SCATTERS : 0u);
-    inspect_surface(path, hit, surface, bsdf, what | (scatters & !(bsdf->specular | straight) ? INSPECT_SAMPLES_LIGHTS : 0u));
+    inspect_surface(path, path->throughput, hit, surface, bsdf, what | (scatters & !(bsdf->specular | straight) ? INSPECT_SAMPLES_LIGHTS : 0u));
     const int environment = escapes && scene->settings->environment != NONE;
     if (!(environment || (found && surface->light != NONE)) || (seen.x == 0.0f && seen.y == 0.0f && seen.z == 0.0f)) return;
     const float inverse = inverse_or_one(largest(path->throughput));

@@ -185,6 +185,21 @@ def test_roulette_is_as_recorded(session: clrender.Session) -> None:
             np.testing.assert_allclose(vertex.throughput, expected, rtol=1e-6)
 
 
+@pytest.mark.thorough
+def test_paths_that_split_come_back(session: clrender.Session) -> None:
+    (found,) = same_as_render(session, clrender.load("room"), [(25, 19)], size=SIZE, spp=8, indirect_rays=4)
+    for sample in found.samples:
+        again = [place for place, each in enumerate(sample.vertices) if each.again]
+        assert len(again) == 3
+        first = next(each for each in sample.vertices if each.position is not None and each.additions)
+        for place in again:
+            vertex = sample.vertices[place]
+            assert vertex.position is not None and first.position is not None
+            np.testing.assert_array_equal(vertex.position, first.position)
+            np.testing.assert_allclose(vertex.throughput_in, first.throughput_in / 4.0, rtol=1e-6)
+            assert sample.vertices[place - 1].ended is not None and not vertex.additions
+
+
 def test_a_long_path_says_what_was_left_out(session: clrender.Session) -> None:
     """Within a white ball paths are long; the values are exact all the same."""
     ball = {"type": "sphere", "center": [0.0, 0.0, 4.0], "radius": 2.0, "material": "white", "flip_normals": True}
