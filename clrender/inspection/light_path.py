@@ -164,7 +164,8 @@ class PathVertex:
     direction : (3,) float32 or None
         Unit vector in which the path goes on; None if none was sampled.
     throughput_in, throughput : (3,) float32
-        With which the path arrived, and went on after the event and roulette; where several rays leave, the share of each.
+        With which the path arrived, and went on after the event and roulette; where several rays leave, the share of
+        each.
     weight : (3,) float32 or None
         BSDF times cosine over `pdf`, of the sampled direction.
     pdf : float or None

@@ -74,6 +74,7 @@ class _Row:
 
 def light_path(
     index: int,
+    value: _Floats,
     rows: _Words,
     names: Names,
     origin: Sequence[float],
@@ -87,6 +88,8 @@ def light_path(
     ----------
     index : int
         Number of the sample.
+    value : (3,) float32
+        What it adds to its pixel; NaN if the kernel has not finished it.
     rows : (n, `INSPECT_WORDS`) uint32
         What the kernel has written.
     names : Names
@@ -120,7 +123,6 @@ def light_path(
             ray = current.vector("ORIGIN") + here, current.vector("ARRIVES")
     if current is not None:
         vertices.append(_vertex(current, names, here, [*additions, *before], integrator))
-    value = head.vector("VALUE")
     start, direction = ray or (here, np.zeros(3, np.float32))
     return LightPath(
         index,

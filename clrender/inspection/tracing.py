@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 
 __all__ = ["SAMPLES", "check_settings", "paths", "paths_in"]
 
-SAMPLES = 256
+SAMPLES: Final = 256
 """Samples whose paths are kept by default."""
 
-_NOT_OF_A_PIXEL = ("crop", "time_limit", "error")
+_NOT_OF_A_PIXEL: Final = ("crop", "time_limit", "error")
 """Settings that say which samples are taken of which pixels."""
 
 
@@ -97,7 +97,7 @@ def check_settings(settings: dict[str, Any]) -> dict[str, Any]:
     ------
     UsageError
     """
-    more = ("samples", "aov", "denoise", "light_groups", "amodal", "spectrum")
+    more = ("aov", "denoise", "light_groups", "amodal", "spectrum")
     for name in (*_NOT_OF_A_PIXEL, *more):
         if settings.get(name):
             raise UsageError(f"{name} has no effect on the light paths of a pixel; leave it out")
@@ -158,6 +158,7 @@ def paths_in(
     found = [
         light_path(
             number,
+            values[number],
             rows,
             names,
             flat.origin,
@@ -179,19 +180,23 @@ class _Kept:
         self._most = most
         self._values: list[npt.NDArray[np.float32]] = []
         self._rows: dict[int, npt.NDArray[np.uint32]] = {}
+        self._best = np.zeros((0, 3), np.float32)
 
     def take(self, unit: Unit, sums: UnitSums) -> None:
         """Take a unit of samples."""
-        assert sums.records is not None
+        if sums.records is None:
+            return  # it was stopped before the first sample
         found, complete = sample_values(sums.records)
-        self._values.append(np.where(complete[:, None], found, np.float32(np.nan)))
+        found = np.where(complete[:, None], found, np.float32(np.nan))
+        self._values.append(found)
         of_unit = dict(enumerate(as_rows(sums.records), unit.first_sample))
-        numbers = np.array([*self._rows, *of_unit], np.int64)
-        values = np.concatenate(self._values)[numbers]
-        best = numbers[highest(values, counts(values), self._most)].tolist()
+        numbers, values = [*self._rows, *of_unit], np.concatenate([self._best, found])
+        order = highest(values, counts(values), self._most)
+        self._best = values[order]
         # Most rows are empty: only those that were written stay in memory
         self._rows = {
-            number: self._rows[number] if number in self._rows else written(of_unit[number]) for number in best
+            number: self._rows[number] if number in self._rows else written(of_unit[number])
+            for number in (numbers[place] for place in order.tolist())
         }
 
     def values(self) -> npt.NDArray[np.float32]:

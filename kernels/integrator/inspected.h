@@ -36,7 +36,7 @@ static void inspection_begin(Inspection* i, uint number) {
     *i = inspection_of(i->records);
     i->rows = i->records + (size_t)number * (INSPECT_ROWS * INSPECT_WORDS);
     i->used = 1u;
-    i->rows[INSPECT_SAMPLE_ROW_USED] = i->rows[INSPECT_SAMPLE_ROW_ENDS] = 0u;
+    for (uint k = 0; k < INSPECT_WORDS; ++k) i->rows[k] = 0u;
 }
 
 #endif

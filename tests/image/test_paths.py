@@ -14,7 +14,7 @@ from paths_support import bits, paths_of, same_as_render
 
 import clrender
 from clrender import layout
-from clrender.errors import UsageError
+from clrender.errors import RenderError, UsageError
 from clrender.inspection import PixelPaths
 
 if TYPE_CHECKING:
@@ -256,6 +256,16 @@ def test_python_takes_what_render_takes(device: Device) -> None:
     assert isinstance(found, PixelPaths) and "4 of 4 samples" in repr(found)
     image = clrender.render(room, size=SIZE, spp=4, seed=9, device=device.info.index)
     assert bits(found.radiance) == bits(image.linear[19, 25])
+
+
+def test_paths_that_are_stopped_are_an_error(device: Device) -> None:
+    for calls in (0, 3):
+        asked = iter([False] * calls)
+        with pytest.raises(RenderError, match="not complete"):
+            clrender.paths(
+                clrender.load("room"), (25, 19), size=SIZE, spp=5000, device=device.info.index,
+                should_stop=lambda asked=asked: next(asked, True),
+            )  # fmt: skip
 
 
 @pytest.mark.parametrize(
