@@ -258,14 +258,12 @@ def test_python_takes_what_render_takes(device: Device) -> None:
     assert bits(found.radiance) == bits(image.linear[19, 25])
 
 
-def test_paths_that_are_stopped_are_an_error(device: Device) -> None:
-    for calls in (0, 3):
-        asked = iter([False] * calls)
-        with pytest.raises(RenderError, match="not complete"):
-            clrender.paths(
-                clrender.load("room"), (25, 19), size=SIZE, spp=5000, device=device.info.index,
-                should_stop=lambda asked=asked: next(asked, True),
-            )  # fmt: skip
+@pytest.mark.parametrize("calls", [0, 3])
+def test_paths_that_are_stopped_are_an_error(device: Device, calls: int) -> None:
+    asked = iter([False] * calls)
+    given: dict[str, Any] = {"size": SIZE, "spp": 5000, "device": device.info.index}
+    with pytest.raises(RenderError, match="not complete"):
+        clrender.paths(clrender.load("room"), (25, 19), should_stop=lambda: next(asked, True), **given)
 
 
 @pytest.mark.parametrize(
