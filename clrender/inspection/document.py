@@ -4,28 +4,43 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 if TYPE_CHECKING:
-    from clrender.inspection.pixel_paths import PixelPaths
+    from clrender.inspection.light_path import LightPath
 
 __all__ = ["FORMAT", "document", "plain"]
 
 FORMAT: Final = "clrender light paths 1"
 
 
-def document(paths: PixelPaths) -> dict[str, Any]:
-    """All of `paths` but its pictures, as JSON values; numbers that are not finite become None."""
+def document(
+    about: Mapping[str, Any],
+    pixel: tuple[int, int],
+    radiance: npt.NDArray[np.float32],
+    nonfinite_samples: int,
+    values: npt.NDArray[np.float32],
+    samples: Sequence[LightPath],
+) -> dict[str, Any]:
+    """The paths of a pixel as JSON values; numbers that are not finite become None.
+
+    Parameters
+    ----------
+    about, pixel, radiance, nonfinite_samples, values, samples
+        See `clrender.inspection.pixel_paths.PixelPaths`.
+    """
     return {
         "format": FORMAT,
-        **plain(dict(paths.about)),
-        "pixel": list(paths.pixel),
-        "radiance": plain(paths.radiance),
-        "nonfinite_samples": paths.nonfinite_samples,
-        "values": plain(paths.values),
-        "samples": [plain(each) for each in paths.samples],
+        **plain(dict(about)),
+        "pixel": list(pixel),
+        "radiance": plain(radiance),
+        "nonfinite_samples": nonfinite_samples,
+        "values": plain(values),
+        "samples": [plain(each) for each in samples],
     }
 
 

@@ -18,7 +18,6 @@ from clrender.inspection.document import plain
 from clrender.view.bundle import PAGE, joined
 
 if TYPE_CHECKING:
-    from clrender.inspection.pixel_paths import PixelPaths
     from clrender.inspection.surroundings import Surroundings
 
 __all__ = ["paths_page"]
@@ -26,18 +25,24 @@ __all__ = ["paths_page"]
 _FOLDER: Final = Path(__file__).parent / "page"
 
 
-def paths_page(paths: PixelPaths) -> str:
-    """HTML of light paths, with the numbers of `PixelPaths.to_json`."""
+def paths_page(title: str, paths: str, around: Surroundings | None) -> str:
+    """HTML of light paths.
+
+    Parameters
+    ----------
+    title : str
+    paths : str
+        The JSON of the paths.
+    around : Surroundings, optional
+        Pictures and points of the scene.
+    """
     template = Template((_FOLDER / "paths.html").read_text(encoding="utf-8"))
-    styles = [
-        (folder / name).read_text(encoding="utf-8") for folder, name in ((PAGE, "style.css"), (_FOLDER, "paths.css"))
-    ]
-    x, y = paths.pixel
-    around = paths.surroundings
+    sheets = ((PAGE, "style.css"), (_FOLDER, "paths.css"))
+    styles = [(folder / name).read_text(encoding="utf-8") for folder, name in sheets]
     return template.substitute(
-        title=escape(f"Light paths of pixel {x},{y} of {Path(paths.about['scene']).stem}"),
+        title=escape(title),
         style="\n".join(styles),
-        paths=_in_script(paths.to_json()),
+        paths=_in_script(paths),
         surroundings=_in_script(json.dumps(None if around is None else _pictured(around))),
         script=joined("paths.js", _FOLDER),
     )

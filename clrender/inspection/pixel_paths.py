@@ -93,7 +93,7 @@ class PixelPaths:
 
     def to_json(self) -> str:
         """The paths as JSON, in the format ``clrender light paths 1``."""
-        parts = document(self)
+        parts = document(self.about, self.pixel, self.radiance, self.nonfinite_samples, self.values, self.samples)
         samples = parts.pop("samples")
         head = json.dumps(parts, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
         lines = [json.dumps(each, ensure_ascii=False, allow_nan=False, separators=(",", ":")) for each in samples]
@@ -103,7 +103,8 @@ class PixelPaths:
         """A self-contained page of the paths; with pictures and a sketch of the scene if there are `surroundings`."""
         from clrender.inspection.page import paths_page
 
-        return paths_page(self)
+        (x, y), scene = self.pixel, Path(self.about["scene"]).stem
+        return paths_page(f"Light paths of pixel {x},{y} of {scene}", self.to_json(), self.surroundings)
 
     def save(self, path: str | Path) -> None:
         """Write the paths to a file.

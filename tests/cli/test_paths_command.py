@@ -74,7 +74,8 @@ def test_the_page_is_one_file(made: Path) -> None:
 
 def opened(browser: Any, made: Path, errors: list[str], **options: Any) -> Any:
     """The page in a browser; what it asks for elsewhere, and what goes wrong, is appended to `errors`."""
-    page = browser.new_context(viewport={"width": 1280, "height": 900}, **options).new_page()
+    # Playwright waits by `eval`, which the page forbids
+    page = browser.new_context(viewport={"width": 1280, "height": 900}, bypass_csp=True, **options).new_page()
     page.on("console", lambda said: errors.append(said.text) if said.type in ("error", "warning") else None)
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.on("request", lambda each: None if each.url.startswith(("data:", "file:")) else errors.append(each.url))
