@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from clrender.errors import UsageError as UsageError
     from clrender.importers.cameras.read import load_cameras as load_cameras
     from clrender.importers.load import load as load
+    from clrender.inspection import PixelPaths as PixelPaths
+    from clrender.inspection import paths as paths
     from clrender.plugins import plugin as plugin
     from clrender.rendering.convergence_plot import ConvergencePlot as ConvergencePlot
     from clrender.rendering.job import RenderJob as RenderJob
@@ -38,6 +40,7 @@ _HOMES = {
     "ClrenderError": "clrender.errors",
     "ConvergencePlot": "clrender.rendering.convergence_plot",
     "DeviceError": "clrender.errors",
+    "PixelPaths": "clrender.inspection",
     "Progress": "clrender.rendering.rendered_image",
     "RenderError": "clrender.errors",
     "RenderedImage": "clrender.rendering.rendered_image",
@@ -51,6 +54,7 @@ _HOMES = {
     "devices": "clrender.drivers",
     "load": "clrender.importers",
     "load_cameras": "clrender.importers.cameras",
+    "paths": "clrender.inspection",
     "plugin": "clrender.plugins",
     "render": "clrender.api",
     "render_batch": "clrender.api",

@@ -98,6 +98,46 @@ TRAINING_MOST_IN_BIN: Final = 10
 """Training of the field (kernels/guiding/training.h): scattering events of a path that are recorded, words of each
 record; the sums of a cell, of 64 bits each, their fractional bits, and the most that a sample adds to one."""
 
+INSPECT_WORDS: Final = 48
+INSPECT_ROWS: Final = 256
+"""Recorded paths (kernels/integrator/inspect.h): words of a row, and rows of a sample; the first is of the sample."""
+
+INSPECT_VERTEX: Final = 1
+INSPECT_LIGHT_SAMPLE: Final = 2
+INSPECT_EMISSION: Final = 3
+INSPECT_CHAIN: Final = 4
+INSPECT_GLOW: Final = 5
+"""Kinds of its other rows: a vertex of the path; radiance that a light sample, an emitter that the path met, a specular
+chain, and the medium on its way added."""
+
+INSPECT_FOUND: Final = 1
+INSPECT_IN_MEDIUM: Final = 2
+INSPECT_BACK: Final = 4
+INSPECT_STRAIGHT: Final = 8
+INSPECT_SPECULAR: Final = 16
+INSPECT_DARK: Final = 32
+INSPECT_SAMPLES_LIGHTS: Final = 64
+INSPECT_FRONT: Final = 128
+INSPECT_SCATTERS: Final = 256
+INSPECT_CARRIES: Final = 512
+INSPECT_ROULETTE: Final = 1024
+INSPECT_GOES_ON: Final = 2048
+INSPECT_CROSSES: Final = 4096
+INSPECT_BY_FIELD: Final = 8192
+INSPECT_GUIDED: Final = 16384
+"""Flags of a vertex: its ray hit something; it is a point of a medium; several rays leave it, and this is not the
+first; no boundary; its BSDF is a delta; no light sample could arrive; lights are sampled; the ray met the front; the
+path may go on from it; it still carries radiance after the event; roulette was played; the path goes on; on the other
+side; its direction is of the guiding field; the field has a share of its directions."""
+
+INSPECT_ASKED: Final = 1
+INSPECT_ARRIVED: Final = 2
+INSPECT_IN_FULL: Final = 4
+INSPECT_DELTA: Final = 8
+INSPECT_INFINITE: Final = 16
+"""Flags of radiance that was added: a shadow ray was traced; light arrived; no light sample could have found it; a
+light without extent; infinitely far away."""
+
 GGX_ROWS: Final = 48
 GGX_COLUMNS: Final = 48
 GGX_LOST_ROWS: Final = 4 * (GGX_ROWS - 1) + 1
@@ -446,6 +486,65 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("BEFORE", 8, 3, "radiance that the path had found before the vertex, W/(sr m2)"),
         ("AFTER", 11, 3, "and with the light of its light samples there"),
         ("RECORD_SPARE", 14, 2, ""),
+    ),
+    "INSPECT_SAMPLE": (
+        ("USED", 0, 1, "recorded path, head of a sample, bits: rows that it would take, this one included"),
+        ("DEPTH", 1, 1, "bits: scattering events"),
+        ("RADIANCE", 2, 3, "that the path found, W/(sr m2), or at three wavelengths"),
+        ("VALUE", 5, 3, "what the sample adds to its pixel, red, green and blue"),
+        ("WAVELENGTHS", 8, 3, "nm; 0: none"),
+        ("FILTER", 11, 1, "weight of the pixel filter, with its sign"),
+        ("REST", 12, 3, "part of the radiance whose rows were left out"),
+        ("ENDS", 15, 1, "bits: 1 when the sample is complete"),
+        ("TIME", 16, 1, "while the shutter is open, 0 to 1"),
+        ("SAMPLE_SPARE", 17, 31, ""),
+    ),
+    "INSPECT_VERTEX": (
+        ("KIND", 0, 1, "bits: INSPECT_VERTEX"),
+        ("DEPTH", 1, 1, "bits: scattering events before it"),
+        ("FLAGS", 2, 1, "bits: INSPECT_*"),
+        ("PRIMITIVE", 3, 1, "bits"),
+        ("MATERIAL", 4, 1, "bits: MATERIAL_*"),
+        ("DISTANCE", 5, 1, "from the origin of its ray, metres"),
+        ("POINT", 6, 3, "relative to the scene's origin; of a ray that left the scene nothing"),
+        ("NORMAL", 9, 3, "of the geometry, unit, out of the front"),
+        ("SHADING", 12, 3, "shading normal, on the side that the path came from"),
+        ("ORIGIN", 15, 3, "of the ray that arrived"),
+        ("ARRIVES", 18, 3, "its direction"),
+        ("BEFORE", 21, 3, "throughput with which the path arrived"),
+        ("LEAVES", 24, 3, "direction in which it goes on"),
+        ("WEIGHT", 27, 3, "f |cosine| / pdf"),
+        ("PDF", 30, 1, "density of this direction, per steradian; 0: a delta"),
+        ("BSDF_PDF", 31, 1, "that of the BSDF alone, where the path is guided"),
+        ("SURVIVAL", 32, 1, "probability that roulette lets it go on"),
+        ("RANDOM", 33, 1, "number that it was compared with: it goes on below the survival"),
+        ("AFTER", 34, 3, "throughput with which it goes on"),
+        ("SHARE", 37, 1, "share of the directions that are the guiding field's"),
+        ("LIGHT_SHARE", 38, 1, "probability that light samples are taken"),
+        ("LIGHT", 39, 1, "bits: the light that it is, or NONE"),
+        ("INDEX", 40, 1, "squared index of refraction beyond, relative to where the path began"),
+        ("VERTEX_SPARE", 41, 7, ""),
+    ),
+    "INSPECT_LIGHT": (
+        ("KIND", 0, 1, "bits: INSPECT_LIGHT_SAMPLE, INSPECT_EMISSION, INSPECT_CHAIN or INSPECT_GLOW"),
+        ("DEPTH", 1, 1, "bits: scattering events before it"),
+        ("FLAGS", 2, 1, "bits: INSPECT_*"),
+        ("ORDER", 3, 1, "bits: number of the addition to the sample's radiance; 0: nothing was added"),
+        ("LIGHT", 4, 1, "bits: number of the light, or NONE"),
+        ("LIGHT_KIND", 5, 1, "bits: LIGHT_*"),
+        ("TARGET", 6, 3, "point of the light, or a direction if it is infinitely far away"),
+        ("DIRECTION", 9, 3, "unit, towards the light"),
+        ("EMITTED", 12, 3, "radiance from there"),
+        ("LIGHT_PDF", 15, 1, "density of light samples, per steradian, with the choice of the light"),
+        ("CHOICE", 16, 1, "probability of the choice"),
+        ("BSDF_PDF", 17, 1, "density of directions of the BSDF, and of the guiding field"),
+        ("LIGHT_WEIGHT", 18, 1, "MIS weight of light samples"),
+        ("BSDF_WEIGHT", 19, 1, "MIS weight of directions of the BSDF"),
+        ("UNSHADOWED", 20, 3, "what it adds if nothing is in the way"),
+        ("ADDED", 23, 3, "what it added to the radiance"),
+        ("COLOR", 26, 3, "the same as red, green and blue of the film"),
+        ("THROUGHPUT", 29, 3, "of the path there"),
+        ("LIGHT_SPARE", 32, 16, ""),
     ),
     "CHAIN_HEAD": (
         ("LIGHTS", 0, 1, "bits: number of lights that specular chains lead to"),

@@ -50,6 +50,33 @@
 #define TRAINING_BITS 16u
 #define TRAINING_MOST 1048576u
 #define TRAINING_MOST_IN_BIN 10u
+#define INSPECT_WORDS 48u
+#define INSPECT_ROWS 256u
+#define INSPECT_VERTEX 1u
+#define INSPECT_LIGHT_SAMPLE 2u
+#define INSPECT_EMISSION 3u
+#define INSPECT_CHAIN 4u
+#define INSPECT_GLOW 5u
+#define INSPECT_FOUND 1u
+#define INSPECT_IN_MEDIUM 2u
+#define INSPECT_BACK 4u
+#define INSPECT_STRAIGHT 8u
+#define INSPECT_SPECULAR 16u
+#define INSPECT_DARK 32u
+#define INSPECT_SAMPLES_LIGHTS 64u
+#define INSPECT_FRONT 128u
+#define INSPECT_SCATTERS 256u
+#define INSPECT_CARRIES 512u
+#define INSPECT_ROULETTE 1024u
+#define INSPECT_GOES_ON 2048u
+#define INSPECT_CROSSES 4096u
+#define INSPECT_BY_FIELD 8192u
+#define INSPECT_GUIDED 16384u
+#define INSPECT_ASKED 1u
+#define INSPECT_ARRIVED 2u
+#define INSPECT_IN_FULL 4u
+#define INSPECT_DELTA 8u
+#define INSPECT_INFINITE 16u
 #define GGX_ROWS 48u
 #define GGX_COLUMNS 48u
 #define GGX_LOST_ROWS 189u
@@ -306,6 +333,62 @@ typedef struct {
 #define RECORD_ROW_BEFORE 8             // radiance that the path had found before the vertex, W/(sr m2)
 #define RECORD_ROW_AFTER 11             // and with the light of its light samples there
 #define RECORD_ROW_RECORD_SPARE 14
+
+#define INSPECT_SAMPLE_ROW_USED 0       // recorded path, head of a sample, bits: rows that it would take, this one included
+#define INSPECT_SAMPLE_ROW_DEPTH 1      // bits: scattering events
+#define INSPECT_SAMPLE_ROW_RADIANCE 2   // that the path found, W/(sr m2), or at three wavelengths
+#define INSPECT_SAMPLE_ROW_VALUE 5      // what the sample adds to its pixel, red, green and blue
+#define INSPECT_SAMPLE_ROW_WAVELENGTHS 8// nm; 0: none
+#define INSPECT_SAMPLE_ROW_FILTER 11    // weight of the pixel filter, with its sign
+#define INSPECT_SAMPLE_ROW_REST 12      // part of the radiance whose rows were left out
+#define INSPECT_SAMPLE_ROW_ENDS 15      // bits: 1 when the sample is complete
+#define INSPECT_SAMPLE_ROW_TIME 16      // while the shutter is open, 0 to 1
+#define INSPECT_SAMPLE_ROW_SAMPLE_SPARE 17
+
+#define INSPECT_VERTEX_ROW_KIND 0       // bits: INSPECT_VERTEX
+#define INSPECT_VERTEX_ROW_DEPTH 1      // bits: scattering events before it
+#define INSPECT_VERTEX_ROW_FLAGS 2      // bits: INSPECT_*
+#define INSPECT_VERTEX_ROW_PRIMITIVE 3  // bits
+#define INSPECT_VERTEX_ROW_MATERIAL 4   // bits: MATERIAL_*
+#define INSPECT_VERTEX_ROW_DISTANCE 5   // from the origin of its ray, metres
+#define INSPECT_VERTEX_ROW_POINT 6      // relative to the scene's origin; of a ray that left the scene nothing
+#define INSPECT_VERTEX_ROW_NORMAL 9     // of the geometry, unit, out of the front
+#define INSPECT_VERTEX_ROW_SHADING 12   // shading normal, on the side that the path came from
+#define INSPECT_VERTEX_ROW_ORIGIN 15    // of the ray that arrived
+#define INSPECT_VERTEX_ROW_ARRIVES 18   // its direction
+#define INSPECT_VERTEX_ROW_BEFORE 21    // throughput with which the path arrived
+#define INSPECT_VERTEX_ROW_LEAVES 24    // direction in which it goes on
+#define INSPECT_VERTEX_ROW_WEIGHT 27    // f |cosine| / pdf
+#define INSPECT_VERTEX_ROW_PDF 30       // density of this direction, per steradian; 0: a delta
+#define INSPECT_VERTEX_ROW_BSDF_PDF 31  // that of the BSDF alone, where the path is guided
+#define INSPECT_VERTEX_ROW_SURVIVAL 32  // probability that roulette lets it go on
+#define INSPECT_VERTEX_ROW_RANDOM 33    // number that it was compared with: it goes on below the survival
+#define INSPECT_VERTEX_ROW_AFTER 34     // throughput with which it goes on
+#define INSPECT_VERTEX_ROW_SHARE 37     // share of the directions that are the guiding field's
+#define INSPECT_VERTEX_ROW_LIGHT_SHARE 38// probability that light samples are taken
+#define INSPECT_VERTEX_ROW_LIGHT 39     // bits: the light that it is, or NONE
+#define INSPECT_VERTEX_ROW_INDEX 40     // squared index of refraction beyond, relative to where the path began
+#define INSPECT_VERTEX_ROW_VERTEX_SPARE 41
+
+#define INSPECT_LIGHT_ROW_KIND 0        // bits: INSPECT_LIGHT_SAMPLE, INSPECT_EMISSION, INSPECT_CHAIN or INSPECT_GLOW
+#define INSPECT_LIGHT_ROW_DEPTH 1       // bits: scattering events before it
+#define INSPECT_LIGHT_ROW_FLAGS 2       // bits: INSPECT_*
+#define INSPECT_LIGHT_ROW_ORDER 3       // bits: number of the addition to the sample's radiance; 0: nothing was added
+#define INSPECT_LIGHT_ROW_LIGHT 4       // bits: number of the light, or NONE
+#define INSPECT_LIGHT_ROW_LIGHT_KIND 5  // bits: LIGHT_*
+#define INSPECT_LIGHT_ROW_TARGET 6      // point of the light, or a direction if it is infinitely far away
+#define INSPECT_LIGHT_ROW_DIRECTION 9   // unit, towards the light
+#define INSPECT_LIGHT_ROW_EMITTED 12    // radiance from there
+#define INSPECT_LIGHT_ROW_LIGHT_PDF 15  // density of light samples, per steradian, with the choice of the light
+#define INSPECT_LIGHT_ROW_CHOICE 16     // probability of the choice
+#define INSPECT_LIGHT_ROW_BSDF_PDF 17   // density of directions of the BSDF, and of the guiding field
+#define INSPECT_LIGHT_ROW_LIGHT_WEIGHT 18// MIS weight of light samples
+#define INSPECT_LIGHT_ROW_BSDF_WEIGHT 19// MIS weight of directions of the BSDF
+#define INSPECT_LIGHT_ROW_UNSHADOWED 20 // what it adds if nothing is in the way
+#define INSPECT_LIGHT_ROW_ADDED 23      // what it added to the radiance
+#define INSPECT_LIGHT_ROW_COLOR 26      // the same as red, green and blue of the film
+#define INSPECT_LIGHT_ROW_THROUGHPUT 29 // of the path there
+#define INSPECT_LIGHT_ROW_LIGHT_SPARE 32
 
 #define CHAIN_HEAD_ROW_LIGHTS 0         // bits: number of lights that specular chains lead to
 #define CHAIN_HEAD_ROW_ALL_LIGHTS 1     // bits: of all

@@ -229,6 +229,7 @@ OTHERS: Final[Mapping[str, Sequence[str]]] = {
     "gallery-*.jpg": ["gallery_docs.py"],
     "integrators.jpg": ["integrator_docs.py", "pictures"],
     "caustic.jpg": ["integrator_docs.py", "caustic"],
+    "light-paths.jpg": ["light_path_docs.py"],
     "hard-light.jpg": ["integrator_docs.py", "hard"],
     "hard-light-peers.jpg": ["hard_bench.py", "picture", "--images", "images"],
     "speed.jpg": ["speed_docs.py", "pictures"],

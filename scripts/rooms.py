@@ -25,7 +25,7 @@ LAYERS: Final = (
     ("bench",),
     ("report",),
     ("__init__",),
-    ("view",),
+    ("view", "inspection"),
     ("agreement", "furnace", "verification", "datasets"),
     ("api",),
     ("cluster",),

@@ -31,6 +31,7 @@ STARTED: Final = time.perf_counter()
 COMMANDS: Final[dict[str, str]] = {
     "render": "Render a scene to image files.",
     "view": "Show a scene live in the browser.",
+    "paths": "Show the light paths of a pixel: vertices, densities, weights, contributions.",
     "dataset": "Make a labelled data set of many images.",
     "devices": "List OpenCL devices and their check results.",
     "doctor": "Diagnose OpenCL on this machine: problems, causes and fixes.",

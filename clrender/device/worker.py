@@ -202,6 +202,7 @@ class DeviceWorker:
             self._rate = self._arrays.rates.get(self._alike, 0.0)
             self._done_at = 0.0
             self._rays = 0
+            self._records: list[npt.NDArray[np.uint32]] = []
             named = {**self._arrays.buffers, "settings": self._settings_buffer}
             if settings["spectral"][0]:
                 first, count = divmod(int(settings["bands"][0]), 1024)
@@ -257,7 +258,8 @@ class DeviceWorker:
         done, slots = traced.done, unit.slot_count
         read = self._read(sums, counts, slots)
         squares = None if self._replicates is None else self._replicates.read(*read, done)
-        return UnitSums(*read, done, traced.rays, traced.shadow_rays, traced.deepest, squares)
+        records = np.concatenate(self._records) if self._records else None
+        return UnitSums(*read, done, traced.rays, traced.shadow_rays, traced.deepest, squares, records=records)
 
     def hold(self, film: Film) -> bool:
         """Prepare for `render_held`, with the samples of a film; False if the device has not memory to spare for it."""
@@ -320,8 +322,17 @@ class DeviceWorker:
 
         def add(part: Unit, samples: Buffer) -> None:
             self._accumulated(part, samples, part.first_slot - unit.first_slot, sums, counts)
+            if self._pipeline.reads_records:
+                self._records.append(self._read_records(part))
 
+        self._records.clear()
         return self._in_slices(unit, add, on_slice, should_stop), sums, counts
+
+    def _read_records(self, part: Unit) -> npt.NDArray[np.uint32]:
+        """What the kernel has written about the samples of one pixel: (samples, words) uint32."""
+        found = np.empty((part.sample_count, self._pipeline.record_bytes // 4), np.uint32)
+        self.device.read(self._scratch.buffer("records", found.nbytes), found)
+        return found
 
     def _apart(
         self, unit: Unit, on_slice: Callable[[int, int], None] | None, should_stop: Callable[[], bool] | None

@@ -105,6 +105,8 @@ class UnitSums:
     samples : (sample_count, 3, slot_count) float32 or None
         Of pipelines whose samples are kept `apart`: each of them, NaN where there is none. There are no sums and counts
         then.
+    records : (sample_count, record words) uint32 or None
+        Of pipelines whose records the host reads.
     """
 
     sums: npt.NDArray[np.uint32]
@@ -115,6 +117,7 @@ class UnitSums:
     deepest: int
     squares: npt.NDArray[np.uint32] | None = None
     samples: npt.NDArray[np.float32] | None = None
+    records: npt.NDArray[np.uint32] | None = None
 
     @classmethod
     def nothing(cls, unit: Unit) -> UnitSums:

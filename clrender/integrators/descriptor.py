@@ -47,6 +47,8 @@ class Pipeline:
         Whether the same samples can be traced in stages (kernels/staged/stage.h).
     apart : bool
         Whether samples are wanted one by one, and not their sums.
+    reads_records : bool
+        Whether the host reads the records; they are then of one pixel, `record_bytes` for each of its samples.
     """
 
     entry: str
@@ -59,6 +61,7 @@ class Pipeline:
     splats: bool = False
     staged: bool = False
     apart: bool = False
+    reads_records: bool = False
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ from clrender.film.convergence import Convergence
 from clrender.film.ledger import Ledger
 from clrender.film.replicates import standard_error
 from clrender.film.running import RunningFilm
-from clrender.film.unit import tile_side
+from clrender.film.unit import Unit, UnitSums, slot_count, tile_side
 from clrender.flatten.flat_scene import FlatScene
 from clrender.flatten.light_groups import group_names
 from clrender.image.denoise import Denoiser
@@ -71,7 +71,7 @@ if TYPE_CHECKING:
     from clrender.integrators import Pipeline
     from clrender.settings import RenderSettings
 
-__all__ = ["JobRender"]
+__all__ = ["JobRender", "Recorded"]
 
 STAND_INS: Final = True
 """Whether programs for any scene may trace samples while a scene's own is not compiled."""
@@ -81,6 +81,9 @@ _LIVE_SECONDS: Final = 0.008
 
 _DEPTH: Final = 64
 """Samples per pixel in a unit that goes to a cluster: a third of the bytes that units of 16 samples would take."""
+
+_RECORDED: Final = 256
+"""Samples whose records are read together."""
 
 _Arrays = dict[str, npt.NDArray[np.float32]]
 _COLORS: Final = {"spectral": 0}
@@ -298,6 +301,39 @@ class JobRender:
         )
         stop, tell = self._should_stop, self._residency.tell
         return hit_counts(self._residency.devices, make, self._settings, samples, stop, tell)
+
+    def recorded(self, pipelines: Mapping[str, Pipeline], take: Callable[[Unit, UnitSums], None]) -> Recorded:
+        """Take the samples by kernels that record their paths, on one device; see `Session.recorded`."""
+        flat, _ = self._flat()
+        with self._memory_held():
+            self._film = film = self._new_film(flat)
+            prepared = self._prepared(flat)
+            launch = dataclasses.replace(self._launch, lanes=1, staged=False, samples=self._plan.samples)
+            pipeline = pipelines[prepared.pipeline.kernel]
+            worker = self._residency.worker(
+                self._residency.devices[0], prepared.flat, self._struct(), pipeline, launch, prepared.on_device
+            )
+            self._ready()
+            counted = np.zeros(2, np.int64)
+
+            def on_slice(samples: int, rays: int) -> None:
+                counted[:] += samples, rays
+                self._advance(*counted.tolist())
+
+            try:
+                for first in range(self._job.first_sample, self._job.first_sample + self._job.sample_count, _RECORDED):
+                    count = min(_RECORDED, self._job.first_sample + self._job.sample_count - first)
+                    unit = Unit(0, slot_count(*self._job.film_size, self._plan.tile), first, count, self._plan.tile)
+                    found = worker.render(unit, on_slice, self._stops)
+                    film.commit(unit, found)
+                    take(unit, found)
+                    if self._stops():
+                        break
+            finally:
+                worker.release()
+        member_of = member(self._residency.devices[0], worker)
+        told = {"device": member_of.name, "driver": member_of.driver, **self._prepared_stats}
+        return Recorded(flat, film, told, self._guiding_field)
 
     def developed(self) -> RenderedImage:
         """The image of the film that was begun, without further samples; see `Session.develop`."""
@@ -711,6 +747,27 @@ class JobRender:
         begin = time.perf_counter()
         yield
         self._seconds[name] = time.perf_counter() - begin
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What remains of a render by kernels that record their paths, beside the records.
+
+    Attributes
+    ----------
+    flat : FlatScene
+    film : Film
+        The sums of the samples.
+    told : mapping
+        ``device`` and ``driver``, and what the integrator's preparation adds to the statistics of a render.
+    guiding_field : GuidingField or None
+        The field that guided the paths.
+    """
+
+    flat: FlatScene
+    film: Film
+    told: Mapping[str, Any]
+    guiding_field: GuidingField | None
 
 
 @dataclass(frozen=True)

@@ -28,13 +28,15 @@ from clrender.process.shield import Call
 from clrender.process.stages import Stages
 from clrender.rendering.batch import batches
 from clrender.rendering.job import RenderJob
-from clrender.rendering.job_render import JobRender
+from clrender.rendering.job_render import JobRender, Recorded
 from clrender.rendering.rendered_image import Progress, RenderedImage
 from clrender.rendering.residency import ApartError, Residency
 from clrender.rendering.team import Cluster
 from clrender.scene import Scene
 
 if TYPE_CHECKING:
+    from clrender.film.unit import Unit, UnitSums
+    from clrender.integrators import Pipeline
     from clrender.scene import Camera
 
 __all__ = ["Session", "requested_devices"]
@@ -329,6 +331,44 @@ class Session:
             Keys are the names in the job's `aov`.
         """
         return self._exclusively(lambda: JobRender(self._residency, job, *self._callbacks(None, should_stop)).layers())
+
+    def recorded(
+        self,
+        job: RenderJob,
+        pipelines: Mapping[str, Pipeline],
+        take: Callable[[Unit, UnitSums], None],
+        *,
+        on_progress: Callable[[Progress], None] | None = None,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> Recorded:
+        """Render one pixel by kernels that record its paths, on the first device of the session.
+
+        Parameters
+        ----------
+        job : RenderJob
+            Its crop is one pixel.
+        pipelines : mapping of str to Pipeline
+            Pipelines with `reads_records`, by the kernels that they stand for.
+        take : callable
+            Called with each unit of samples and its result.
+        on_progress, should_stop : callable, optional
+            See `render`.
+
+        Returns
+        -------
+        Recorded
+
+        Raises
+        ------
+        SceneError, UsageError, DeviceError, RenderError
+            See `render`.
+        """
+
+        def work() -> Recorded:
+            render = JobRender(self._residency, job, *self._callbacks(on_progress, should_stop))
+            return render.recorded(pipelines, take)
+
+        return self._exclusively(work)
 
     def team(self, job: RenderJob) -> tuple[DeviceTeam, str]:
         """The session's devices as workers for a job; see `clrender.rendering.job_render.JobRender.team`.

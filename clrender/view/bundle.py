@@ -20,24 +20,32 @@ def widget_module() -> str:
     return f"{joined('widget.js')}\nexport default {{ render: {_variable('widget.js')}.render }};\n"
 
 
-def joined(name: str) -> str:
+def joined(name: str, folder: Path = PAGE) -> str:
     """Define a module's exports as ``module_NAME``, with all that it imports.
 
     Each module becomes a function that is called once and returns what the module exports, so that names of one do not
     meet those of another.
+
+    Parameters
+    ----------
+    name : str
+        A file of the folder.
+    folder : pathlib.Path
+        Modules that it lacks are those of the live view.
     """
     parts: dict[str, str] = {}
-    _add(name, parts)
+    _add(name, folder, parts)
     return "\n".join(parts.values())
 
 
-def _add(name: str, parts: dict[str, str]) -> None:
+def _add(name: str, folder: Path, parts: dict[str, str]) -> None:
     """Add a module behind those that it imports."""
     if name in parts:
         return
-    text = (PAGE / name).read_text(encoding="utf-8")
+    own = folder / name
+    text = (own if own.exists() else PAGE / name).read_text(encoding="utf-8")
     for imported in _IMPORT.finditer(text):
-        _add(imported[2], parts)
+        _add(imported[2], folder, parts)
     text = _IMPORT.sub(lambda found: f"const {{ {found[1]} }} = {_variable(found[2])};\n", text)
     exported = [found[1] for found in _EXPORT.finditer(text)]
     text = _EXPORT.sub("", text)

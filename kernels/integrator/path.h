@@ -33,6 +33,7 @@
 #ifdef PATH_RECORDED
 #include "guiding/training.h"
 #endif
+#include "integrator/inspect.h"
 #include "integrator/path_state.h"
 #ifdef PATH_BIDIRECTIONAL
 #include "integrator/bdpt_weights.h"
@@ -49,8 +50,8 @@
 #include "spectral/color.h"
 #include "specular/chains.h"
 
-// Where the events of paths are recorded, to train the guiding field.
-#ifdef PATH_RECORDED
+// Where the events of paths are recorded, to train the guiding field, or to be looked at.
+#if defined(PATH_RECORDED) || defined(PATH_INSPECTED)
 #define PATH_RECORDS , __global uint* records
 #else
 #define PATH_RECORDS
@@ -112,6 +113,7 @@ static void path_vertex(const Scene* scene, Path* path, Hit hit, PoolStats* stat
 #ifdef MATERIALS
     INVARIANT(path, INVARIANT_CLOSURE, closure_violates(&v->bsdf.closure, arrived));
 #endif
+    inspect_vertex(path, hit, v);
 }
 
 // How far each path gets in a medium: it need not look for what is further away.
@@ -140,7 +142,13 @@ static void path_find(const Scene* scene, Path* path, FreePath* free, Hit* hit) 
 
 // Go there through what lies on the way: it absorbs, or scatters the path before it arrives.
 static void path_travel(const Scene* scene, Path* path, const FreePath* free, Hit* hit) {
+#ifdef PATH_INSPECTED
+    vec3 glow = vec3_all(0.0f);
+    medium_travel(scene, &path->interior, &path->ray, free, path_traces(path), &path->throughput, hit, &glow);
+    inspect_glow(scene, path, glow);
+#else
     medium_travel(scene, &path->interior, &path->ray, free, path_traces(path), &path->throughput, hit, &path->radiance);
+#endif
 }
 
 // Add the radiance of a light that the ray ran into; `density` is that of light samples there, once they chose this light.
@@ -149,6 +157,7 @@ static void path_count_emission(const Scene* scene, Path* path, const LightRow* 
     const vfloat weight = path_weight_found(scene, path, light, surface, pdf);
     const vec3 counted = scale(mul(path->throughput, emitted), path->counts_in_full ? splat(1.0f) : weight);
     path->radiance = choose(where, add(path->radiance, counted), path->radiance);
+    inspect_emission(scene, path, light, surface, emitted, density, pdf, weight, counted, where);
 }
 
 // Add the light that the ray ran into: from a surface that shines, or from outside the scene. It counts in full where light sampling at
@@ -220,6 +229,7 @@ static vec3 path_direct(const Scene* scene, Path* path, const Vertex* vertex, co
     const vfloat share = weight * guide_light_weight(vertex) * inverse_or_one(light->pdf * (float)settings->shadow_rays);
     const vec3 left = shadow_straight(scene, in, light, vertex->surface.point);
     const vec3 arriving = mul(mul(mul(path->throughput, f_cosine), light->radiance), left);
+    inspect_light_sample(scene, path, &vertex->surface, light, bsdf_pdf, path_bsdf_samples(scene, path, vertex), weight, scale(arriving, share));
     return choose(light->pdf > 0.0f, scale(arriving, share), vec3_all(0.0f));
 }
 
@@ -242,6 +252,7 @@ static void path_sample_light(const Scene* scene, Path* path, const Vertex* vert
         direct->arriving[k] = vec3_all(0.0f);
         if (lane_any(asked[k])) {
             const LightSample light = light_sample_chosen(scene_of(scene, k), surface->point, surface->primitive, &choice[k], surface_time(surface));
+            inspect_choice(scene_of(scene, k), &path[k], &choice[k]);
             INVARIANT(&path[k], INVARIANT_LIGHT_SAMPLE, light_sample_violates(&light, asked[k]));
             const Interior in = path_towards(&path[k], &vertex[k], &light);
             direct->shadow[k] = shadow_ray(surface, &light, &in);
@@ -262,6 +273,7 @@ static void path_add_light(const Scene* scene, Path* path, Direct* direct) {
     EACH_PACKET(k) {
         const vmask asked = path_asks(direct, k), arrives = asked & shadow_arrives(&shadows, k, &direct->arriving[k]);
         path[k].radiance = choose(arrives, add(path[k].radiance, direct->arriving[k]), path[k].radiance);
+        inspect_arrival(scene_of(scene, k), &path[k], arrives, direct->arriving[k]);
     }
 }
 
@@ -321,6 +333,8 @@ static vmask path_sample_bsdf(const Scene* scene, Path* path, Vertex* vertex) {
     guide_sample(scene, vertex, bits_u, bits_v, &next);
     interior_straighten(&vertex->crossing, path->ray.direction, &next.direction, &next.weight);
     chains_note(scene, path, vertex, &next);
+    inspect_direction(path, bsdf, &next);
+    inspect_guided(path, vertex);
     path->throughput = mul(path->throughput, next.weight);
     path->index_squared = straight ? path->index_squared : path->index_squared * bsdf_index_squared(bsdf, next.direction);
     path_note_direction(scene, path, vertex, &next, !shadows_pass);
@@ -348,6 +362,7 @@ static void path_roulette(const Scene* scene, Path* path, const Vertex* vertex, 
     const vfloat survival = straight ? splat(1.0f) : played * open;
     vuint bits, unused;
     sampler_hash_bits(path->sample.sampler, sampler_set(event, SET_ROULETTE), &bits, &unused);
+    inspect_roulette(path, survival, unit_interval(bits));
     *goes_on = *goes_on & (unit_interval(bits) < survival);
     path->throughput = scale(path->throughput, inverse_or_one(survival));
 }
@@ -356,7 +371,9 @@ static void path_roulette(const Scene* scene, Path* path, const Vertex* vertex, 
 static void path_scatter(const Scene* scene, Path* path, Vertex* vertex, Hit hit) {
     path_leave(scene, path, vertex, hit);
     vmask goes_on = path_sample_bsdf(scene, path, vertex);
+    inspect_carries(path, goes_on);
     path_roulette(scene, path, vertex, hit, &goes_on);
+    inspect_leaves(path, goes_on);
     path->ended = path->alive & !goes_on;
     INVARIANT(path, INVARIANT_RAY, ray_violates(&path->ray, path->alive & !path->ended));
 }
@@ -381,6 +398,7 @@ static void path_deliver(const Scene* scene, const Pool* pool, Path* path) {
     path->radiance = choose(done & path->broken, vec3_of(INVARIANT_NAN, INVARIANT_NAN, INVARIANT_NAN), path->radiance);
     path->broken = path->broken & !done;
 #endif
+    inspect_end(scene, pool, path, done);
     if (lane_any(done)) pool_deliver(pool, &path->sample, color_of_film(scene, path->radiance), done);
     path->alive = path->alive & !done;
 }
@@ -402,6 +420,9 @@ static void path_trace(const Scene* given, Pool* pool, PoolStats* stats PATH_REC
     Vertex vertex[PACKETS];
     Direct direct;
     EACH_PACKET(k) path[k] = path_none();
+#ifdef PATH_INSPECTED
+    path[0].inspection = inspection_of(records);
+#endif
 
     while (path_next_of_all(scene, pool, &waiting, path)) {
         scene_settings_again(scene, path[0].depth);

@@ -14,6 +14,9 @@
 #include "bidirectional/techniques.h"
 #include "camera/towards.h"
 #endif
+#ifdef PATH_INSPECTED
+#include "integrator/inspected.h"
+#endif
 
 // Rays of the camera, for LANES pixels of the pool at once: most of the time only a lane or two ask for one.
 typedef struct {
@@ -82,6 +85,9 @@ typedef struct {
 #endif
 #ifdef PATH_STAGED
     __global uint* state;    // where it stands in global memory (staged/state.h)
+#endif
+#ifdef PATH_INSPECTED
+    Inspection inspection;   // where it is written down
 #endif
 } Path;
 
@@ -285,6 +291,9 @@ static void path_start(const Scene* scene, CameraRays* rays, Path* path, vmask l
 #endif
     split_start(&path->split, lane);
     path->alive = path->alive | lane;
+#ifdef PATH_INSPECTED
+    inspection_begin(&path->inspection, pool_number_of(sample));
+#endif
 }
 
 // Lanes without a path take the next sample of the pool. Returns whether any lane has one: if not, the pool is used up.

@@ -9,6 +9,7 @@
 #define SPECULAR_CHAINS_H
 
 #include "film/pool.h"
+#include "integrator/inspect.h"
 #include "integrator/path_state.h"
 #include "integrator/vertex.h"
 
@@ -71,7 +72,7 @@ static vfloat chains_leave_surface(const Scene* scene, const Path* path, const L
 // Add the light that chains bring to the vertex.
 static void chains_add(const Scene* scene, Path* path, const Vertex* v, PoolStats* stats) {
     const vmask asked = chains_begin(path, v) & v->traced;
-    if (lane_any(asked)) path->radiance = add(path->radiance, choose(asked, walk_to_light(scene, path, v, asked, stats), vec3_all(0.0f)));
+    if (lane_any(asked)) path->radiance = add(path->radiance, inspect_chain(scene, path, choose(asked, walk_to_light(scene, path, v, asked, stats), vec3_all(0.0f))));
 }
 
 #else

@@ -49,6 +49,8 @@ from clrender.guiding.preparation import GuidedPaths
 from clrender.guiding.training import PIPELINE as TRAINING
 from clrender.guiding.training import FieldSums
 from clrender.image.files import write_image
+from clrender.inspection.pipelines import PIPELINES as RECORDING
+from clrender.inspection.reading import as_rows
 from clrender.integrators import INTEGRATORS
 from clrender.photon.maps import PhotonMaps
 from clrender.radiosity.atlas import atlas_of
@@ -562,6 +564,30 @@ def render(device: Device, run: Run) -> str:
     return hashlib.sha256(sums.sums.tobytes() + sums.counts.tobytes() + squares + learned).hexdigest()
 
 
+def light_paths(device: Device) -> str:
+    """Hash of the recorded paths of a pixel, by all kernels that record any."""
+    digest = hashlib.sha256()
+    for kernel, name in (("path", "path-1-rough"), ("guided", "guided-1-media"), ("whitted", "path-4")):
+        settings = RenderSettings(integrator="path" if kernel == "guided" else kernel).struct(4)
+        for key, value in {
+            "width": WIDTH, "height": HEIGHT, "left": 3, "top": 3, "less_width": WIDTH - 1, "less_height": HEIGHT - 1,
+            "seed": 5, "max_depth": 6,
+        }.items():  # fmt: skip
+            settings[key] = value
+        with tempfile.TemporaryDirectory() as folder:
+            flat = scene(RENDERS[name], Path(folder))
+        prepare = partial(GuidedPaths, field=field_over(flat)) if kernel == "guided" else None
+        worker = DeviceWorker(device, flat, settings, RECORDING[f"integrator_{kernel}"], LaunchConfig(1, 2), prepare)
+        sums = worker.render(Unit(0, 16, 0, 2, 4))
+        worker.release()
+        assert sums.records is not None and sums.counts.sum() == 2
+        for rows in as_rows(sums.records):
+            used = int(rows[0, layout.columns("INSPECT_SAMPLE")["USED"]])
+            assert 1 < used <= layout.INSPECT_ROWS
+            digest.update(rows[:used].tobytes())
+    return digest.hexdigest()
+
+
 def layers(device: Device) -> str:
     """Hash of the sums of all that is asked of what is seen first."""
     with tempfile.TemporaryDirectory() as folder:
@@ -718,7 +744,7 @@ def refit(device: Device) -> str:
 
 def perform(device: Device, name: str) -> str:
     """Do one of `RENDERS`, or another function of this file by name; gives what must be equal everywhere."""
-    functions = (scan, statistics, arithmetic, layers, radiosity, furnace, film, refit)
+    functions = (scan, statistics, arithmetic, light_paths, layers, radiosity, furnace, film, refit)
     others = {function.__name__: function for function in functions}
     return others[name](device) if name in others else render(device, RENDERS[name])
 

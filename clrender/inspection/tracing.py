@@ -1,0 +1,208 @@
+"""`paths()`: the light paths of a pixel, traced by the integrator's own kernels."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from clrender.device.source import kernels_sha256
+from clrender.errors import RenderError, UsageError
+from clrender.inspection.names import Names
+from clrender.inspection.pipelines import PIPELINES, check_integrator
+from clrender.inspection.pixel_paths import PixelPaths, check_pixel
+from clrender.inspection.reading import as_rows, counts, highest, light_path, luminance, sample_values, written
+from clrender.inspection.surroundings import surroundings_of
+from clrender.rendering.job import RenderJob
+from clrender.rendering.session import Session
+from clrender.version import __version__
+
+if TYPE_CHECKING:
+    from clrender.device import Device
+    from clrender.film.unit import Unit, UnitSums
+    from clrender.rendering.rendered_image import Progress
+    from clrender.scene import Scene
+
+__all__ = ["SAMPLES", "check_settings", "paths", "paths_in"]
+
+SAMPLES: Final = 256
+"""Samples whose paths are kept by default."""
+
+_NOT_OF_A_PIXEL: Final = ("crop", "time_limit", "error")
+"""Settings that say which samples are taken of which pixels."""
+
+
+def paths(
+    scene: Scene,
+    pixel: tuple[int, int],
+    *,
+    samples: int | None = None,
+    surroundings: bool = False,
+    device: str | int | Device | Sequence[str | int | Device] | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+    notify: Callable[[str], None] | None = None,
+    **settings: Any,
+) -> PixelPaths:
+    """Trace the light paths of a pixel: every vertex, density, weight and contribution, as the integrator has them.
+
+    The paths are those of a render with the same settings, of all samples of the pixel. What they contribute adds up
+    to the pixel of that render, bit for bit.
+
+    Parameters
+    ----------
+    scene : Scene
+    pixel : (int, int)
+        Column and row, from (0, 0) at the upper left.
+    samples : int, optional
+        Number of samples whose vertices are kept, those that contribute most; default: 256. All are traced.
+    surroundings : bool
+        Whether to render pictures and points of the scene as well, for a page.
+    device : str, int, Device, sequence of them, optional
+        See `clrender.render`; the first traces the paths.
+    on_progress, should_stop : callable, optional
+        See `Session.render`.
+    notify : callable, optional
+        See `Session`.
+    **settings
+        See `clrender.render`: ``size``, ``plugins``, ``guiding_field`` and the fields of `RenderSettings`. The
+        integrator is ``path``, ``direct`` or ``whitted``.
+
+    Returns
+    -------
+    PixelPaths
+
+    Raises
+    ------
+    SceneError, UsageError, DeviceError, RenderError
+        See `Session.render`. `UsageError` also when there is no such pixel, or for another integrator.
+
+    Examples
+    --------
+    >>> found = clrender.paths(clrender.load("caustic"), (400, 300), spp=64)  # doctest: +SKIP
+    >>> found.samples[0].value  # of the sample that contributes most  # doctest: +SKIP
+    """
+    job = RenderJob.of(scene, **check_settings(settings))
+    with Session(device, notify=notify) as session:
+        return paths_in(session, job, pixel, samples, surroundings, on_progress, should_stop)
+
+
+def check_settings(settings: dict[str, Any]) -> dict[str, Any]:
+    """Check that no setting says which pixels or samples there are, or asks for more than paths.
+
+    Raises
+    ------
+    UsageError
+    """
+    more = ("aov", "denoise", "light_groups", "amodal", "spectrum")
+    for name in (*_NOT_OF_A_PIXEL, *more):
+        if settings.get(name):
+            raise UsageError(f"{name} has no effect on the light paths of a pixel; leave it out")
+    return settings
+
+
+def paths_in(
+    session: Session,
+    job: RenderJob,
+    pixel: tuple[int, int],
+    samples: int | None = None,
+    surroundings: bool = False,
+    on_progress: Callable[[Progress], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> PixelPaths:
+    """Trace the light paths of a pixel in a session; see `paths`.
+
+    Parameters
+    ----------
+    session : Session
+    job : RenderJob
+        The render of the whole image.
+    pixel, samples, surroundings, on_progress, should_stop
+        See `paths`.
+    """
+    settings = job.settings
+    check_integrator(settings.integrator)
+    x, y = check_pixel(pixel, settings.width, settings.height)
+    most = SAMPLES if samples is None else samples
+    if isinstance(most, bool) or not isinstance(most, (int, np.integer)) or most < 1:
+        raise UsageError(f"samples is {samples!r}, but must be a whole number from 1 on")
+    single = dataclasses.replace(job, settings=dataclasses.replace(settings, crop=(x, y, 1, 1)))
+    kept = _Kept(int(most))
+    recorded = session.recorded(single, PIPELINES, kept.take, on_progress=on_progress, should_stop=should_stop)
+    values = kept.values()
+    if len(values) < job.sample_count:
+        raise RenderError("the light paths are not complete: they were stopped early")
+    radiance = recorded.film.mean()[0, 0]
+    guided = bool(recorded.told.get("guided", False))
+    about = {
+        "scene": job.scene.source,
+        "scene_sha256": job.scene.sha256(),
+        "kernel_sha256": kernels_sha256(),
+        "version": __version__,
+        "integrator": settings.integrator,
+        "guided": guided,
+        "spectral": settings.spectral,
+        "width": settings.width,
+        "height": settings.height,
+        "seed": settings.seed,
+        "spp": job.sample_count,
+        "device": recorded.told["device"],
+        "driver": recorded.told["driver"],
+    }
+    names, flat = Names(job.scene, recorded.flat), recorded.flat
+    bright = luminance(values)
+    total = float(bright[counts(values)].sum())
+    found = [
+        light_path(
+            number,
+            values[number],
+            rows,
+            names,
+            flat.origin,
+            float(bright[number]) / total if total and np.isfinite(bright[number]) else 0.0,
+            settings.integrator,
+            settings.spectral,
+        )
+        for number, rows in kept.best()
+    ]
+    around = surroundings_of(session, job, (x, y), recorded, should_stop) if surroundings else None
+    lost = int(len(values) - np.count_nonzero(counts(values)))
+    return PixelPaths(about, (x, y), radiance, values, lost, tuple(found), around)
+
+
+class _Kept:
+    """Values of all samples, and the records of those that contribute most."""
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._values: list[npt.NDArray[np.float32]] = []
+        self._rows: dict[int, npt.NDArray[np.uint32]] = {}
+        self._best = np.zeros((0, 3), np.float32)
+
+    def take(self, unit: Unit, sums: UnitSums) -> None:
+        """Take a unit of samples."""
+        if sums.records is None:
+            return  # it was stopped before the first sample
+        found, complete = sample_values(sums.records)
+        found = np.where(complete[:, None], found, np.float32(np.nan))
+        self._values.append(found)
+        of_unit = dict(enumerate(as_rows(sums.records), unit.first_sample))
+        numbers, values = [*self._rows, *of_unit], np.concatenate([self._best, found])
+        order = highest(values, counts(values), self._most)
+        self._best = values[order]
+        # Most rows are empty: only those that were written stay in memory
+        self._rows = {
+            number: self._rows[number] if number in self._rows else written(of_unit[number])
+            for number in (numbers[place] for place in order.tolist())
+        }
+
+    def values(self) -> npt.NDArray[np.float32]:
+        """What each sample adds to the sum of its pixel, (n, 3) float32."""
+        return np.concatenate(self._values) if self._values else np.zeros((0, 3), np.float32)
+
+    def best(self) -> list[tuple[int, npt.NDArray[np.uint32]]]:
+        """Numbers and rows of the samples that contribute most, in that order."""
+        return list(self._rows.items())
