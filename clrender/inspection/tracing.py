@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from clrender.device.source import kernels_sha256
 from clrender.errors import RenderError, UsageError
+from clrender.files.kernel_hash import kernels_sha256
 from clrender.inspection.names import Names
 from clrender.inspection.pipelines import PIPELINES, check_integrator
 from clrender.inspection.pixel_paths import PixelPaths, check_pixel
