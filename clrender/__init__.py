@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from clrender.errors import UsageError as UsageError
     from clrender.importers.cameras.read import load_cameras as load_cameras
     from clrender.importers.load import load as load
+    from clrender.inspection import PathMaps as PathMaps
     from clrender.inspection import PixelPaths as PixelPaths
+    from clrender.inspection import path_maps as path_maps
     from clrender.inspection import paths as paths
     from clrender.plugins import plugin as plugin
     from clrender.rendering.convergence_plot import ConvergencePlot as ConvergencePlot
@@ -40,6 +42,7 @@ _HOMES = {
     "ClrenderError": "clrender.errors",
     "ConvergencePlot": "clrender.rendering.convergence_plot",
     "DeviceError": "clrender.errors",
+    "PathMaps": "clrender.inspection",
     "PixelPaths": "clrender.inspection",
     "Progress": "clrender.rendering.rendered_image",
     "RenderError": "clrender.errors",
@@ -54,6 +57,7 @@ _HOMES = {
     "devices": "clrender.drivers",
     "load": "clrender.importers",
     "load_cameras": "clrender.importers.cameras",
+    "path_maps": "clrender.inspection",
     "paths": "clrender.inspection",
     "plugin": "clrender.plugins",
     "render": "clrender.api",

@@ -28,7 +28,7 @@ from clrender.errors import RenderError
 from clrender.settings import SETTINGS, WORK
 
 if TYPE_CHECKING:
-    from clrender.inspection import PixelPaths
+    from clrender.inspection import PathMaps, PixelPaths
 
 __all__ = ["paths"]
 
@@ -53,12 +53,20 @@ def pixel(value: Any) -> tuple[int, int]:
 @click.command()
 @scene_argument
 @click.option(
-    "--pixel", "place", type=pixel, metavar="X,Y", required=True,
+    "--pixel", "place", type=pixel, metavar="X,Y",
     help="Column and row of the pixel, from 0,0 at the upper left.",
 )  # fmt: skip
 @click.option(
+    "--maps", is_flag=True,
+    help="In the place of a pixel, maps of the image: what each bounce adds, lengths of paths, errors by strategy.",
+)  # fmt: skip
+@click.option(
+    "--bounces", type=number(0, 32, whole=True), default=6, show_default=True, metavar="N",
+    help="With --maps: scattering events that have a map of their own; there is one more for those after them.",
+)  # fmt: skip
+@click.option(
     "-o", "--output", "outputs", metavar="FILE", type=click.Path(path_type=Path), multiple=True, required=True,
-    help="Output file: .json, or .html for a page with pictures. Repeatable.",
+    help="Output file: .json, or .html for a page with pictures; of maps also .exr. Repeatable.",
 )  # fmt: skip
 @click.option(
     "--samples", type=number(1, 2**20, whole=True), default=256, show_default=True, metavar="N",
@@ -74,7 +82,9 @@ def pixel(value: Any) -> tuple[int, int]:
 def paths(
     *,
     scene: str,
-    place: tuple[int, int],
+    place: tuple[int, int] | None,
+    maps: bool,
+    bounces: int,
     outputs: tuple[Path, ...],
     samples: int,
     size: tuple[int, int] | None,
@@ -89,22 +99,28 @@ def paths(
     reading: dict[str, Any],
     **settings: Any,
 ) -> None:
-    """Show the light paths of a pixel of SCENE: every vertex, density, weight and contribution.
+    """Show the light paths of a pixel of SCENE, or maps of where the light of its image comes from.
 
-    The paths are those of `clrender render` with the same options, and add up to its pixel, bit for bit. They are
-    sorted by what they contribute: the first ones are what makes a firefly. For the integrators path, direct and
-    whitted, and for guided paths.
+    With --pixel: every vertex, density, weight and contribution. The paths are those of `clrender render` with the same
+    options, and add up to its pixel, bit for bit. They are sorted by what they contribute: the first ones are what
+    makes a firefly. For the integrators path, direct and whitted, and for guided paths.
+
+    With --maps: what each bounce adds to the image, the mean length of the paths of each pixel, and the error of each
+    strategy of sampling. For the integrator path.
     """
     from clrender.files.access import check_writable
     from clrender.importers import load
+    from clrender.inspection.maps import PathMaps, check_maps_ending, maps_in
     from clrender.inspection.pipelines import check_integrator
     from clrender.inspection.pixel_paths import check_ending, check_pixel
     from clrender.inspection.tracing import paths_in
     from clrender.rendering.job import RenderJob
     from clrender.rendering.session import Session
 
+    if maps == (place is not None):
+        raise click.UsageError("Give either --pixel X,Y, for the light paths of a pixel, or --maps.")
     for path in outputs:
-        check_ending(path)
+        check_maps_ending(path) if maps else check_ending(path)
         check_writable(path)
     check_distinct(outputs, [Path(scene)])
     say = None if quiet else functools.partial(click.echo, err=True)
@@ -116,28 +132,44 @@ def paths(
         description = load(scene, environment=environment, **reading).with_exposure(**photographic)
         chosen = {name: value for name, value in settings.items() if value is not None}
         job = RenderJob.of(description, size=size, **chosen)
-        check_integrator(job.settings.integrator)
-        check_pixel(place, job.settings.width, job.settings.height)
+        if place is not None:
+            check_integrator(job.settings.integrator)
+            check_pixel(place, job.settings.width, job.settings.height)
         check_distinct(outputs, scene_files(scene, description))
         pictured = any(path.suffix.lower() == ".html" for path in outputs)
         with Session(list(devices) or None, notify=say, on_stage=waiting.stage) as session:
+            found: PixelPaths | PathMaps
             try:
-                found = paths_in(session, job, place, samples, pictured, should_stop=interrupt.wanted)
+                if place is None:
+                    found = maps_in(session, job, bounces, should_stop=interrupt.wanted)
+                else:
+                    found = paths_in(session, job, place, samples, pictured, should_stop=interrupt.wanted)
             except RenderError:
                 if not interrupt.wanted():
                     raise
                 click.echo("error: interrupted; nothing was written", err=True)
                 sys.exit(interrupt.exit_code)
-        if found.surroundings is not None:
+        if isinstance(found, PathMaps):
+            found = dataclasses.replace(found, stops=found.stops + exposure)
+        elif found.surroundings is not None:
             stops = found.surroundings.stops + exposure
             around = dataclasses.replace(found.surroundings, stops=stops, tone_map=tone_map)
             found = dataclasses.replace(found, surroundings=around)
         interrupt.has_picture.set()  # writing is short and should not be interrupted
         for path in outputs:
             found.save(path)
-    click.echo(_result_line(found, outputs))
+    click.echo(_maps_line(found, outputs) if isinstance(found, PathMaps) else _result_line(found, outputs))
     if interrupt.wanted():
         sys.exit(interrupt.exit_code)
+
+
+def _maps_line(found: PathMaps, outputs: Sequence[Path]) -> str:
+    """Summary of maps in one line."""
+    shares = found.shares
+    largest = int(shares.argmax())
+    words = f"{shares[largest]:.0%} of the light after {largest} scattering events"
+    noise = ", ".join(f"{name} {value:.2%}" for name, value in found.noise.items())
+    return f"{' '.join(map(str, outputs))}: {words}, errors of {noise}, image sha256 {found.about['image_sha256']}"
 
 
 def _result_line(found: PixelPaths, outputs: Sequence[Path]) -> str:

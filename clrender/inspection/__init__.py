@@ -1,9 +1,20 @@
-"""Light paths of a pixel, as the integrators traced them: every vertex, density, weight and contribution."""
+"""Light paths of a pixel as the integrators traced them, and maps of where the light of an image comes from."""
 
 from __future__ import annotations
 
 from clrender.inspection.light_path import Addition, Guidance, LightPath, PathVertex, Roulette
+from clrender.inspection.maps import PathMaps, path_maps
 from clrender.inspection.pixel_paths import PixelPaths
 from clrender.inspection.tracing import paths
 
-__all__ = ["Addition", "Guidance", "LightPath", "PathVertex", "PixelPaths", "Roulette", "paths"]
+__all__ = [
+    "Addition",
+    "Guidance",
+    "LightPath",
+    "PathMaps",
+    "PathVertex",
+    "PixelPaths",
+    "Roulette",
+    "path_maps",
+    "paths",
+]

@@ -62,6 +62,30 @@ def test_numbers_are_those_of_a_render(made: Path, device: Device) -> None:
 
 
 @pytest.mark.thorough
+def test_maps_in_the_place_of_a_pixel(made: Path, device: Device) -> None:
+    line = ("paths", "ball.toml", "--maps", "--bounces", "1", "--size", "20x16", "--spp", "32", "--quiet")
+    result = call(*line, "-d", str(device.info.index), "-o", "m.html", "-o", "m.json", folder=made)
+    assert (result.returncode, result.stderr) == (0, "")
+    read = json.loads((made / "m.json").read_text())
+    assert result.stdout.startswith("m.html m.json: ") and read["image_sha256"] in result.stdout
+    assert len(read["bounces"]) == 3 and "What each bounce adds" in (made / "m.html").read_text()
+
+
+@for_each(
+    ("line", "words"),
+    [
+        (("-o", "a.html"), "give either --pixel X,Y"),
+        (("--maps", "--pixel", "1,1", "-o", "a.html"), "give either --pixel X,Y"),
+        (("--maps", "-o", "a.png"), "maps are written to a .html, .json or .exr file"),
+        (("--pixel", "1,1", "-o", "a.exr"), "light paths are written to a .json or an .html file"),
+    ],
+)
+def test_a_pixel_or_maps(made: Path, line: tuple[str, ...], words: str) -> None:
+    result = call("paths", "ball.toml", *line, folder=made)
+    assert result.returncode == 2 and words in result.stderr and len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.thorough
 def test_the_page_is_one_file(made: Path) -> None:
     page = (made / "paths.html").read_text()
     assert "default-src 'none'" in page and page.count("</script>") == 3
@@ -170,7 +194,7 @@ def test_an_interruption_leaves_no_file(device: Device, tmp_path: Path) -> None:
 
 
 BAD: dict[str, tuple[str, tuple[str, ...]]] = {
-    "no pixel": ("paths room -o a.json", ("'--pixel'", "missing")),
+    "no pixel": ("paths room -o a.json", ("--pixel X,Y", "--maps")),
     "no output": ("paths room --pixel 1,2", ("'--output'", "missing")),
     "a pixel in words": ("paths room --pixel middle -o a.json", ("'middle'", "400,300")),
     "one number": ("paths room --pixel 7 -o a.json", ("'7'", "400,300")),
