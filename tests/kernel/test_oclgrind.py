@@ -36,15 +36,18 @@ QUICK = ("path-4", "path-1-rough")
 compute them for their neighbours, show there alone. The other ways are slow tests."""
 
 
+def _environment() -> dict[str, str]:
+    """One in which the package is found, and what interpreted.py has of the tests of the host."""
+    path = os.pathsep.join([str(Path(clrender.__file__).parents[1]), str(FOLDER.parent / "host")])
+    return {**os.environ, "PYTHONPATH": path}
+
+
 def interpreted(names: list[str], folder: Path, *options: str) -> tuple[dict[str, str], str]:
     """What came out, and Oclgrind's complaints."""
     log = folder / "complaints"
     command = ["oclgrind", *options, "--max-errors", "100", "--log", str(log), sys.executable]
     command += ["-W", "ignore", str(FOLDER / "interpreted.py"), *names]
-    path = os.pathsep.join([str(Path(clrender.__file__).parents[1]), str(FOLDER.parent / "host")])
-    done = subprocess.run(
-        command, capture_output=True, text=True, check=False, env={**os.environ, "PYTHONPATH": path}, cwd=folder
-    )
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=_environment(), cwd=folder)
     assert done.returncode == 0, done.stderr
     lines = dict(line.split(" ", 1) for line in done.stdout.splitlines() if " " in line)
     assert lines["device"] == "Oclgrind"
@@ -114,6 +117,5 @@ def test_oclgrind_does_complain(tmp_path: Path, kernel: str) -> None:
     )
     log = tmp_path / "complaints"
     command = ["oclgrind", "--data-races", "--uninitialized", "--log", str(log), sys.executable, "-W", "ignore"]
-    environment = {**os.environ, "PYTHONPATH": str(Path(clrender.__file__).parents[1])}
-    subprocess.run([*command, str(tmp_path / "broken.py")], capture_output=True, check=True, env=environment)
+    subprocess.run([*command, str(tmp_path / "broken.py")], capture_output=True, check=True, env=_environment())
     assert ERROR.search(log.read_text())
