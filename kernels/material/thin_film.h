@@ -14,8 +14,9 @@
 #include "material/fresnel.h"
 #include "types.h"
 
-typedef struct {
 #ifdef IRIDESCENCE
+
+typedef struct {
     __global const float* tables; // of clrender.flatten.thin_films
     vmask present;
     vfloat share;                // of the surface that the film is on
@@ -24,17 +25,10 @@ typedef struct {
 #ifdef SPECTRAL
     vec3 lines;                  // the lanes' wavelengths: spectral/wavelengths.h
 #endif
-#else
-    vfloat unused;
-#endif
 } ThinFilm;
-
-#ifdef IRIDESCENCE
 
 #define THIN_FILM_MOST_F0 0.9999f
 #define THIN_FILM_ROWS_PER_NANOMETRE 0.25f   // of the table of means
-
-static vmask thin_film_present(const ThinFilm* film) { return film->present; }
 
 // Cosine and sine of mφ for m from 1 on, of one color.
 #ifdef SPECTRAL
@@ -164,10 +158,6 @@ static ThinFilmFacets thin_film_facets(const ThinFilm* film, vfloat alpha, vfloa
     const ThinFilmFacets facets = {mean[0], mean[1], mean[2]};
     return facets;
 }
-
-#else
-
-static vmask thin_film_present(const ThinFilm* film) { return mask_none(); }
 
 #endif
 

@@ -32,7 +32,9 @@ typedef struct {
     vfloat critical;         // cosine of the critical angle
     vfloat bend;             // columns from one end of its bend to the other
     vfloat level;            // of them, how far the horizon is from the middle
+#ifdef IRIDESCENCE
     ThinFilm film;           // on its outside
+#endif
 #ifdef TURNED_GLASS
     TurnedGlass turned;      // where facets are rougher along x
 #endif
@@ -128,6 +130,14 @@ static vfloat glass_fresnel(const Glass* g, vfloat cosine) {
     return g->thin ? glass_thin(reflected) : reflected;
 }
 
+static vmask glass_filmed(const Glass* g) {
+#ifdef IRIDESCENCE
+    return g->film.present;
+#else
+    return mask_none();
+#endif
+}
+
 // The same by color where a film lies on it.
 static vec3 glass_colors(const Glass* g, vfloat cosine) {
     const vfloat reflected = glass_fresnel(g, cosine);
@@ -175,7 +185,7 @@ static vec3 glass_eval(const Glass* g, const Facets* facets, __global const floa
     const vfloat near = bounded(absolute(in), 1.0e-7f, 1.0f);
     const vfloat reflected = glass_reflects(g, near);
     vfloat part = above ? reflected : splat(1.0f) - reflected;
-    const vmask exact = bent & !thin_film_present(&g->film);
+    const vmask exact = bent & !glass_filmed(g);
     if (lane_any(exact)) part = exact ? glass_between(near, bounded(absolute(out), 0.0f, 1.0f), g->eta) : part;
 
     // From a density of facets to a density of directions (Walter et al., eq. 14 and 17)
