@@ -183,8 +183,8 @@ VALUES = [
         ("materials.white.reflectance[0]", "at least 0"),
     ),
     Bad(
-        "reflectance a number",
-        CAMERA + WHITE.replace("[0.7, 0.7, 0.7]", "0.7"),
+        "reflectance a text",
+        CAMERA + WHITE.replace("[0.7, 0.7, 0.7]", '"grey"'),
         ("materials.white.reflectance", "a list"),
     ),
     Bad("reflectance misspelt", CAMERA + WHITE.replace("tance", "tence"), ('did you mean "reflectance"',)),

@@ -141,6 +141,7 @@ def flat_scene(
         "grid_words": np.zeros(1, np.float32),
         "measured_rows": np.zeros((1, 16), np.float32),
         "measured_words": np.zeros(1, np.float32),
+        "thin_film_rows": np.zeros((1, 8), np.float32),
         "hole_rows": np.zeros((1, 64), np.uint32),
         "attribute_rows": np.zeros((1, 16), np.float32),
         "texture_rows": np.zeros((1, 16), np.float32),

@@ -35,7 +35,8 @@ def table() -> dict[tuple[str, str], str]:
     """(light, integrator) -> yes, no, refused or `CHAINS`, as the page says."""
     lines = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith("|")]
     rows = [[cell.strip(" `") for cell in line.strip("|").split("|")] for line in lines]
-    first, *body = rows[: next(i for i, row in enumerate(rows) if i > 1 and row[0] == "")]
+    rows = rows[next(i for i, row in enumerate(rows) if row[0] == "light path") :]
+    first, *body = rows[: next(i for i, row in enumerate(rows) if row[0] == "")]
     return {(row[0], name): cell for row in body[1:] for name, cell in zip(first[1:], row[1:], strict=True)}
 
 
