@@ -28,6 +28,8 @@ LIMIT: Final = 0.05
 """Largest relative difference of the means of a region."""
 _REGIONS: Final = 4
 """Regions along a side of the image."""
+_BRIGHT: Final = 16.0
+"""Times the mean of the image at which pixels are cut off: single samples of caustics would decide means otherwise."""
 _DIM: Final = 0.02
 """Share of the image's mean that is added to both means of a region, where a black one would have no ratio."""
 
@@ -153,7 +155,88 @@ def _sky(width: int, height: int) -> Any:
     return image
 
 
-SCENES: Final[dict[str, Callable[[], None]]] = {"room": room, "outdoor": outdoor}
+def objects() -> None:
+    """Copies by a collection and by geometry nodes, text, several materials, pictures, and what only cameras miss."""
+    data, collection = bpy.data, bpy.context.scene.collection
+    _plane(_material("grey", (0.5, 0.5, 0.5), Roughness=0.8), 8.0, (0.0, 0.0, 0.0))
+    group = data.collections.new("cones")
+    bpy.ops.mesh.primitive_cone_add(location=(0.0, 0.0, 0.3), depth=0.6, radius1=0.3)
+    cone = _given(_material("cone", (0.7, 0.2, 0.2), Roughness=0.6))
+    collection.objects.unlink(cone)
+    group.objects.link(cone)
+    for x in (-1.5, -0.7):
+        copy = data.objects.new("cones", None)
+        copy.instance_type, copy.instance_collection = "COLLECTION", group
+        copy.location, copy.scale = (x, 1.0, 0.0), (1.0, 1.0, 1.5)
+        collection.objects.link(copy)
+    bpy.ops.object.text_add(location=(-1.5, -1.2, 0.05))
+    _given(_material("text", (0.2, 0.4, 0.8), Roughness=0.7)).data.body = "Hi"
+    bpy.context.object.data.extrude = 0.1
+    bpy.ops.mesh.primitive_cube_add(size=0.7, location=(0.5, -0.6, 0.35))
+    cube = _given(_material("yellow", (0.9, 0.9, 0.1), Roughness=0.9))
+    cube.data.materials.append(_material("teal", (0.1, 0.7, 0.7), Roughness=0.9))
+    cube.data.polygons[0].material_index = cube.data.polygons[3].material_index = 1
+    places = ((1.5, -0.6, 0.35), (-0.3, -1.0, 1.0), (-0.3, -1.0, 1.5))
+    own, unseen, hidden = (cube.copy() for _ in places)
+    for copy, place in zip((own, unseen, hidden), places, strict=True):
+        copy.location = place
+        collection.objects.link(copy)
+    own.material_slots[0].link = "OBJECT"
+    own.material_slots[0].material = _material("pink", (0.8, 0.1, 0.6), Roughness=0.9)
+    unseen.visible_camera, hidden.hide_render = False, True
+    bpy.ops.mesh.primitive_cube_add(size=0.4, location=(-2.2, 0.0, 0.2))  # without a material
+    _balls((1.4, 1.0, 0.3))
+    bpy.ops.mesh.primitive_plane_add(size=1.2, location=(0.0, 2.0, 0.9), rotation=(1.3, 0.0, 0.2))
+    _given(_pictured("picture"))
+    bpy.ops.mesh.primitive_plane_add(size=0.5, location=(2.2, 0.4, 0.6), rotation=(math.pi / 2.0, 0.0, 0.0))
+    shining = _given(_material("shining", (0.0, 0.0, 0.0), Emission_Strength=3.0)).data.materials[0]
+    shining.node_tree.nodes["Principled BSDF"].inputs["Emission Color"].default_value = (1.0, 0.8, 0.5, 1.0)
+    _light("AREA", (-2.0, -2.0, 3.0), (0.6, -0.5, 0.0), energy=120.0, size=1.0, shape="DISK")
+    _world((0.5, 0.6, 0.8), 0.5)
+    _camera((0.5, -6.0, 3.5), (0.0, 0.3, 0.3), lens=45.0)
+
+
+def _balls(location: Any) -> None:
+    """A plane with balls at its corners, by geometry nodes."""
+    bpy.ops.mesh.primitive_plane_add(size=1.0, location=location)
+    tree = bpy.data.node_groups.new("balls", "GeometryNodeTree")
+    bpy.context.object.modifiers.new("balls", "NODES").node_group = tree
+    for direction in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    given, made, at, ball, paint = (
+        tree.nodes.new(kind)
+        for kind in (
+            *("NodeGroupInput", "NodeGroupOutput", "GeometryNodeInstanceOnPoints", "GeometryNodeMeshUVSphere"),
+            "GeometryNodeSetMaterial",
+        )
+    )
+    ball.inputs["Radius"].default_value = 0.25
+    paint.inputs["Material"].default_value = _material("balls", (0.2, 0.8, 0.3), Roughness=0.7)
+    for source, target in (
+        (given.outputs[0], at.inputs["Points"]),
+        (ball.outputs["Mesh"], paint.inputs["Geometry"]),
+        (paint.outputs["Geometry"], at.inputs["Instance"]),
+        (at.outputs[0], made.inputs[0]),
+    ):
+        tree.links.new(source, target)
+
+
+def _pictured(name: str) -> Any:
+    """A material with four squares of colour as its picture."""
+    image = bpy.data.images.new(name, 64, 64)
+    pixels = np.ones((64, 64, 4), np.float32)
+    pixels[:32, :, 0], pixels[:, :32, 1] = 0.2, 0.3
+    image.pixels.foreach_set(pixels.ravel())
+    image.pack()
+    made = _material(name, (1.0, 1.0, 1.0), Roughness=0.8)
+    tree = made.node_tree
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    texture.image = image
+    tree.links.new(texture.outputs["Color"], tree.nodes["Principled BSDF"].inputs["Base Color"])
+    return made
+
+
+SCENES: Final[dict[str, Callable[[], None]]] = {"room": room, "outdoor": outdoor, "objects": objects}
 
 
 def _settings(size: tuple[int, int], spp: int) -> None:
@@ -204,8 +287,8 @@ def compared(name: str, folder: Path) -> dict[str, Any]:
         images[engine] = _rendered(engine, folder / f"{name}-{engine.lower()}.exr")
         seconds[engine] = round(time.perf_counter() - began, 1)
     theirs, ours = images["CYCLES"], images["CLRENDER"]
-    floor = _DIM * theirs.mean()
-    regions = (_means(ours) + floor) / (_means(theirs) + floor) - 1.0
+    floor, most = _DIM * theirs.mean(), _BRIGHT * theirs.mean()
+    regions = (_means(np.minimum(ours, most)) + floor) / (_means(np.minimum(theirs, most)) + floor) - 1.0
     return {
         "scene": name,
         "cycles": theirs.mean(axis=(0, 1)).round(5).tolist(),

@@ -146,7 +146,9 @@ def _lens(camera: BlenderCamera, orthographic: bool, notes: list[str]) -> dict[s
         "focus_distance": max(camera.focus_distance, 1e-6),
     }
     if camera.blades >= 3:
-        made |= {"blades": camera.blades, "blade_rotation_degrees": math.degrees(camera.blade_rotation)}
+        # Blender's polygon begins in the middle of a side, clrender's at a corner
+        turn = math.degrees(camera.blade_rotation) + 180.0 / camera.blades
+        made |= {"blades": camera.blades, "blade_rotation_degrees": turn}
     if camera.aperture_ratio != 1.0:
         notes.append("the ratio of the aperture was left out: its bokeh is not stretched")
     return made

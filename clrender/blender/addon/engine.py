@@ -141,5 +141,4 @@ class RenderEngine(bpy.types.RenderEngine):  # type: ignore[misc]
         self.update_progress(1.0)
 
     def _fail(self, text: str) -> None:
-        self.report({"ERROR"}, f"clrender: {text}")
-        self.error_set(text)
+        self.error_set(f"clrender: {text}")  # which is reported, too

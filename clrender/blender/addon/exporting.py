@@ -37,6 +37,8 @@ _UNSEEN: Final = {
 _READ_NODES: Final = ("ShaderNodeBsdfPrincipled", "ShaderNodeEmission", "ShaderNodeEeveeSpecular")
 _BEHIND: Final = 1e-4
 """Distance of a back side from its front, relative to the size of the mesh."""
+_BARE: Final = 0.8
+"""Reflectance of a surface without a material."""
 _TOLD_OF_MODELS: Final = (
     *("there is no camera", "there is no light"),  # the scene has its own
     "double-sided materials shine",  # whose back sides are added here
@@ -55,7 +57,18 @@ class _Collected:
     parts: SceneParts
     scene: Any
     meshes: dict[Any, Any] = field(default_factory=dict)
+    bare: Any = None
     notes: list[str] = field(default_factory=list)
+
+    def bare_material(self) -> Any:
+        """What Cycles gives to a surface without a material; a glTF file would give it a metal."""
+        if self.bare is None:
+            self.bare = bpy.data.materials.new("without a material")
+            self.bare.use_nodes = True
+            inputs = next(n for n in self.bare.node_tree.nodes if n.bl_idname == "ShaderNodeBsdfPrincipled").inputs
+            inputs["Base Color"].default_value = (*[_BARE] * 3, 1.0)
+            inputs["Roughness"].default_value, inputs["Specular IOR Level"].default_value = 1.0, 0.0
+        return self.bare
 
     def note(self, text: str) -> None:
         """Each once."""
@@ -95,14 +108,24 @@ def exported(
     notes += told
     collected = _Collected(parts, bpy.data.scenes.new("clrender export"), notes=notes)
     try:
+        whole = {each.object.original.name_full for each in depsgraph.object_instances if _is_own_geometry(each)}
         for instance in depsgraph.object_instances:
-            _take(instance, depsgraph, collected)
+            # Texts and curves are in the graph once more, as the mesh that they make
+            if instance.is_instance or instance.object.type == "MESH" or instance.object.name_full not in whole:
+                _take(instance, depsgraph, collected)
         converted = _converted(collected, folder, program, stopped) if collected.meshes else {}
     finally:
         _forget(collected)
     path = folder / "scene.json"
     path.write_text(json.dumps(assembled(converted, parts), indent=1), encoding="utf-8")
     return path, collected.notes
+
+
+def _is_own_geometry(instance: Any) -> bool:
+    """Whether it is a mesh that an object itself makes, such as a text, or with geometry nodes."""
+    if not instance.is_instance or instance.object.type != "MESH" or instance.parent is None:
+        return False
+    return bool(instance.object.original == instance.parent.original)
 
 
 def _take(instance: Any, depsgraph: Any, collected: _Collected) -> None:
@@ -119,16 +142,19 @@ def _take(instance: Any, depsgraph: Any, collected: _Collected) -> None:
         for note in notes:
             collected.note(note)
     elif placed.type in _SURFACES:
-        _take_mesh(placed, instance.matrix_world, depsgraph, collected)
+        _take_mesh(instance, depsgraph, collected)
     elif _UNSEEN.get(placed.type):
         collected.note(f"{_UNSEEN[placed.type]} were left out: {placed.original.name}")
 
 
-def _take_mesh(placed: Any, matrix: Any, depsgraph: Any, collected: _Collected) -> None:
-    materials = [slot.material.original if slot.material else None for slot in placed.material_slots]
+def _take_mesh(instance: Any, depsgraph: Any, collected: _Collected) -> None:
+    placed, own = instance.object, _is_own_geometry(instance)
+    slots = placed.data.materials if own else [slot.material for slot in placed.material_slots]
+    materials = [each.original if each is not None else None for each in slots]
     key = (placed.data.as_pointer(), tuple(each.name_full if each else "" for each in materials))
     if key not in collected.meshes:
-        collected.meshes[key] = _mesh(placed, materials, depsgraph, collected)
+        made = _copied(placed.data) if own else _applied(placed, depsgraph)
+        collected.meshes[key] = _finished(made, materials, collected)
     mesh = collected.meshes[key]
     if mesh is None:
         return
@@ -138,27 +164,41 @@ def _take_mesh(placed: Any, matrix: Any, depsgraph: Any, collected: _Collected) 
         collected.note(f"that {placed.original.name} is a holdout was left out")
     # Not the object's own name, to which Blender would append a number
     made = bpy.data.objects.new(f"clrender {len(collected.parts.objects)}", mesh)
-    made.matrix_world = matrix.copy()
+    made.matrix_world = instance.matrix_world.copy()
     collected.scene.collection.objects.link(made)
     catcher = bool(getattr(placed, "is_shadow_catcher", False))
     collected.parts.objects[made.name] = Placed(placed.original.name, bool(placed.visible_camera), catcher)
 
 
-def _mesh(placed: Any, materials: Sequence[Any], depsgraph: Any, collected: _Collected) -> Any:
-    """A mesh of its own of what an object looks like with its modifiers; None without faces."""
-    mesh = bpy.data.meshes.new_from_object(placed, preserve_all_data_layers=True, depsgraph=depsgraph)
+def _applied(placed: Any, depsgraph: Any) -> Any:
+    """A mesh of what an object looks like with its modifiers."""
+    return bpy.data.meshes.new_from_object(placed, preserve_all_data_layers=True, depsgraph=depsgraph)
+
+
+def _copied(mesh: Any) -> Any:
+    """A mesh of its own of one that is in the graph only."""
+    made, edited = bpy.data.meshes.new("instance"), bmesh.new()
+    edited.from_mesh(mesh)
+    edited.to_mesh(made)
+    edited.free()
+    return made
+
+
+def _finished(mesh: Any, materials: Sequence[Any], collected: _Collected) -> Any:
+    """The mesh with materials; None without faces."""
     if not mesh.polygons:
         bpy.data.meshes.remove(mesh)
         return None
+    materials = [each or collected.bare_material() for each in materials or [None]]
     for index, material in enumerate(materials):  # those of the object take precedence over those of the mesh
         if index < len(mesh.materials):
             mesh.materials[index] = material
         else:
             mesh.materials.append(material)
-    used = {each.name: each for each in materials if each is not None}
+    used = {each.name: each for each in materials}
     for name, material in used.items():
         _tell_of_nodes(name, material, collected)
-    if used and not _is_closed(mesh):
+    if not _is_closed(mesh):
         collected.parts.sheets |= set(used)
         _shine_from_behind(mesh)
     return mesh
@@ -264,4 +304,6 @@ def _forget(collected: _Collected) -> None:
     for mesh in collected.meshes.values():
         if mesh is not None:
             bpy.data.meshes.remove(mesh)
+    if collected.bare is not None:
+        bpy.data.materials.remove(collected.bare)
     bpy.data.scenes.remove(collected.scene)

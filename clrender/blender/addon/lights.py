@@ -177,7 +177,7 @@ def _area(light: BlenderLight, made: _Made) -> None:
     forward = [-x for x in column(light.matrix, 2)]
     # Lamps shine along -z; a mirrored one does so with its other side
     if sum(n * f for n, f in zip(normal, forward, strict=True)) < 0.0:
-        v, normal = [-x for x in v], tuple(-x for x in normal)
+        v, normal = [-x for x in v], _cross(v, u)
     if light.spread < math.pi * 0.999:
         made.notes.append(f"{light.name}: its spread was left out; it shines to all sides, by the cosine")
     if not round_:
