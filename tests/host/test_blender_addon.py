@@ -68,7 +68,7 @@ def test_the_manifest_is_that_of_an_extension() -> None:
     assert manifest["version"] == __version__ == ".".join(map(str, bl_info["version"]))
     assert manifest["blender_version_min"] == ".".join(map(str, bl_info["blender"]))
     for text in (manifest["tagline"], *manifest["permissions"].values()):
-        assert len(text) <= 80
+        assert len(text) <= 64  # as Blender demands
         assert text[-1].isalnum()
 
 
@@ -329,8 +329,9 @@ def test_the_command_to_render_has_options_that_there_are() -> None:
         more="--guiding on",
     )
     words = program.render_command(Path("scene.json"), Path("image.exr"), options)
-    context = render.make_context("render", words[1:])
-    assert context.params["spp"] == 64
+    there_are = {name for each in render.params for name in each.opts}
+    assert {word for word in words if word.startswith("--")} <= there_are
+    assert words[:2] == ["render", "scene.json"]
     assert words[-2:] == ["--guiding", "on"]
     assert "1,2,3x4" in words
     plain = program.render_command(Path("a.json"), Path("a.exr"), program.RenderOptions())

@@ -141,4 +141,5 @@ class RenderEngine(bpy.types.RenderEngine):  # type: ignore[misc]
         self.update_progress(1.0)
 
     def _fail(self, text: str) -> None:
-        self.error_set(f"clrender: {text}")  # which is reported, too
+        # Not `error_set`, by which Blender 5.0 crashes when no image has begun
+        self.report({"ERROR"}, f"clrender: {text}")

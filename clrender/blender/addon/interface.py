@@ -189,7 +189,7 @@ def _open_view(self: Any, context: Any) -> set[str]:
 
 
 ViewOperator: Final = _class(
-    "CLRENDER_OT_view",
+    "ViewOperator",
     bpy.types.Operator,
     {},
     {
