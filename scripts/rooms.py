@@ -35,7 +35,7 @@ LAYERS: Final = (
     ("drivers",),
     ("device",),
     ("scheduling",),
-    ("importers", "exporters"),
+    ("importers", "exporters", "blender"),
     ("flatten",),
     ("film",),
     ("scene",),

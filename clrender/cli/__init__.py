@@ -39,6 +39,7 @@ COMMANDS: Final[dict[str, str]] = {
     "scenes": "List the built-in scenes.",
     "check": "Check a scene file without rendering it.",
     "convert": "Convert a scene to clrender's format.",
+    "blender": "Write the add-on for Blender.",
     "schema": "Print the JSON Schema of scene files.",
     "tonemap": "Tone-map a linear image for display.",
     "compare": "Compare an image with a reference, or integrators with each other.",
