@@ -127,10 +127,12 @@ function numberInput(schema, about, id, changed) {
   };
 }
 
+const SHORT = { left: "x", top: "y", width: "w", height: "h" }; // for placeholders
+
 /** Several numbers, which count when all are there; null where all are emptied. */
 function seriesInput(names, step, about, id, changed) {
   const numbers = names.map((name, i) =>
-    make("input", { id: i === 0 ? id : null, type: "number", step, inputmode: "decimal", placeholder: name, "aria-label": `${about.label}: ${name}` }),
+    make("input", { id: i === 0 ? id : null, type: "number", step, inputmode: "decimal", placeholder: SHORT[name] ?? name, "aria-label": `${about.label}: ${name}` }),
   );
   let last = null;
   const again = () => numbers.forEach((input, i) => (input.value = last === null ? "" : String(Number(last[i].toPrecision(6)))));
