@@ -1,7 +1,8 @@
 """Measure the page of `clrender view` in Chromium, and take pictures of it: `scripts/view_page.py -o DIR [SCENE]`.
 
 Needs `pip install playwright` and Debian's Chromium. Prints one JSON object: milliseconds from the page's first request
-to the first picture drawn, and from a camera move in the page to the frame that shows it.
+to the first picture drawn, from a camera move in the page to the frame that shows it, and from an edit of a material
+and of a light to the first frame of the new image.
 """
 
 from __future__ import annotations
@@ -38,6 +39,28 @@ _ORBITS: Final = """
     return times;
 """
 
+_EDITS: Final = """
+    const scene = view.hub.newest("scene");
+    const tables = argument.type === "material" ? scene.materials : scene.emitters;
+    const isColor = (each) => each.kind === "color" && each.value !== null;
+    const name = Object.keys(tables).find((each) => tables[each].parameters.some(isColor));
+    if (name === undefined) return [];
+    const { name: key, value } = tables[name].parameters.find(isColor);
+    const times = [];
+    for (let i = 0; i < argument.count; i += 1) {
+        await new Promise((resolve) => setTimeout(resolve, 300));
+        const begin = performance.now();
+        await new Promise((resolve) => {
+            const before = view.picture.frame().revision;
+            view.picture.onDrawn((frame) => frame.revision > before && resolve());
+            const values = { [key]: [value].flat().map((each) => each * (i % 2 ? 1 : 0.9)) };
+            view.hub.send({ type: argument.type, name, values });
+        });
+        times.push(performance.now() - begin);
+    }
+    return times;
+"""
+
 
 def main() -> int:
     """Measure, and take screenshots."""
@@ -61,12 +84,14 @@ def main() -> int:
         with Server(*arguments) as server:
             firsts = [_first(browser, server) for _ in range(5)]
             orbits = _orbits(browser, server, chosen.orbits)
+            edits = {kind: _edits(browser, server, kind, chosen.orbits) for kind in ("material", "light")}
             for scheme in ("dark", "light"):
                 for name, width, height in (("desktop", 1440, 900), ("phone", 390, 844)):
                     _pictures(browser, server, chosen.output, f"{name}-{scheme}", scheme, (width, height))
             server.end()
     told = {"scene": chosen.scene, "size": chosen.size, "first_ms": firsts, "orbit_ms": orbits}
     told |= {"first_median_ms": statistics.median(firsts), "orbit_median_ms": statistics.median(orbits)}
+    told |= {f"{kind}_median_ms": round(statistics.median(times), 1) for kind, times in edits.items() if times}
     print(json.dumps(told))
     return 0
 
@@ -85,6 +110,13 @@ def _orbits(browser: Any, server: Server, count: int) -> list[float]:
         times = view.run(_ORBITS, count)
         view.page.keyboard.press("r")
         return [round(each, 1) for each in times]
+
+
+def _edits(browser: Any, server: Server, kind: str, count: int) -> list[float]:
+    """Milliseconds from each of some edits to the image with it; none where the scene has nothing of the kind."""
+    with view_of(browser, server, "edits") as view:
+        view.wait("view.picture.frame() !== undefined && view.hub.newest('scene') !== undefined")
+        return [float(each) for each in view.run(_EDITS, {"type": kind, "count": count})]
 
 
 def _pictures(browser: Any, server: Server, folder: Path, name: str, scheme: str, size: tuple[int, int]) -> None:

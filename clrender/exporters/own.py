@@ -26,7 +26,7 @@ from clrender.scene.ies import ies_text
 from clrender.scene.load import SCENE_FILE_LIMIT
 from clrender.wording import place, quoted
 
-__all__ = ["Export", "exported", "scene_text"]
+__all__ = ["Export", "exported", "scene_text", "toml_text"]
 
 _TILT: Final = re.compile(r"\s*TILT\s*=(.*)", re.IGNORECASE)
 _ROW: Final = re.compile(r"\[\n((?:[ \t]*[-+.\w]+,\n)+)[ \t]*\]")
@@ -145,13 +145,18 @@ def scene_text(description: dict[str, Any], ending: str, title: str) -> bytes:
     if ending == ".json":
         text = json.dumps(description, indent=1, ensure_ascii=False) + "\n"
     else:
-        import tomli_w
-
-        text = f"# {title}\n{_ROW.sub(_in_a_row, tomli_w.dumps(description))}"
+        text = f"# {title}\n{toml_text(description)}"
     data = text.encode("utf-8")
     if len(data) > SCENE_FILE_LIMIT:
         raise SceneError(f"the scene file would have {len(data)} bytes, but at most {SCENE_FILE_LIMIT} are read")
     return data
+
+
+def toml_text(description: dict[str, Any]) -> str:
+    """Tables of a scene file, with each list of numbers in one line."""
+    import tomli_w
+
+    return _ROW.sub(_in_a_row, tomli_w.dumps(description))
 
 
 def _in_a_row(found: re.Match[str]) -> str:

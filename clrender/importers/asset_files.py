@@ -77,7 +77,9 @@ class AssetFiles:
             See `clrender.files.named.open_named_file`.
         """
         label = f"{self.source}: {place}: {quoted(name)}"
-        return open_named_file(name, self.folder, self.allow_paths, label, limit)
+        found = open_named_file(name, self.folder, self.allow_paths, label, limit)
+        self.opened.append(self.folder / name)
+        return found
 
     def read(self, uri: str, place: str, limit: int = _LIMIT) -> bytes:
         """Content of a URI: a file relative to the scene, or embedded data.

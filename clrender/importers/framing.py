@@ -113,7 +113,7 @@ def completed(draft: Draft, files: AssetFiles, up: str = "y", *, surrounded: boo
         return completed(draft, files, up, surrounded=surrounded)
     said = (f"{files.source}: {note}" for note in notes)
     forgiven, left_out = _faults_of_meshes(scene, files)
-    return scene.with_notes(said, files.opened, (draft.forgiven + forgiven, draft.left_out + left_out))
+    return scene.with_notes(said, dict.fromkeys(files.opened), (draft.forgiven + forgiven, draft.left_out + left_out))
 
 
 def _faults_of_meshes(scene: Scene, files: AssetFiles) -> tuple[int, int]:

@@ -1,17 +1,16 @@
-"""A scene with the edits of viewers: to its camera, its materials and the settings."""
+"""A scene with the edits of viewers: to its camera, its materials, its lights and the settings."""
 
 from __future__ import annotations
 
 import dataclasses
-import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-import tomli_w
 from pydantic import ValidationError
 
 from clrender.errors import UsageError
+from clrender.exporters.own import toml_text
 from clrender.limits import nearest, shown
 from clrender.rendering.job import RenderJob
 from clrender.scene import Scene
@@ -19,10 +18,13 @@ from clrender.scene.camera import Camera
 from clrender.scene.former_keys import present_keys
 from clrender.scene.validation_errors import scene_error
 from clrender.settings import IMAGE, SETTINGS, present, settings_of
+from clrender.view.lights import emitter_keys, emitters, with_emitters
 from clrender.view.parameters import changeable, is_plain
 
 if TYPE_CHECKING:
     from clrender.scene.materials import Material
+    from clrender.scene.values import Part
+    from clrender.view.lights import Emitter
 
 __all__ = ["NOT_LIVE", "EditedScene", "camera_toml"]
 
@@ -51,6 +53,8 @@ class EditedScene:
     camera : Camera
     materials : mapping
         Those that were changed.
+    lights : mapping
+        Lights and shining shapes that were changed, by their places.
     settings : mapping
         Those that were changed.
     checked : RenderJob
@@ -61,6 +65,7 @@ class EditedScene:
     given: Mapping[str, Any]
     camera: Camera
     materials: Mapping[str, Material]
+    lights: Mapping[str, Emitter]
     settings: Mapping[str, Any]
     checked: RenderJob
 
@@ -73,7 +78,7 @@ class EditedScene:
         UsageError, SceneError
             As of `RenderJob.of`.
         """
-        return cls._made(scene, present(given), scene.camera, {}, {})
+        return cls._made(scene, present(given), scene.camera, {}, {}, {})
 
     @classmethod
     def _made(
@@ -82,10 +87,12 @@ class EditedScene:
         given: Mapping[str, Any],
         camera: Camera,
         materials: Mapping[str, Material],
+        lights: Mapping[str, Emitter],
         settings: Mapping[str, Any],
     ) -> EditedScene:
         changed = scene.changed({("materials", name): material for name, material in materials.items()})
-        return cls(scene, given, camera, materials, settings, RenderJob.of(changed, **{**given, **settings}))
+        checked = RenderJob.of(with_emitters(changed, lights), **{**given, **settings})
+        return cls(scene, given, camera, materials, lights, settings, checked)
 
     @property
     def job(self) -> RenderJob:
@@ -133,7 +140,7 @@ class EditedScene:
             if there is None or (value is not None and there != value):
                 kept.pop(name, None)
         kept |= {name: settings[name] for name in values if name in settings}
-        return self._made(self.scene, self.given, self.camera, self.materials, kept)
+        return self._made(self.scene, self.given, self.camera, self.materials, self.lights, kept)
 
     def with_material(self, name: str, values: Mapping[str, Any]) -> EditedScene:
         """With other values of a material: numbers, colours, choices and truth values, and no files.
@@ -146,31 +153,41 @@ class EditedScene:
         material = self.checked.scene.materials.get(name)
         if material is None:
             raise UsageError(f"there is no material {shown(name)}{nearest(name, self.scene.materials)}")
-        values = present_keys(type(material), values, f"materials.{name}")
-        for key, value in values.items():
-            if key not in changeable(material):
-                near = nearest(key, changeable(material))
-                raise UsageError(f"materials.{name}: {shown(key)} cannot be changed here{near}")
-            if not is_plain(value):
-                raise UsageError(f"materials.{name}.{key} is {shown(value)}, but must be a number, a colour or a name")
-        merged: dict[str, Any] = {key: getattr(material, key) for key in material.model_fields_set}
-        merged = {key: value for key, value in {**merged, **values}.items() if key not in values or value is not None}
-        try:
-            other = type(material).model_validate(merged)
-        except ValidationError as error:
-            raise scene_error(error, type(material), f"materials.{name}") from None
+        other = _with_values(material, values, changeable(material), f"materials.{name}")
         materials = {**self.materials, name: other}
-        return self._made(self.scene, self.given, self.camera, materials, self.settings)
+        return self._made(self.scene, self.given, self.camera, materials, self.lights, self.settings)
+
+    def with_light(self, name: str, values: Mapping[str, Any]) -> EditedScene:
+        """With other values of a light or a shining shape: numbers, colours, places and truth values, and no files.
+
+        Parameters
+        ----------
+        name : str
+            Its place in the scene, such as ``lights[0]``.
+        values : mapping
+
+        Raises
+        ------
+        UsageError, SceneError
+            There is no such light or key, or the value is not allowed.
+        """
+        known = emitters(self.checked.scene)
+        if name not in known:
+            raise UsageError(f"there is no light {shown(name)}{nearest(name, known)}")
+        other = _with_values(known[name], values, emitter_keys(known[name]), name)
+        lights = {**self.lights, name: other}
+        return self._made(self.scene, self.given, self.camera, self.materials, lights, self.settings)
 
     def reset(self, what: str) -> EditedScene:
-        """As in the scene and the command line again: ``camera``, ``settings`` or ``materials``."""
+        """As in the scene and the command line again: ``camera``, ``settings``, ``materials`` or ``lights``."""
         camera = self.scene.camera if what == "camera" else self.camera
         materials = {} if what == "materials" else self.materials
+        lights = {} if what == "lights" else self.lights
         settings = {} if what == "settings" else self.settings
-        return self._made(self.scene, self.given, camera, materials, settings)
+        return self._made(self.scene, self.given, camera, materials, lights, settings)
 
     def reread(self, scene: Scene) -> EditedScene:
-        """Of the scene as it is now: changed materials are forgotten, and the camera where the scene has another.
+        """Of the scene as it is now: changed materials and lights are forgotten, and the camera where it has another.
 
         Raises
         ------
@@ -178,7 +195,7 @@ class EditedScene:
             It cannot be rendered with these settings.
         """
         camera = self.camera if scene.camera == self.scene.camera else scene.camera
-        return self._made(scene, self.given, camera, {}, self.settings)
+        return self._made(scene, self.given, camera, {}, {}, self.settings)
 
     def restarts(self, other: EditedScene) -> bool:
         """Whether another edited scene has another image, of which samples are of no use here."""
@@ -189,10 +206,32 @@ class EditedScene:
             or self.camera != other.camera
             or self.scene is not other.scene
             or self.materials != other.materials
+            or self.lights != other.lights
         )
 
 
 def camera_toml(camera: Camera) -> str:
     """The table of a scene file."""
-    table = tomli_w.dumps({"camera": camera.model_dump(mode="json", exclude_none=True, exclude_unset=True)})
-    return re.sub(r"\[\n([^]]*)\n\]", lambda found: f"[{' '.join(found[1].split()).rstrip(',')}]", table)
+    return toml_text({"camera": camera.model_dump(mode="json", exclude_none=True, exclude_unset=True)})
+
+
+def _with_values(part: Part, values: Mapping[str, Any], allowed: Sequence[str], at: str) -> Any:
+    """A table of the scene with other numbers, colours, names and truth values.
+
+    Raises
+    ------
+    UsageError, SceneError
+        There is no such key, or the value is not allowed.
+    """
+    values = present_keys(type(part), values, at)
+    for key, value in values.items():
+        if key not in allowed:
+            raise UsageError(f"{at}: {shown(key)} cannot be changed here{nearest(key, allowed)}")
+        if not is_plain(value):
+            raise UsageError(f"{at}.{key} is {shown(value)}, but must be a number, a colour or a name")
+    merged: dict[str, Any] = {key: getattr(part, key) for key in part.model_fields_set}
+    merged = {key: value for key, value in {**merged, **values}.items() if key not in values or value is not None}
+    try:
+        return type(part).model_validate(merged)
+    except ValidationError as error:
+        raise scene_error(error, type(part), at) from None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -17,8 +17,10 @@ from clrender.view import messages, tables
 from clrender.view.broadcaster import Broadcaster
 from clrender.view.edited_scene import EditedScene
 from clrender.view.frames import Frames
+from clrender.view.history import History
 from clrender.view.image_state import ImageState
 from clrender.view.inbox import Inbox
+from clrender.view.keep import table_text
 from clrender.view.priority import lower_priority
 from clrender.view.probe import probe
 from clrender.view.progressive import Progressive
@@ -75,6 +77,7 @@ class Engine:
         self._broadcaster = Broadcaster()
         self._status = StatusReporter(self._broadcaster)
         self._edited = EditedScene.of(scene, settings)
+        self._history = History()
         self._outputs = {str(path): Path(path) for path in outputs}
         self._inbox = Inbox()
         self._problems = Problems()
@@ -185,6 +188,10 @@ class Engine:
         """The image so far, with its numbers; None: there is no sample yet. Later samples leave it as it is."""
         return self._inbox.call(self._progressive.copied)
 
+    def scene_to_keep(self) -> Future[EditedScene]:
+        """The scene after all edits that have arrived so far."""
+        return self._inbox.call(lambda: self._edited, after_messages=True)
+
     # --- the render thread ---
 
     def _render_loop(self) -> None:
@@ -231,13 +238,32 @@ class Engine:
             case messages.MoveCamera():
                 moved = edited.moved(message.camera)
                 viewer.camera_id = message.id
-                self._render_edited(moved, only_camera=True)
+                self._render_edited(moved, "camera", (viewer.number, "camera", *sorted(message.camera)))
             case messages.SetSettings():
-                self._render_edited(edited.set(message.settings))
+                names = sorted(message.settings)
+                label = ", ".join(names).replace("_", " ")
+                self._render_edited(edited.set(message.settings), label, (viewer.number, "settings", *names))
             case messages.SetMaterial():
-                self._render_edited(edited.with_material(message.name, message.values))
+                names = sorted(message.values)
+                label = f"{', '.join(names).replace('_', ' ')} of material {message.name}"
+                changed = edited.with_material(message.name, message.values)
+                self._render_edited(changed, label, (viewer.number, "material", message.name, *names))
+            case messages.SetLight():
+                names = sorted(message.values)
+                label = f"{', '.join(names).replace('_', ' ')} of {message.name}"
+                changed = edited.with_light(message.name, message.values)
+                self._render_edited(changed, label, (viewer.number, "light", message.name, *names))
             case messages.Reset():
-                self._render_edited(edited.reset(message.what))
+                self._render_edited(edited.reset(message.what), f"reset of {message.what}", None)
+            case messages.Undo() | messages.Redo():
+                back = isinstance(message, messages.Undo)
+                found = self._history.undo(edited) if back else self._history.redo(edited)
+                if found is None:
+                    raise UsageError(f"there is no edit to {message.type}")
+                self._show_edited(found[0])
+                viewer.reply("undone" if back else "redone", message, {"label": found[1]})
+            case messages.CopyTable():
+                viewer.reply("table", message, {"text": table_text(edited, message.what, message.name)})
             case messages.DeviceChoice():
                 session, self._device = self._opened(message.device)
                 self._discard(self._progressive.use(session))
@@ -248,12 +274,29 @@ class Engine:
                 self._progressive.restart(edited.job, self._broadcaster.camera_ids, only_camera=True)
             case messages.Probe():
                 viewer.reply("probe", message, probe(self._progressive, edited, message.x, message.y))
+            case messages.Outline():
+                width, height, path = self._progressive.outline(message.object)
+                about = {"object": message.object, "width": width, "height": height, "path": path}
+                viewer.reply("outline", message, about)
             case messages.Save():
                 viewer.reply("saved", message, self._saved(message))
 
-    def _render_edited(self, edited: EditedScene, *, only_camera: bool = False) -> None:
-        """Render the scene after an edit: a new image, or the same one with another number of samples."""
+    def _render_edited(self, edited: EditedScene, label: str, key: Hashable) -> None:
+        """Render the scene after an edit, which can be undone; label and key as of `History.record`."""
+        before = self._edited
+        if (edited.camera, edited.materials, edited.lights, edited.settings) != (
+            before.camera,
+            before.materials,
+            before.lights,
+            before.settings,
+        ):
+            self._history.record(before, label, key)
+        self._show_edited(edited)
+
+    def _show_edited(self, edited: EditedScene) -> None:
+        """Render another edited scene: a new image, or the same one with another number of samples."""
         before, self._edited = self._edited, edited
+        only_camera = edited.checked is before.checked
         if edited.restarts(before) or self._problems.failed:
             self._progressive.restart(edited.job, self._broadcaster.camera_ids, only_camera=only_camera)
         else:
@@ -288,7 +331,7 @@ class Engine:
             self._send_state()
 
     def _send_state(self) -> None:
-        self._status.send_state(self._edited, self._progressive, self._device, self._problems)
+        self._status.send_state(self._edited, self._history, self._progressive, self._device, self._problems)
 
     def _replace_scene(self, scene: Scene) -> None:
         """Render a scene that was read anew."""
@@ -300,6 +343,7 @@ class Engine:
             return
         self._problems.clear()
         self._edited = edited
+        self._history.clear()
         self._progressive.restart(edited.job, self._broadcaster.camera_ids)
         self._broadcaster.send("scene", described)
 

@@ -28,7 +28,7 @@ class ImageState:
     revision : int
         Number of the image.
     width, height : int
-        Pixels.
+        Pixels: of the crop, where there is one.
     spp : int
         Samples per pixel that are asked for.
     preview : (h, w, 3) float32 or None

@@ -35,6 +35,7 @@ class Inbox:
         self.closed = False
         self._messages: deque[tuple[Viewer, Message]] = deque()
         self._calls: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
+        self._last_calls: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
         self._woken = False
         self._changed = threading.Condition()
 
@@ -57,14 +58,21 @@ class Inbox:
                 self._messages.append((viewer, message))
             self._changed.notify_all()
 
-    def call(self, function: Callable[[], _Result]) -> Future[_Result]:
-        """Have the render thread call a function; cancelled when the thread ends before."""
+    def call(self, function: Callable[[], _Result], *, after_messages: bool = False) -> Future[_Result]:
+        """Have the render thread call a function; cancelled when the thread ends before.
+
+        Parameters
+        ----------
+        function : callable
+        after_messages : bool
+            Whether all messages that wait are handled first; otherwise it comes before them.
+        """
         future: Future[_Result] = Future()
         with self._changed:
             if self.closed:
                 future.cancel()
             else:
-                self._calls.append((function, future))
+                (self._last_calls if after_messages else self._calls).append((function, future))
                 self._changed.notify_all()
         return future
 
@@ -91,14 +99,15 @@ class Inbox:
     @property
     def pending(self) -> bool:
         """Whether something waits."""
-        return bool(self._messages or self._calls) or self._woken or self.closed
+        return bool(self._messages or self._calls or self._last_calls) or self._woken or self.closed
 
     def process(self, handle: Callable[[Viewer, Message], None]) -> None:
         """Handle all messages, and run all calls."""
         while self.pending and not self.closed:
             with self._changed:
                 self._woken = False
-                call = self._calls.popleft() if self._calls else None
+                first = self._calls if self._calls or self._messages else self._last_calls
+                call = first.popleft() if first else None
                 posted = self._messages.popleft() if call is None and self._messages else None
             if call is not None:
                 _resolve(*call)
@@ -113,8 +122,9 @@ class Inbox:
     def refuse_all(self) -> None:
         """Close, and cancel the calls that wait."""
         self.close()
-        while self._calls:
-            self._calls.popleft()[1].cancel()
+        for calls in (self._calls, self._last_calls):
+            while calls:
+                calls.popleft()[1].cancel()
 
 
 def _resolve(function: Callable[[], Any], future: Future[Any]) -> None:

@@ -14,17 +14,22 @@ __all__ = [
     "MESSAGE_BYTES",
     "PROTOCOL",
     "Ack",
+    "CopyTable",
     "DeviceChoice",
     "Message",
     "MoveCamera",
+    "Outline",
     "Probe",
+    "Redo",
     "Reset",
     "Restart",
     "Run",
     "Save",
+    "SetLight",
     "SetMaterial",
     "SetSettings",
     "Show",
+    "Undo",
     "parse",
 ]
 
@@ -77,11 +82,39 @@ class SetMaterial(Message):
     values: Annotated[dict[_Text, Any], Field(max_length=64)]
 
 
+class SetLight(Message):
+    """Change keys of a light, or of a shape that shines."""
+
+    type: Literal["light"]
+    name: _Text
+    values: Annotated[dict[_Text, Any], Field(max_length=64)]
+
+
 class Reset(Message):
     """Take back what was changed."""
 
     type: Literal["reset"]
-    what: Literal["camera", "settings", "materials"]
+    what: Literal["camera", "settings", "materials", "lights"]
+
+
+class Undo(Message):
+    """Take back the last edit."""
+
+    type: Literal["undo"]
+
+
+class Redo(Message):
+    """Do again what was undone last."""
+
+    type: Literal["redo"]
+
+
+class CopyTable(Message):
+    """Tell a table of the scene as it is now, or the settings as a command line."""
+
+    type: Literal["copy"]
+    what: Literal["camera", "settings", "material", "light"]
+    name: _Text = ""
 
 
 class Run(Message):
@@ -103,6 +136,13 @@ class Probe(Message):
     type: Literal["probe"]
     x: _Whole
     y: _Whole
+
+
+class Outline(Message):
+    """Tell where an object is seen."""
+
+    type: Literal["outline"]
+    object: _Whole
 
 
 class Show(Message):
@@ -131,7 +171,22 @@ class Save(Message):
 
 
 _Any: TypeAlias = (
-    MoveCamera | SetSettings | DeviceChoice | SetMaterial | Reset | Run | Restart | Probe | Show | Ack | Save
+    MoveCamera
+    | SetSettings
+    | DeviceChoice
+    | SetMaterial
+    | SetLight
+    | Reset
+    | Undo
+    | Redo
+    | CopyTable
+    | Run
+    | Restart
+    | Probe
+    | Outline
+    | Show
+    | Ack
+    | Save
 )
 
 

@@ -1,4 +1,4 @@
-"""Materials as tables of parameters that a page can offer, made from the scene's own model."""
+"""Materials and lights as tables of parameters that a page can offer, made from the scene's own model."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import math
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from clrender.scene.materials import Material
+    from clrender.scene.values import Part
 
 __all__ = ["changeable", "is_plain", "parameters"]
 
-_STRUCTURE: Final = ("type", "plugin", "materials", "normal_map", "bump_map")
-"""Keys that are no numbers: what a material is, and what it is made of."""
+_STRUCTURE: Final = ("type", "plugin", "file", "materials", "normal_map", "bump_map")
+"""Keys that are no numbers: what a material or light is, and what it is made of."""
 
 
 @functools.cache
-def _schemas(kind: type[Material]) -> dict[str, dict[str, Any]]:
+def _schemas(kind: type[Part]) -> dict[str, dict[str, Any]]:
     """JSON Schema of each key that may be changed, with references resolved."""
     whole = kind.model_json_schema()
     found = {}
@@ -47,9 +47,9 @@ def _plain(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any
     return None
 
 
-def changeable(material: Material) -> list[str]:
+def changeable(part: Part) -> list[str]:
     """Keys that hold, or may hold, a number, a colour, a flag or a choice."""
-    return list(_schemas(type(material)))
+    return list(_schemas(type(part)))
 
 
 def is_plain(value: object) -> bool:
@@ -61,34 +61,39 @@ def is_plain(value: object) -> bool:
     return value is None or isinstance(value, bool | int | str)
 
 
-def parameters(material: Material) -> list[dict[str, Any]]:
-    """A material's keys, in the order of the model.
+def parameters(part: Part) -> list[dict[str, Any]]:
+    """The keys of a material, light or shape, in the order of the model.
 
     Returns
     -------
     list of dict
-        ``name``, ``value``, ``kind`` (``number integer color flag choice``, or ``fixed``: a texture or the like, told
-        in words), ``schema`` (JSON Schema of what may be given) and ``help``.
+        ``name``, ``value``, ``kind`` (``number integer color vector flag choice``, or ``fixed``: a texture or the like,
+        told in words), ``schema`` (JSON Schema of what may be given) and ``help``.
     """
     kinds = {"number": "number", "integer": "integer", "array": "color", "boolean": "flag", "string": "choice"}
     table = []
-    for name, schema in _schemas(type(material)).items():
-        value = getattr(material, name)
+    for name, schema in _schemas(type(part)).items():
+        value = getattr(part, name)
         plain = is_plain(value)
         table.append(
             {
                 "name": name,
                 "value": value if plain else _described(value),
-                "kind": kinds[schema["type"]] if plain else "fixed",
+                "kind": ("vector" if _is_vector(schema) else kinds[schema["type"]]) if plain else "fixed",
                 "schema": {key: each for key, each in schema.items() if key != "description"},
                 "help": schema["description"],
             }
         )
     for name in _STRUCTURE[1:]:
-        value = getattr(material, name, None)
+        value = getattr(part, name, None)
         if value is not None:
             table.append({"name": name, "value": _described(value), "kind": "fixed", "schema": {}, "help": ""})
     return table
+
+
+def _is_vector(schema: dict[str, Any]) -> bool:
+    """Whether three numbers are a place or a direction: those of a colour are not negative."""
+    return schema["type"] == "array" and float(schema["items"].get("minimum", 0.0)) < 0.0
 
 
 def _described(value: Any) -> str:

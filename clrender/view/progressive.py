@@ -14,7 +14,8 @@ from clrender.film.replicates import relative_error
 from clrender.film.running import RunningFilm
 from clrender.image.files import image_sha256
 from clrender.rendering.session import Session
-from clrender.view.image_state import ImageState
+from clrender.view.image_state import ImageState, Pixels
+from clrender.view.outline import outline
 
 if TYPE_CHECKING:
     from clrender.rendering.job import RenderJob
@@ -102,8 +103,7 @@ class Progressive:
         self._job, self.seconds, self._warm, self._failed = job, 0.0, self._warm and only_camera, False
         self.image_state = ImageState(
             revision,
-            settings.width,
-            settings.height,
+            *settings.film_size,
             settings.spp,
             camera_ids=dict(camera_ids),
             is_black=self.image_state is not None and self.image_state.is_black,
@@ -177,11 +177,18 @@ class Progressive:
             return {}
         if self._probed[0] != state.revision:
             step = max(1, round((state.width * state.height / _PROBE_PIXELS) ** 0.5))
-            self._probed = state.revision, step, self._session.layers(_smaller(job, step, 1, PROBED))
+            layers = self._session.layers(_smaller(job, step, 1, PROBED))
+            self._probed = state.revision, step, _cropped(job, step, layers)
         _, step, layers = self._probed
         height, width = layers["depth"].shape[:2]
         row, column = min(y // step, height - 1), min(x // step, width - 1)
         return {name: layer[row, column] for name, layer in layers.items()}
+
+    def outline(self, number: int) -> tuple[int, int, str]:
+        """Where an object is seen, as of `clrender.view.outline.outline`."""
+        self.probed(0, 0)  # which renders the layers, unless those of this image are there
+        layers = self._probed[2]
+        return outline(layers["object"][..., 0] == number) if layers else (1, 1, "")
 
     def error(self) -> float | None:
         """The error of the image as `clrender.film.replicates.relative_error` has it, worked out now and then only."""
@@ -216,12 +223,13 @@ class Progressive:
         film = self._session.refine(small, should_stop=None if first else stopped)
         if self.wanted and not stopped.yes:
             layers = self._session.layers(_smaller(job, step, 1, tuple(sorted(self.wanted))))
+            layers = _cropped(job, step, layers)
             state.layers |= {name: layer for name, layer in layers.items() if not state.is_whole(name)}
         seconds = time.perf_counter() - begin
         if stopped.yes:
             return
         self._steps.pop(0)
-        state.preview = film.mean()
+        state.preview = _cropped(job, step, {"image": film.mean()})["image"]
         state.is_black = not state.preview.any()
         self._publish(state)
         pixels = small.settings.width * small.settings.height
@@ -233,7 +241,7 @@ class Progressive:
         stopped = _StopRequest(should_stop)
         layers = self._session.layers(_smaller(job, 1, _LAYER_SAMPLES, tuple(names)), stopped)
         if not stopped.yes:
-            state.layers |= layers
+            state.layers |= _cropped(job, 1, layers)
             self._publish(state)
 
     def _refine(self, job: RenderJob, state: ImageState, should_stop: Callable[[], bool]) -> None:
@@ -283,14 +291,24 @@ class _StopRequest:
 
 
 def _smaller(job: RenderJob, step: int, spp: int, aov: tuple[str, ...] = ()) -> RenderJob:
-    """The same job with fewer pixels and so many samples of each, and without errors."""
+    """The same job with fewer pixels and so many samples of each, of the whole image, and without errors."""
     settings = job.settings
     plain = dataclasses.replace(
         settings,
         width=-(-settings.width // step),
         height=-(-settings.height // step),
+        crop=None,  # whose edges need not lie between these pixels
         spp=spp,
         replicate_spp=None,
         error=None,
     )
     return dataclasses.replace(job, settings=plain, first_sample=0, sample_count=spp, aov=aov, denoise=False)
+
+
+def _cropped(job: RenderJob, step: int, layers: Mapping[str, Pixels]) -> dict[str, Pixels]:
+    """The part of a job's crop in layers of the whole image, of which each pixel is a square of `step` pixels."""
+    if job.settings.crop is None:
+        return dict(layers)
+    x, y, width, height = job.settings.crop
+    rows, columns = (slice(low // step, -(-(low + size) // step)) for low, size in ((y, height), (x, width)))
+    return {name: layer[rows, columns] for name, layer in layers.items()}

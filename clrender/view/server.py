@@ -9,16 +9,17 @@ import secrets
 import socket
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final
 
 from clrender.errors import ClrenderError, UsageError
 from clrender.extras import missing_extra
 from clrender.rendering.rendered_image import RenderedImage
-from clrender.view.edited_scene import camera_toml
+from clrender.view.edited_scene import EditedScene, camera_toml
 from clrender.view.engine import Engine
 from clrender.view.guard import CONTENT_POLICY, Guard
+from clrender.view.keep import ARCHIVE, write_archive
 from clrender.view.messages import MESSAGE_BYTES
 
 try:
@@ -26,7 +27,7 @@ try:
     import websockets  # noqa: F401  # which uvicorn imports only when it is asked for it
     from starlette.applications import Starlette
     from starlette.requests import Request
-    from starlette.responses import PlainTextResponse, Response
+    from starlette.responses import PlainTextResponse, Response, StreamingResponse
     from starlette.routing import Route, WebSocketRoute
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
     from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -61,6 +62,7 @@ _HEADERS: Final = {
     "cross-origin-resource-policy": "same-origin",
     "cache-control": "no-store",
 }
+_BLOCK_BYTES: Final = 1 << 20
 _DOWNLOADS: Final = {"image.png": "image/png", "image.exr": "image/x-exr", "image.film": "application/octet-stream"}
 
 
@@ -185,6 +187,7 @@ def serve(
     ]
     app = Starlette(routes=routes)
     app.state.engine = engine
+    app.state.archiving = asyncio.Semaphore(1)
     config = uvicorn.Config(
         _Guarded(app, guard),
         http=_Connection,
@@ -235,6 +238,8 @@ async def _download(request: Request) -> Response:
     name = request.path_params["name"]
     if name == "camera.toml":
         return Response(camera_toml(engine.edited_scene.camera), media_type="application/toml", headers=_as_file(name))
+    if name == ARCHIVE:
+        return await _scene_archive(request)
     if name not in _DOWNLOADS:
         return PlainTextResponse("404: there is no such file\n", 404)
     try:
@@ -251,6 +256,40 @@ async def _download(request: Request) -> Response:
             raise
         return PlainTextResponse("400: the view has ended\n", 400)
     return Response(data, media_type=_DOWNLOADS[name], headers=_as_file(name))
+
+
+async def _scene_archive(request: Request) -> Response:
+    engine: Engine = request.app.state.engine
+    try:
+        edited = await asyncio.wrap_future(engine.scene_to_keep())
+        # One at a time: it may have as many bytes as all files of the scene.
+        async with request.app.state.archiving:
+            file = await asyncio.to_thread(_archived, edited)
+    except (ClrenderError, OSError) as error:
+        return PlainTextResponse(f"400: {error}\n", 400)
+    except asyncio.CancelledError:
+        if not engine.ended:
+            raise
+        return PlainTextResponse("400: the view has ended\n", 400)
+    return StreamingResponse(_blocks(file), media_type="application/zip", headers=_as_file(ARCHIVE))
+
+
+def _archived(edited: EditedScene) -> IO[bytes]:
+    """A temporary file with the archive of a scene, which is gone when it is closed."""
+    file = tempfile.TemporaryFile(prefix="clrender-view-")  # noqa: SIM115  # which `_blocks` closes
+    try:
+        write_archive(edited, file)
+        file.seek(0)
+    except BaseException:
+        file.close()
+        raise
+    return file
+
+
+def _blocks(file: IO[bytes]) -> Iterator[bytes]:
+    with file:
+        while block := file.read(_BLOCK_BYTES):
+            yield block
 
 
 def _as_file(name: str) -> dict[str, str]:

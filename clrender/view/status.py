@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from clrender.rendering.rendered_image import Progress
     from clrender.view.broadcaster import Broadcaster
     from clrender.view.edited_scene import EditedScene
+    from clrender.view.history import History
     from clrender.view.progressive import Progressive
 
 __all__ = ["Problems", "StatusReporter", "sentence"]
@@ -103,7 +104,9 @@ class StatusReporter:
         }
         self._broadcaster.send("progress", content)
 
-    def send_state(self, edited: EditedScene, progressive: Progressive, device: str, problems: Problems) -> None:
+    def send_state(
+        self, edited: EditedScene, history: History, progressive: Progressive, device: str, problems: Problems
+    ) -> None:
         """Send the state where it has changed; before the state ``done`` comes the final progress."""
         state = progressive.image_state
         status = _status(progressive, problems)
@@ -114,6 +117,8 @@ class StatusReporter:
             "viewers": len(self._broadcaster),
             "problem": problems.newest,
             "is_black": state is not None and state.is_black,
+            "undo": history.undo_label,
+            "redo": history.redo_label,
             **tables.state(edited),
         }
         # Whoever is told that it is done, or shown the final frame, knows the numbers of the end.

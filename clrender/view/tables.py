@@ -15,6 +15,7 @@ from clrender.settings import IMAGE, SETTINGS
 from clrender.version import __version__
 from clrender.view.edited_scene import NOT_LIVE, EditedScene, camera_toml
 from clrender.view.frames import LAYERS
+from clrender.view.lights import emitter_parameters, emitters, label_of
 from clrender.view.messages import MESSAGE_BYTES, PROTOCOL
 from clrender.view.parameters import parameters
 
@@ -22,6 +23,8 @@ __all__ = ["MOST_MATERIALS", "devices", "hello", "scene", "state"]
 
 MOST_MATERIALS: Final = 500
 """Materials that are listed; a probe of a pixel has any other."""
+_MOST_LIGHTS: Final = 200
+"""Lights and shining shapes that are listed."""
 
 
 def hello(known: Sequence[dict[str, Any]], saves: Sequence[str]) -> dict[str, Any]:
@@ -89,9 +92,10 @@ def devices() -> list[dict[str, Any]]:
 
 
 def scene(edited: EditedScene) -> dict[str, Any]:
-    """What is in a scene, with the materials as they are now."""
+    """What is in a scene, with the materials and lights as they are now."""
     now = edited.checked.scene
     listed = list(now.materials.items())[:MOST_MATERIALS]
+    shining = emitters(now)
     return {
         "title": now.title,
         "source": now.source,
@@ -99,6 +103,11 @@ def scene(edited: EditedScene) -> dict[str, Any]:
         "lights": len(now.lights),
         "materials": {name: {"type": each.type, "parameters": parameters(each)} for name, each in listed},
         "names": len(now.materials) > MOST_MATERIALS,
+        "emitters": {
+            place: {"label": label_of(place, each), "type": each.type, "parameters": emitter_parameters(each)}
+            for place, each in list(shining.items())[:_MOST_LIGHTS]
+        },
+        "more_emitters": len(shining) > _MOST_LIGHTS,
     }
 
 
@@ -106,8 +115,8 @@ def state(edited: EditedScene) -> dict[str, Any]:
     """Camera and settings as they are now."""
     settings = edited.checked.settings
     return {
-        "width": settings.width,
-        "height": settings.height,
+        "width": settings.film_size[0],
+        "height": settings.film_size[1],
         "camera": edited.camera.model_dump(mode="json", include=edited.camera.own_keys),
         "camera_toml": camera_toml(edited.camera),
         "camera_stops": photographic_stops(**(edited.camera.exposure or {})),
@@ -116,5 +125,6 @@ def state(edited: EditedScene) -> dict[str, Any]:
             *(["camera"] if edited.camera != edited.scene.camera else []),
             *sorted(edited.settings),
             *(f"materials.{name}" for name in sorted(edited.materials)),
+            *sorted(edited.lights),
         ],
     }

@@ -105,7 +105,8 @@ class view_of:
         # Whatever an earlier test has changed.
         self.wait("view.hub.newest('state') !== undefined")
         if self.newest("state")["changed"]:
-            self.run("['camera', 'settings', 'materials'].forEach((what) => view.hub.send({ type: 'reset', what }))")
+            what = "['camera', 'settings', 'materials', 'lights']"
+            self.run(f"{what}.forEach((what) => view.hub.send({{ type: 'reset', what }}))")
         if self.newest("state")["status"] == "stopped":
             self.run("view.hub.send({ type: 'run', run: true })")
         self.wait("view.hub.newest('state').changed.length === 0 && view.hub.newest('state').status !== 'stopped'")

@@ -440,6 +440,20 @@ def test_too_many_messages_are_refused_and_calls_are_cancelled_at_the_end() -> N
     assert inbox.call(lambda: 5).cancelled()
 
 
+def test_a_call_may_wait_for_the_messages_that_came_before_it() -> None:
+    inbox, order = Inbox(), []
+    for number in range(3):
+        inbox.post(SimpleNamespace(), parse(json.dumps({"type": "probe", "x": number, "y": 0})))  # type: ignore[arg-type]
+    last = inbox.call(lambda: order.append("last"), after_messages=True)
+    inbox.call(lambda: order.append("first"))
+    inbox.process(lambda _, message: order.append(message.x))  # type: ignore[attr-defined]
+    assert order == ["first", 0, 1, 2, "last"]
+    assert last.done()
+    waiting = inbox.call(lambda: None, after_messages=True)
+    inbox.refuse_all()
+    assert waiting.cancelled()
+
+
 def test_wake_ups_that_wait_are_one() -> None:
     inbox = Inbox()
     for _ in range(1000):

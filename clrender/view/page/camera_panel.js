@@ -1,6 +1,7 @@
 // The camera: its numbers, its text for a scene file, and the moves that gestures ask for.
 
 import { fly, look, orbit, pan, zoom, distanceToTarget } from "./camera.js";
+import { createCopyButton } from "./copying.js";
 import { make } from "./elements.js";
 import { createField } from "./fields.js";
 
@@ -95,16 +96,9 @@ export function createCameraPanel(hub, say, focusButton, camera) {
     return [name, field];
   });
   const text = make("pre", { class: "cv-toml", tabindex: 0, "aria-label": "The camera as TOML" });
-
-  async function copy() {
-    const toml = hub.newest("state")?.camera_toml ?? "";
-    if (await copied(toml)) say("Camera copied. Paste it into the scene file.");
-    else {
-      text.focus();
-      getSelection()?.selectAllChildren(text);
-      say("The browser does not allow copying. The text is selected; copy it manually.");
-    }
-  }
+  // The state has it already: it is there to read, and copied without a question.
+  const about = { label: "Copy as TOML", what: "Camera", where: "Paste it into the scene file." };
+  const copying = createCopyButton(say, about, (take) => take(hub.newest("state")?.camera_toml ?? ""));
 
   hub.on("state", (state) => {
     for (const [name, field] of fields) {
@@ -115,21 +109,13 @@ export function createCameraPanel(hub, say, focusButton, camera) {
     if (text.textContent !== state.camera_toml) text.textContent = state.camera_toml;
   });
   return {
-    copy,
+    copy: copying.copy,
     content: [
       ...fields.map(([, field]) => field.element),
       make("div", { class: "cv-row" }, focusButton, make("button", { type: "button", onclick: camera.reset }, "Reset")),
       text,
-      make("div", { class: "cv-row" }, make("button", { type: "button", onclick: copy }, "Copy as TOML")),
+      make("div", { class: "cv-row" }, copying.button),
+      copying.shown,
     ],
   };
-}
-
-async function copied(text) {
-  try {
-    await navigator.clipboard.writeText(text);
-    return true;
-  } catch {
-    return false; // not allowed, or no secure context
-  }
 }

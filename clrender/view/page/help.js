@@ -16,6 +16,7 @@ const LINES = [
   ["R", "reset the camera to the scene file"],
   ["C", "copy the camera as TOML"],
   ["Space", "stop, continue"],
+  ["Ctrl-Z, Ctrl-Shift-Z", "undo and redo edits"],
   ["[ ]", "change the exposure by 1/3 stop"],
   ["L", "false colour of luminance"],
   ["B", "compare before and after denoising"],

@@ -120,6 +120,8 @@ export function createPicture(hub, choice, plain) {
   return {
     box,
     canvas,
+    /** Lays an element over the image, below the cross. */
+    overlay: (element) => box.insertBefore(element, divider),
     legend,
     method: display.method,
     fit: fitBox,

@@ -5,8 +5,8 @@ import { make, readable, setText } from "./elements.js";
 const LEAST_WAIT = 100; // milliseconds between two questions
 const QUIET = 500; // milliseconds that the probe must rest before it is read aloud
 
-/** The probe: its card, and what gestures tell it. */
-export function createProbe(hub, picture, picked) {
+/** The probe: its card, and what gestures tell it. `picked` gets the answer of a pixel that was picked. */
+export function createProbe(hub, picture, outline, picked) {
   const rows = new Map(
     ["pixel", "depth", "object", "material", "radiance", "error"].map((name) => [name, make("dd", { class: `cv-${name}` })]),
   );
@@ -62,6 +62,11 @@ export function createProbe(hub, picture, picked) {
     setText(rows.get("depth"), reply.depth === null ? "–" : `${readable(reply.depth, 4)} m`);
   }
 
+  function chosen(reply) {
+    if (pinned) outline.show(reply.object?.index ?? null);
+    picked(reply);
+  }
+
   function aloud() {
     clearTimeout(speech);
     speech = setTimeout(() => {
@@ -75,6 +80,7 @@ export function createProbe(hub, picture, picked) {
     pixel = null;
     card.hidden = true;
     picture.mark(null);
+    outline.show(null);
   }
 
   function pin(place) {
@@ -105,9 +111,9 @@ export function createProbe(hub, picture, picked) {
     /** A click: the pixel is kept, and what is seen there picked. */
     pick(place) {
       pin(pixelAt(place));
-      ask(picked);
+      ask(chosen);
     },
-    pickPinned: () => pinned && ask(picked),
+    pickPinned: () => pinned && ask(chosen),
     /** Begins in the middle of the image, or moves on by some pixels. */
     step(across, down) {
       const size = picture.size();

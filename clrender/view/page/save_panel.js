@@ -1,4 +1,4 @@
-// Saves the image: as a download of the browser, and to the files that the command line named.
+// Saves the image and the scene: as downloads of the browser, and the image to the files that the command line named.
 
 import { make } from "./elements.js";
 
@@ -50,6 +50,8 @@ export function createSavePanel(hub, choice, picture, say, address) {
     });
   }
 
-  const downloads = address === null ? [] : [make("p", { class: "cv-note" }, "Download the image so far:"), make("div", { class: "cv-row" }, ...links)];
+  const scene = make("a", { class: "cv-button", href: `${address}scene.zip`, download: "scene.zip", title: "A scene file with all edits, its files, and the command that renders this image" }, "Download scene");
+  const kept = make("p", { class: "cv-note" }, "The scene with all edits and its files:");
+  const downloads = address === null ? [] : [kept, make("div", { class: "cv-row" }, scene), make("p", { class: "cv-note" }, "Download the image so far:"), make("div", { class: "cv-row" }, ...links)];
   return [...downloads, make("div", { class: "cv-row" }, shown), files];
 }

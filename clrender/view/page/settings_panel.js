@@ -1,10 +1,11 @@
 // Settings of the render and the device, made from the table that the engine sends.
 
+import { createCopyButton, tableOf } from "./copying.js";
 import { make } from "./elements.js";
 import { createField } from "./fields.js";
 
 /** What people change most; the others are folded away. */
-const FIRST = ["integrator", "spp", "width", "height", "max_depth", "light_sampler", "shadow_rays", "replicate_spp"];
+const FIRST = ["integrator", "guiding", "spp", "width", "height", "crop", "max_depth", "light_sampler", "shadow_rays", "replicate_spp"];
 
 export function labelOf(name) {
   const words = name.replaceAll("_", " ").replace(/\bspp\b/, "samples");
@@ -12,12 +13,14 @@ export function labelOf(name) {
 }
 
 /** A panel's content: a field for each setting that the integrator in force takes. */
-export function createSettingsPanel(hub) {
+export function createSettingsPanel(hub, say) {
   const common = make("div", { class: "cv-fields" });
   const others = make("div", { class: "cv-fields" });
   const device = make("div", { class: "cv-fields" });
   const about = make("p", { class: "cv-note", hidden: true });
   const reset = make("button", { type: "button", onclick: () => hub.send({ type: "reset", what: "settings" }) }, "Reset settings");
+  const asCommand = { label: "Copy as command", what: "Command", where: "It renders the scene file; what else was edited is in Download scene." };
+  const copying = createCopyButton(say, asCommand, tableOf(hub, () => ({ what: "settings" })));
   const restart = make("button", { type: "button", onclick: () => hub.send({ type: "restart" }) }, "Restart");
   let fields = new Map(); // name -> {setting, field}
   let deviceField = null;
@@ -93,6 +96,7 @@ export function createSettingsPanel(hub) {
     about,
     device,
     make("details", { class: "cv-more" }, make("summary", {}, "More settings"), others),
-    make("div", { class: "cv-row" }, restart, reset),
+    make("div", { class: "cv-row" }, copying.button, restart, reset),
+    copying.shown,
   ];
 }

@@ -17,6 +17,8 @@ const STAGE_GAP_SECONDS = 0.2;
 const NO_STAGE = { stage: "", text: "" };
 const STAGE_WORDS = { opening: "Opening", reading: "Reading", flattening: "Preparing", building: "Building", preparing: "Preparing", compiling: "Compiling" };
 const MEANWHILE = "What you change meanwhile is shown afterwards.";
+const WAITING = "Waiting for the first image.";
+const CONNECTING = "Connecting to the renderer.";
 const BLACK = "The image is black: no light reaches the camera. R resets the camera.";
 
 /** The status, the button that starts and stops, and the place of problems. */
@@ -27,6 +29,8 @@ export function createStatus(hub) {
   const hint = make("div", { class: "cv-hint", role: "status", hidden: true });
   const toast = make("div", { class: "cv-toast", role: "status", "aria-live": "polite" });
   let connected = false;
+  let wasConnected = false;
+  let late = false; // nothing has come for a while: it is said what for
   let farewell = "";
   let [stage, newest] = [NO_STAGE, NO_STAGE];
   let [timer, beginTimer, endTimer] = [null, null, null];
@@ -52,10 +56,16 @@ export function createStatus(hub) {
       banner.replaceChildren(make("strong", {}, heads[problem.where] ?? "Error."), ` ${problem.message}`);
     }
     const words = stage.text.charAt(0).toUpperCase() + stage.text.slice(1);
-    const shown = busy ? `${words}. ${MEANWHILE}` : state?.is_black ? BLACK : "";
-    hint.hidden = !connected || problem !== null || shown === "";
+    const waits = !late ? "" : !wasConnected ? CONNECTING : status === "starting" ? WAITING : "";
+    const shown = busy ? `${words}. ${MEANWHILE}` : state?.is_black ? BLACK : waits;
+    hint.hidden = (!connected && wasConnected) || problem !== null || shown === "";
     setText(hint, shown);
   }
+
+  setTimeout(() => {
+    late = true;
+    update();
+  }, 1000 * STAGE_SECONDS);
 
   function say(text) {
     setText(toast, text);
@@ -66,6 +76,7 @@ export function createStatus(hub) {
 
   hub.on("connection", (now) => {
     connected = now === "open";
+    wasConnected = wasConnected || connected;
     if (connected) farewell = "";
     update();
   });

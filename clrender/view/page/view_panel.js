@@ -1,5 +1,6 @@
 // What is shown and how: layer, comparison, exposure, tone curve, false colour. Nothing here is rendered anew.
 
+import { createCopyButton } from "./copying.js";
 import { freshId, make, setText } from "./elements.js";
 import { TONE_MAPS } from "./tone_map.js";
 import { replicatesFor } from "./status.js";
@@ -17,8 +18,9 @@ function labelled(label, control, title, row = control) {
  * A panel's content.
  * @param {Object} choice as `createPicture` takes it; changed here
  * @param {Object} picture
+ * @param {Function} say
  */
-export function createViewPanel(hub, choice, picture) {
+export function createViewPanel(hub, choice, picture, say) {
   const layer = make("select", { onchange: () => chooseLayer(layer.value) });
   const compared = make("select", { onchange: () => chooseCompared(compared.value) });
   const toneMap = make("select", { onchange: () => set("toneMap", toneMap.value) }, ...TONE_MAPS.map((name) => make("option", { value: name }, TONE_MAP_WORDS[name])));
@@ -27,6 +29,9 @@ export function createViewPanel(hub, choice, picture) {
   const falseColor = make("input", { type: "checkbox", onchange: () => set("falseColor", falseColor.checked) });
   const hint = make("p", { class: "cv-note", hidden: true });
   const turnOn = make("button", { type: "button", hidden: true, onclick: measure }, "Estimate errors");
+
+  const asOptions = { label: "Copy as options", what: "Options", where: "Add them to clrender render." };
+  const copying = createCopyButton(say, asOptions, (take) => take(`--tone-map ${choice.toneMap} --exposure ${Number(choice.exposure.toFixed(2))}`));
 
   toneMap.value = choice.toneMap;
   setStops(choice.exposure);
@@ -116,6 +121,8 @@ export function createViewPanel(hub, choice, picture) {
       labelled("Compare with", compared, "Shows both layers with a divider between them"),
       hint,
       turnOn,
+      make("div", { class: "cv-row" }, copying.button),
+      copying.shown,
     ],
   };
 }

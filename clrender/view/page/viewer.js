@@ -4,14 +4,16 @@ import { createCamera, createCameraPanel } from "./camera_panel.js";
 import { make, setText } from "./elements.js";
 import { listenToGestures } from "./gestures.js";
 import { createHelp } from "./help.js";
+import { createHistory } from "./history.js";
 import { createHub } from "./hub.js";
 import { icon } from "./icons.js";
-import { createMaterialPanel } from "./material_panel.js";
+import { createOutline } from "./outline.js";
 import { createPicture } from "./picture.js";
 import { createProbe } from "./probe.js";
 import { createSavePanel } from "./save_panel.js";
 import { createSettingsPanel } from "./settings_panel.js";
 import { createStatus, createStrip } from "./status.js";
+import { LIGHTS, MATERIALS, createTablePanel } from "./table_panel.js";
 import { createViewPanel } from "./view_panel.js";
 
 /**
@@ -28,11 +30,20 @@ export function mount(root, transport, { shared = false, downloads = null, plain
   const status = createStatus(hub);
   const picture = createPicture(hub, choice, plain);
   const camera = createCamera(hub);
-  const viewPanel = createViewPanel(hub, choice, picture);
-  const materialPanel = createMaterialPanel(hub);
+  const viewPanel = createViewPanel(hub, choice, picture, status.say);
+  const materialPanel = createTablePanel(hub, status.say, MATERIALS);
+  const lightPanel = createTablePanel(hub, status.say, LIGHTS);
+  const history = createHistory(hub, status.say);
+  const outline = createOutline(hub);
+  picture.overlay(outline.element);
   const help = createHelp();
   const focus = createFocus(hub, status.say);
-  const probe = createProbe(hub, picture, (reply) => {
+  const probe = createProbe(hub, picture, outline, (reply) => {
+    const light = `shapes[${reply.object?.index}]`;
+    if (lightPanel.has(light)) {
+      lightPanel.choose(light);
+      sections.light.open = true;
+    }
     if (reply.material === null) return;
     materialPanel.choose(reply.material, reply.parameters);
     sections.material.open = true;
@@ -40,8 +51,9 @@ export function mount(root, transport, { shared = false, downloads = null, plain
   const cameraPanel = createCameraPanel(hub, status.say, focus.button, camera);
   const sections = {
     view: section("View", true, viewPanel.content),
-    render: section("Render", true, createSettingsPanel(hub)),
+    render: section("Render", true, createSettingsPanel(hub, status.say)),
     material: section("Material", false, materialPanel.content),
+    light: section("Light", false, lightPanel.content),
     camera: section("Camera", false, cameraPanel.content),
     save: section("Save", false, createSavePanel(hub, choice, picture, status.say, downloads)),
   };
@@ -79,10 +91,9 @@ export function mount(root, transport, { shared = false, downloads = null, plain
   const stage = make(
     "div",
     { class: "cv-stage", tabindex: 0, role: "application", "aria-roledescription": "interactive image", "aria-label": "Live view. Arrow keys orbit, plus and minus zoom, P probes a pixel, question mark lists all keys." },
-    status.banner,
-    status.hint,
+    // One below the other, so that no message covers the probe.
+    make("div", { class: "cv-over" }, status.banner, status.hint, probe.card),
     make("div", { class: "cv-room" }, picture.box),
-    probe.card,
     picture.legend,
     tools,
     status.toast,
@@ -101,7 +112,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
     make(
       "div",
       { class: "cv-frame" },
-      make("header", { class: "cv-bar" }, title, about, status.pill, status.button),
+      make("header", { class: "cv-bar" }, title, about, history.buttons, status.pill, status.button),
       stage,
       createStrip(hub),
       make("aside", { class: "cv-panel", "aria-label": "Controls" }, ...Object.values(sections)),
@@ -111,6 +122,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
   );
 
   listenToGestures(stage, picture.box, { ...camera, ...picks(probe, focus), key: pressed }, shared);
+  history.listen(shared ? root : document);
   function pressed(key, shifted) {
     const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
     if (probe.isPinned() && key in arrows) probe.step(...arrows[key].map((by) => by * (shifted ? 10 : 1)));

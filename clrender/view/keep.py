@@ -1,0 +1,126 @@
+"""What was edited in a view, to be kept: a scene with its files, tables of a scene file, and a command line."""
+
+from __future__ import annotations
+
+import shlex
+import zipfile
+from collections.abc import Mapping
+from typing import IO, TYPE_CHECKING, Any, Final
+
+from clrender.errors import UsageError
+from clrender.exporters import exported, scene_text
+from clrender.exporters.own import toml_text
+from clrender.limits import Flag, Region, nearest, shown
+from clrender.scene.defaults import Image, Render
+from clrender.settings import SETTINGS, WORK
+from clrender.version import __version__
+from clrender.view.edited_scene import EditedScene, camera_toml
+from clrender.view.lights import emitters
+
+if TYPE_CHECKING:
+    from clrender.scene import Scene
+
+__all__ = ["ARCHIVE", "command_line", "kept_scene", "table_text", "write_archive"]
+
+ARCHIVE: Final = "scene.zip"
+"""Name of the download."""
+_SCENE: Final = "scene.toml"
+_FOLDER: Final = "scene-files"
+_EPOCH: Final = (1980, 1, 1, 0, 0, 0)
+"""Time of all files in an archive: the same scene makes the same archive."""
+
+
+def kept_scene(edited: EditedScene) -> Scene:
+    """The scene as it is rendered, with all settings that a scene file takes in its tables."""
+    settings = edited.checked.settings
+    in_force = {
+        name: getattr(settings, name)
+        for name, setting in SETTINGS.items()
+        if setting.section == "render" and setting.integrator in (None, settings.integrator)
+    }
+    changed = {name: value for name, value in in_force.items() if value != SETTINGS[name].default}
+    image = Image(width=settings.width, height=settings.height)
+    return edited.job.scene.with_checked(image=image, render=Render(**changed))
+
+
+def command_line(edited: EditedScene, scene: str, *, whole: bool) -> str:
+    """The command that renders a scene file with a view's settings.
+
+    Parameters
+    ----------
+    edited : EditedScene
+    scene : str
+        The file.
+    whole : bool
+        Whether all settings that were given are options, and not only those that no scene file can hold.
+    """
+    settings = edited.checked.settings
+    given = {**edited.given, **edited.settings}
+    words = ["clrender", "render", scene]
+    if whole and ("width" in given or "height" in given):
+        words += ["--size", f"{settings.width}x{settings.height}"]
+    for name, setting in SETTINGS.items():
+        value = getattr(settings, name)
+        needed = setting.section is None and setting.group != WORK and value != setting.default
+        # With --error, the number of samples of a scene file does not count.
+        needed = needed or (name == "spp" and settings.error is not None)
+        asked = whole and name in given and setting.group != WORK
+        if setting.option is None or value is None or not (needed or asked):
+            continue
+        if isinstance(setting.domain, Flag):
+            words.append(setting.option if value else f"--no-{setting.option.removeprefix('--')}")
+        else:
+            words += [setting.option, Region.text(value) if isinstance(setting.domain, Region) else str(value)]
+    for plugin in edited.scene.plugins:
+        words += ["--plugin", plugin.source]
+    return shlex.join([*words, "-o", "image.png"])
+
+
+def table_text(edited: EditedScene, what: str, name: str) -> str:
+    """A table of the scene as it is now, in TOML, or the settings as a command line.
+
+    Parameters
+    ----------
+    edited : EditedScene
+    what : str
+        ``camera``, ``settings``, ``material`` or ``light``.
+    name : str
+        Of the material, or the place of the light.
+
+    Raises
+    ------
+    UsageError
+        There is none of that name.
+    """
+    scene = edited.checked.scene
+    if what == "camera":
+        return camera_toml(edited.camera)
+    if what == "settings":
+        return command_line(edited, edited.scene.source, whole=True) + "\n"
+    known: Mapping[str, Any] = scene.materials if what == "material" else emitters(scene)
+    if name not in known:
+        raise UsageError(f"there is no {what} {shown(name)}{nearest(name, known)}")
+    table = known[name].model_dump(mode="json", exclude_none=True, exclude_unset=True)
+    return toml_text({"materials": {name: table}} if what == "material" else {name.partition("[")[0]: [table]})
+
+
+def write_archive(edited: EditedScene, file: IO[bytes]) -> None:
+    """Write a ``.zip`` with the scene, the files that it names, and the command that renders the view's image.
+
+    Raises
+    ------
+    SceneError
+        A file of the scene cannot be read, or the scene is too large for a scene file.
+    """
+    scene = kept_scene(edited)
+    export = exported(scene, _FOLDER)
+    text = scene_text(export.description, ".toml", f"a scene of a live view, kept by clrender {__version__}")
+    command = f"# The image of the view:\n{command_line(edited, _SCENE, whole=False)}\n"
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        archive.writestr(zipfile.ZipInfo(_SCENE, _EPOCH), text, zipfile.ZIP_DEFLATED)
+        archive.writestr(zipfile.ZipInfo("command.txt", _EPOCH), command, zipfile.ZIP_DEFLATED)
+        for name, write in export.files.items():
+            about = zipfile.ZipInfo(name, _EPOCH)
+            about.compress_type = zipfile.ZIP_DEFLATED
+            with archive.open(about, "w", force_zip64=True) as into:
+                write(into)

@@ -1,0 +1,210 @@
+"""Edits in the live view's engine on a real device: lights, undo, outlines, crops, and scenes that are kept."""
+
+from __future__ import annotations
+
+import io
+import time
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cli_support import call
+from view_clients import EngineClient, Page, Server
+
+import clrender
+from clrender.device import Device
+from clrender.film import Film
+from clrender.view import Engine
+
+pytestmark = pytest.mark.usefixtures("only_driver")
+
+SIZE = {"width": 96, "height": 64}
+
+
+@pytest.fixture
+def opened(device: Device) -> Iterator[Callable[..., tuple[Engine, EngineClient]]]:
+    """Opens an engine with a client; ends it after the test."""
+    engines: list[Engine] = []
+
+    def open_(scene: Any = "room", **options: Any) -> tuple[Engine, EngineClient]:
+        description = clrender.load(scene) if isinstance(scene, (str, Path)) else scene
+        engines.append(Engine(description, device=device, **{**SIZE, "spp": 4, **options}))
+        return engines[-1], EngineClient(engines[-1])
+
+    yield open_
+    for engine in engines:
+        engine.close()
+
+
+def rendered(device: Device, scene: clrender.Scene, **settings: Any) -> Any:
+    with clrender.Session(device) as session:
+        return session.render(scene, size=(96, 64), **{"spp": 4, **settings})
+
+
+def changed_to(page: EngineClient, *names: str) -> None:
+    """Wait for a state in which these things are changed."""
+    page.until(lambda m: m.kind == "state" and m.content["changed"] == list(names))
+
+
+def test_a_changed_light_gives_the_image_of_that_scene(opened: Callable[..., Any], device: Device) -> None:
+    _, page = opened()
+    before = page.until_done()
+    known = page.newest["scene"].content["emitters"]
+    place = next(name for name in known if name.startswith("shapes"))
+    page.say("light", name=place, values={"emission": [4.0, 1.0, 0.5]})
+    digest = page.until_done()
+    scene = clrender.load("room").changed({f"{place}.emission": (4.0, 1.0, 0.5)})
+    assert digest == rendered(device, scene).stats["image_sha256"] != before
+    page.say("reset", what="lights")
+    assert page.until_done() == before
+
+
+def test_undo_and_redo_give_the_images_of_before_and_after(opened: Callable[..., Any]) -> None:
+    _, page = opened()
+    first = page.until_done()
+    page.say("camera", camera={"vertical_fov": 30.0})
+    second = page.until_done()
+    page.say("material", name="white", values={"reflectance": [0.2, 0.3, 0.4]})
+    third = page.until_done()
+    state = page.until(lambda m: m.kind == "state" and m.content["status"] == "done").content
+    assert (state["undo"], state["redo"]) == ("reflectance of material white", None)
+    page.say("undo", id="a")
+    told = page.until_kind("undone", id="a").content
+    assert told["label"] == "reflectance of material white"
+    assert page.until_done() == second
+    page.say("undo")
+    assert page.until_done() == first
+    changed_to(page)
+    page.say("undo", id="b")
+    assert "no edit" in page.until_kind("refused", id="b").content["message"]
+    page.say("redo")
+    page.say("redo", id="c")
+    assert page.until_kind("redone", id="c").content["label"] == "reflectance of material white"
+    assert page.until_done() == third
+    changed_to(page, "camera", "materials.white")
+
+
+def test_an_edit_that_changes_nothing_is_none_to_undo(opened: Callable[..., Any]) -> None:
+    engine, page = opened()
+    page.until_done()
+    page.say("camera", camera={"vertical_fov": engine.edited_scene.camera.vertical_fov})
+    page.say("reset", what="materials")
+    page.say("copy", what="camera", id=1)
+    assert "[camera]" in page.until_kind("table", id=1).content["text"]
+    page.say("undo", id=2)
+    assert page.until(lambda m: m.content.get("id") == 2).kind == "refused"
+
+
+def test_the_outline_of_a_picked_object_is_where_its_number_is(opened: Callable[..., Any], device: Device) -> None:
+    _, page = opened()
+    page.until_done()
+    page.say("probe", x=48, y=40)
+    number = page.until_kind("probe").content["object"]["index"]
+    page.say("outline", object=number)
+    told = page.until_kind("outline").content
+    assert (told["width"], told["height"]) == (96, 64)
+    seen = rendered(device, clrender.load("room"), spp=1, aov=("object",)).aovs["object"][..., 0] == number
+    assert seen.any()
+    # Filling the path by the even-odd rule: each level edge turns the pixels below it over.
+    inside = np.zeros((65, 96), bool)
+    for piece in told["path"].split("M")[1:]:
+        if "h" in piece:
+            (x, y), length = map(int, piece.split("h")[0].split()), int(piece.split("h")[1])
+            inside[y:, x : x + length] ^= True
+    assert (inside[:64] == seen).mean() > 0.99  # the first sample of a pixel may see another one at an edge
+    page.say("outline", object=10**6)
+    assert page.until_kind("outline", object=10**6).content["path"] == ""
+
+
+def test_a_crop_is_shown_as_the_image_that_it_is(opened: Callable[..., Any], device: Device) -> None:
+    _, page = opened(crop=(10, 7, 41, 30), spp=4)
+    digest = page.until_done()
+    whole = rendered(device, clrender.load("room"), aov=("depth",))
+    assert digest == rendered(device, clrender.load("room"), crop=(10, 7, 41, 30)).stats["image_sha256"]
+    for layer, wanted in (("image", whole.linear), ("depth", None)):
+        page.say("show", layers=[layer], format="float32")
+        frame = page.until(
+            lambda m, name=layer: m.kind == "frame" and m.content["layer"] == name and m.content["final"]
+        )
+        assert (frame.content["image_width"], frame.content["image_height"]) == (41, 30)
+        assert frame.pixels.shape[:2] == (30, 41)
+        if wanted is not None:
+            assert np.array_equal(frame.pixels, wanted[7:37, 10:51])
+    page.say("probe", x=40, y=29)
+    assert page.until_kind("probe").content["radiance"] == whole.linear[36, 50].tolist()
+    page.say("probe", x=41, y=0, id=9)
+    page.until_kind("refused", id=9)
+    page.say("set", settings={"crop": [0, 0, 96, 64]})
+    assert page.until_done() == whole.stats["image_sha256"]
+
+
+def test_a_scene_that_is_read_again_has_nothing_to_undo(opened: Callable[..., Any], tmp_path: Path) -> None:
+    """And a model in another format is read again too, also when only a file beside it has changed."""
+    model, library = tmp_path / "model.obj", tmp_path / "model.mtl"
+    library.write_text("newmtl red\nKd 0.8 0.1 0.1\n")
+    model.write_text("mtllib model.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n")
+
+    class Source:
+        def read(self) -> clrender.Scene:
+            return clrender.load(model)
+
+        def files(self, scene: clrender.Scene) -> list[Path]:
+            from clrender.cli.outputs import scene_files
+
+            return scene_files(str(model), scene)
+
+    _, page = opened(model, source=Source())
+    before = page.until_done()
+    page.say("camera", camera={"vertical_fov": 20.0})
+    assert page.until_done() != before
+    time.sleep(0.3)  # a change that comes while the files are looked at for the first time is none
+    library.write_text("newmtl red\nKd 0.1 0.1 0.8\n")
+    page.until(lambda m: m.kind == "scene")
+    page.until(lambda m: m.kind == "state" and m.content["undo"] is None and m.content["status"] == "done")
+    scene = clrender.load(model)
+    name = next(name for name in scene.materials if "red" in name)
+    told = page.newest["scene"].content["materials"][name]["parameters"]
+    assert [0.1, 0.1, 0.8] in [each["value"] for each in told]
+
+
+@pytest.mark.long
+def test_a_downloaded_scene_renders_to_the_image_of_the_view(cache_folder: Path, tmp_path: Path) -> None:
+    with Server("room", "--size", "96x64", "--spp", "8", "-d", "cpu") as server, Page(server.address) as page:
+        page.until_done()
+        known = page.newest["scene"].content["emitters"]
+        place = next(name for name in known if name.startswith("shapes"))
+        page.say("camera", camera={"position": [0.5, 1.5, 4.5]})
+        page.say("material", name="white", values={"reflectance": [0.3, 0.6, 0.9]})
+        page.say("light", name=place, values={"emission": [3.0, 3.0, 1.0]})
+        page.say("set", settings={"width": 80, "spp": 5, "seed": 2, "crop": [8, 8, 40, 32]})
+        page.until(lambda m: m.kind == "state" and "crop" in m.content["changed"])
+        status, body, headers = server.get(f"/download/scene.zip?token={server.token}")
+        assert status == 200
+        assert headers["content-type"] == "application/zip"
+        assert 'filename="scene.zip"' in headers["content-disposition"]
+        digest = page.until_done(page.newest["state"].content["revision"])
+        assert server.get("/download/scene.zip")[0] == 403
+    with zipfile.ZipFile(io.BytesIO(body)) as archive:
+        archive.extractall(tmp_path)
+    command = (tmp_path / "command.txt").read_text().splitlines()[-1].split()
+    assert call(*command[1:-1], "a.film", "-d", "cpu", folder=tmp_path).returncode == 0
+    assert Film.load(tmp_path / "a.film").provenance["image_sha256"] == digest
+
+
+@pytest.mark.long
+def test_a_view_begins_with_the_camera_of_a_file_and_follows_it(cache_folder: Path, tmp_path: Path) -> None:
+    camera = tmp_path / "camera.toml"
+    camera.write_text("[camera]\nposition = [1.0, 1.5, 4.0]\ntarget = [0.0, 1.0, 0.0]\nvertical_fov = 50.0\n")
+    with (
+        Server("room", "--size", "96x64", "--spp", "2", "-d", "cpu", "--camera", str(camera)) as server,
+        Page(server.address) as page,
+    ):
+        page.until_done()
+        assert page.newest["state"].content["camera"]["position"] == [1.0, 1.5, 4.0]
+        assert page.newest["state"].content["changed"] == []
+        time.sleep(1.0)
+        camera.write_text(camera.read_text().replace("1.0, 1.5, 4.0", "1.0, 1.25, 4.5"))
+        page.until(lambda m: m.kind == "state" and m.content["camera"]["position"] == [1.0, 1.25, 4.5])
