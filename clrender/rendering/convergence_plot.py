@@ -133,9 +133,11 @@ class ConvergencePlot:
         UsageError
             When the reference and an image have different sizes.
         """
+        from clrender.rendering.rendered_image import RenderedImage
+
         run = self._runs.get(label) or self.run(label)
         self._last = label
-        run.add([images] if hasattr(images, "linear") else images)
+        run.add([images] if isinstance(images, RenderedImage) else images)
 
     @property
     def points(self) -> list[Measured]:
