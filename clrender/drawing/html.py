@@ -30,7 +30,7 @@ p { max-width: 46rem; }
 table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabular-nums; min-width: 100%; }
 caption { caption-side: bottom; text-align: left; color: var(--soft); padding-top: .6rem; }
 caption span { display: block; position: sticky; left: 0; max-width: min(56rem, 100vw - 2.5rem); }
-th, td { padding: .35rem .6rem; border-bottom: 1px solid var(--rule); text-align: right; vertical-align: top;
+th, td { padding: .35rem .5rem; border-bottom: 1px solid var(--rule); text-align: right; vertical-align: top;
   white-space: nowrap; }
 th { vertical-align: bottom; white-space: normal; background: var(--band); }
 .short { min-width: 26rem; } .short th { background: none; padding: 0; }
@@ -44,6 +44,7 @@ figcaption strong { color: var(--ink); }
 .row { display: grid; grid-template-columns: repeat(var(--columns), minmax(0, 30rem)); gap: .6rem;
   margin-bottom: .6rem; }
 .row img { width: 100%; height: auto; display: block; }
+figure > .row:not(.pixels) img { width: auto; max-width: 100%; }
 .row span { font-size: .85rem; color: var(--soft); }
 .pixels img { image-rendering: pixelated; }
 svg { max-width: 100%; height: auto; width: 40rem; border: 1px solid var(--rule); }

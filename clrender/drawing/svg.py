@@ -7,6 +7,7 @@ import io
 import logging
 import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from html import escape
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Final
@@ -17,7 +18,19 @@ from clrender.extras import install_command, missing_extra
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["BLUE", "EDGE", "GREY", "INK", "ORANGE", "PAPER", "RULE", "draw", "require_matplotlib"]
+__all__ = [
+    "BLUE",
+    "EDGE",
+    "GREY",
+    "INK",
+    "ORANGE",
+    "PAPER",
+    "RULE",
+    "LineStyle",
+    "draw",
+    "line_style",
+    "require_matplotlib",
+]
 
 PAPER: Final = "#fdfdfd"
 INK: Final = "#222222"
@@ -26,12 +39,19 @@ RULE: Final = "#dddddd"
 BLUE: Final = "#0b62a8"
 ORANGE: Final = "#b3490b"
 GREY: Final = "#666666"
+_VIOLET: Final = "#6600cc"
+_BROWN: Final = "#593816"
 
 _DARK: Final = {
     PAPER: "#16181c", INK: "#e4e4e4", EDGE: "#999999", RULE: "#3a3d42", BLUE: "#6db3f2", ORANGE: "#f0945a",
-    GREY: "#aaaaaa",
+    GREY: "#aaaaaa", _VIOLET: "#8a5cff", _BROWN: "#fff3a0",
 }  # fmt: skip
 """Replacement colours on a dark background; other colours are unchanged."""
+
+_LINE_COLOURS: Final = (BLUE, ORANGE, _VIOLET, _BROWN)
+"""Distinct with each kind of colour blindness, on both backgrounds; a test has the distances."""
+_DASHES: Final = ("-", "--", "-.", (0, (1.0, 1.2)), (0, (6.0, 1.5, 1.0, 1.5, 1.0, 1.5)))
+_MARKERS: Final = ("o", "s", "^", "D", "v")
 
 _STYLE: Final[dict[Any, Any]] = {
     "svg.fonttype": "none",
@@ -59,6 +79,32 @@ _STYLE: Final[dict[Any, Any]] = {
 }
 
 
+@dataclass(frozen=True)
+class LineStyle:
+    """How a curve is drawn, in the terms of Matplotlib.
+
+    Attributes
+    ----------
+    color : str
+    linestyle : str or (float, tuple of float)
+    marker : str
+    """
+
+    color: str
+    linestyle: str | tuple[float, tuple[float, ...]]
+    marker: str
+
+
+def line_style(number: int) -> LineStyle:
+    """Style of a curve by its number, from 0: the first twenty differ, and the first four in everything.
+
+    Nothing depends on colour alone: dashes and markers differ between curves that are next to each other.
+    """
+    return LineStyle(
+        _LINE_COLOURS[number % len(_LINE_COLOURS)], _DASHES[number % len(_DASHES)], _MARKERS[number % len(_MARKERS)]
+    )
+
+
 def require_matplotlib() -> None:
     """Check that Matplotlib is installed, before anything is rendered.
 
@@ -81,7 +127,9 @@ def require_matplotlib() -> None:
         ) from None
 
 
-def draw(name: str, title: str, size: tuple[float, float], paint: Callable[[Figure], None]) -> str:
+def draw(
+    name: str, title: str, size: tuple[float, float], paint: Callable[[Figure], None], description: str = ""
+) -> str:
     """Draw a figure as one SVG element, standalone or for HTML.
 
     Parameters
@@ -94,6 +142,8 @@ def draw(name: str, title: str, size: tuple[float, float], paint: Callable[[Figu
         Width and height in inches of 72 SVG units.
     paint : callable
         Adds axes and their contents to an empty figure.
+    description : str
+        What is to be seen, for screen readers.
     """
     require_matplotlib()
     from matplotlib import rc_context
@@ -110,9 +160,11 @@ def draw(name: str, title: str, size: tuple[float, float], paint: Callable[[Figu
     view = re.search(r'viewBox="[^"]*"', svg)
     assert view is not None
     # No fixed size, so that the page decides; the namespaces; the title for screen readers.
+    described = f' aria-describedby="{name}-text"' if description else ""
     opening = (
         f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" {view.group()} role="img" '
-        f'aria-label="{escape(title)}"><title>{escape(title)}</title>{_colours()}'
+        f'aria-label="{escape(title)}"{described}>'
+        f"<title>{escape(title)}</title>{_colours()}"
     )
     svg = opening + svg[svg.index(">") + 1 :]
     named = set(re.findall(r"#([\w-]+)[\")]", svg))
@@ -120,6 +172,8 @@ def draw(name: str, title: str, size: tuple[float, float], paint: Callable[[Figu
     svg = svg.replace("'DejaVu Sans'", "system-ui")
     for place, light in enumerate(_DARK):
         svg = re.sub(f"(fill|stroke): {light}", rf"\1: var(--c{place})", svg)
+    if description:
+        svg = svg.replace("</title>", f'</title><desc id="{name}-text">{escape(description)}</desc>', 1)
     return svg.strip()
 
 

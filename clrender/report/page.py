@@ -38,6 +38,16 @@ class Page:
     plots: Sequence[Plot]
 
 
+_SECTIONS: Final = (
+    "Its conclusions",
+    "Its benchmark and ours",
+    "Why our numbers differ",
+    "Plots",
+    "Figures",
+    "How it was measured",
+)
+"""Headings, in order."""
+
 _SEEN: Final = {
     "figure-1": "A plan of the room from above and from the front, with its lengths, two lights and the camera",
     "figure-2-5": "The room in a mirror sphere; a white sphere, green on the side of the green wall; a soft shadow",
@@ -62,22 +72,17 @@ def html_page(page: Page) -> str:
     classes = [{HOLDS: "holds", FAILS: "fails"}.get(each.outcome, "open") for each in found]
     times = times_table(page.results)
     starts = ["first" if i == 0 or times.rows[i - 1][0] != row[0] else "" for i, row in enumerate(times.rows)]
-    parts = [
-        *paragraphs(introduction(page.results)),
-        "<h2>Its conclusions</h2>",
-        html_table(verdict_table(found), "prose", classes),
-        "<h2>Its benchmark and ours</h2>",
-        html_table(times, "", starts),
-        html_table(noise_table(page.results), "", []),
-        "<h2>Why our numbers differ</h2>",
-        *paragraphs(differences(page.results)),
-        "<h2>Plots</h2>",
-        *(figure_of(each.svg, each.caption) for each in page.plots),
-        "<h2>Figures</h2>",
-        *(_html_figure(each) for each in page.figures),
-        "<h2>How it was measured</h2>",
-        *paragraphs(method(page.results)),
-    ]
+    sections = (
+        [html_table(verdict_table(found), "prose", classes)],
+        [html_table(times, "", starts), html_table(noise_table(page.results), "", [])],
+        paragraphs(differences(page.results)),
+        [figure_of(each.svg, each.caption) for each in page.plots],
+        [_html_figure(each) for each in page.figures],
+        paragraphs(method(page.results)),
+    )
+    parts = [*paragraphs(introduction(page.results)), _html_contents(page.figures)]
+    for heading, section in zip(_SECTIONS, sections, strict=True):
+        parts += [f'<h2 id="{_anchor(heading)}">{heading}</h2>', *section]
     return html_document(_HEADING, parts)
 
 
@@ -87,26 +92,42 @@ def markdown_page(page: Page) -> str:
     parts = [
         f"# {_HEADING}",
         *introduction(page.results),
-        "## Its conclusions",
-        _markdown_table(verdict_table(found)),
-        "## Its benchmark and ours",
-        _markdown_table(times_table(page.results)),
-        _markdown_table(noise_table(page.results)),
-        "## Why our numbers differ",
-        *differences(page.results),
-        "## Plots",
-        *(f"![{_SEEN[each.name]}]({picture_name(each)})\n\n*{each.caption}*" for each in page.plots),
-        "## Figures",
-        *(_markdown_figure(each) for each in page.figures),
-        "## How it was measured",
-        *method(page.results),
+        _markdown_contents(),
     ]
+    sections = (
+        [_markdown_table(verdict_table(found))],
+        [_markdown_table(times_table(page.results)), _markdown_table(noise_table(page.results))],
+        differences(page.results),
+        [f"![{_SEEN[each.name]}]({picture_name(each)})\n\n*{each.caption}*" for each in page.plots],
+        [_markdown_figure(each) for each in page.figures],
+        method(page.results),
+    )
+    for heading, section in zip(_SECTIONS, sections, strict=True):
+        parts += [f"## {heading}", *section]
     return "\n\n".join(part.replace("*", "\\*") if _is_prose(part) else part for part in parts) + "\n"
 
 
 def picture_name(of: Figure | Plot) -> str:
     """File name of a figure or plot of the Markdown page."""
     return f"report-{of.name}.{'svg' if isinstance(of, Plot) or of.svg else 'jpg'}"
+
+
+def _anchor(heading: str) -> str:
+    """Fragment of a heading's address, as forges and the documentation site make it."""
+    return heading.lower().replace(" ", "-")
+
+
+def _html_contents(figures: Sequence[Figure]) -> str:
+    inner = "".join(f'<li><a href="#{each.name}">{escape(each.title)}</a></li>' for each in figures)
+    items = "".join(
+        f'<li><a href="#{_anchor(heading)}">{heading}</a>{f"<ul>{inner}</ul>" if heading == "Figures" else ""}</li>'
+        for heading in _SECTIONS
+    )
+    return f'<nav aria-label="Contents"><ul>{items}</ul></nav>'
+
+
+def _markdown_contents() -> str:
+    return "\n".join(f"- [{heading}](#{_anchor(heading)})" for heading in _SECTIONS)
 
 
 def _html_figure(figure: Figure) -> str:
@@ -140,4 +161,4 @@ def _markdown_figure(figure: Figure) -> str:
 
 
 def _is_prose(part: str) -> bool:
-    return not part.startswith(("|", "#", "!"))
+    return not part.startswith(("|", "#", "!", "- ["))

@@ -67,6 +67,7 @@ WIDE: Final = (
     "docs/devices",
     "docs/integrators",
     "docs/layers",
+    "docs/report",
 )
 """Pages with wide tables and long names."""
 
@@ -147,3 +148,28 @@ def test_wide_tables_scroll_by_themselves_on_a_phone(address: str) -> None:
             wide, lost = page.evaluate(OVERFLOW)
             assert lost == [] and page.evaluate("document.scrollingElement.scrollWidth") <= WIDTH, name
             assert wide > 0 or name == "README"
+
+
+REPORT: Final = """() => ({
+    contents: [...document.querySelectorAll("#the-founding-report-reproduced > ul a")].map((each) => each.hash),
+    headings: [...document.querySelectorAll("article section section[id]")].map((each) => "#" + each.id),
+    cut: [...document.querySelectorAll("article .table-wrapper")].filter((each) => each.scrollWidth > each.clientWidth)
+        .map((each) => [each.scrollWidth, each.clientWidth]),
+    right: Math.max(...[...document.querySelectorAll("article *")].map((each) => each.getBoundingClientRect().right)),
+    resized: [...document.querySelectorAll("article img")].filter((each) => each.src.endsWith(".jpg")
+        && Math.abs(each.getBoundingClientRect().width - each.naturalWidth) > 1).map((each) => each.src),
+})"""
+"""Of the report's page: links and headings, tables that scroll, its right end, pictures that are not at their size."""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("width", [1280, 1600])
+def test_the_report_shows_whole_tables_and_figures_at_their_size(address: str, width: int) -> None:
+    with chromium() as browser:
+        page = browser.new_page(viewport={"width": width, "height": 900})
+        page.goto(f"{address}/docs/report.html")
+        page.wait_for_function("[...document.images].every((each) => each.complete)")
+        found = page.evaluate(REPORT)
+        assert found["contents"] == found["headings"] and len(found["contents"]) == 6
+        assert found["cut"] == [] and found["resized"] == []
+        assert found["right"] <= width and page.evaluate("document.scrollingElement.scrollWidth") <= width

@@ -339,6 +339,22 @@ def test_the_page_and_the_markdown_say_the_same() -> None:
     for figure in page.figures:
         assert f'id="{figure.name}"' in html and f"(report-{figure.name}.jpg)" in markdown
     assert html.count("<svg") == len(page.plots) == 3
+    # The contents lead to each heading, and on the page also to each figure.
+    headings = re.findall(r"^## (.+)$", markdown, re.MULTILINE)
+    contents = re.findall(r"^- \[(.+)\]\(#(.+)\)$", markdown, re.MULTILINE)
+    assert [heading for heading, _ in contents] == headings == re.findall(r"<h2[^>]*>(.+?)</h2>", html)
+    anchors = [anchor for _, anchor in contents]
+    assert re.findall(r'<h2 id="(.+?)"', html) == anchors == [each.lower().replace(" ", "-") for each in headings]
+    nav = html[html.index("<nav") : html.index("</nav>")]
+    linked = re.findall(r'href="#(.+?)"', nav)
+    assert sorted(linked) == sorted([*anchors, *(figure.name for figure in page.figures)])
+    assert html.index("</nav>") < html.index("<h2") and markdown.index("- [") < markdown.index("## ")
+
+
+def test_the_committed_page_has_the_contents() -> None:
+    text = (Path(__file__).resolve().parents[2] / "docs" / "report.md").read_text()
+    contents = re.findall(r"^- \[(.+)\]\(#(.+)\)$", text, re.MULTILINE)
+    assert [heading for heading, _ in contents] == re.findall(r"^## (.+)$", text, re.MULTILINE)
 
 
 def test_a_busy_machine_is_said() -> None:
