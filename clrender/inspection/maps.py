@@ -116,9 +116,10 @@ class PathMaps:
 
     def to_html(self) -> str:
         """A page of the maps, in one file."""
-        from clrender.inspection.maps_page import maps_page
+        from clrender.inspection.maps_page import Shown, maps_page
 
-        return maps_page(self)
+        parts = self.about, self.image, self.bounces, self.length, self.errors, self.shares, self.noise, self.stops
+        return maps_page(Shown(*parts))
 
     def save(self, path: str | Path) -> None:
         """Write the maps to a file.

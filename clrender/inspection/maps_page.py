@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -14,10 +16,7 @@ from clrender.drawing.pictures import data_uri, figure_of, shrunk
 from clrender.drawing.table import Table
 from clrender.image.tone_map import LUMINANCE, to_display
 
-if TYPE_CHECKING:
-    from clrender.inspection.maps import PathMaps
-
-__all__ = ["maps_page"]
+__all__ = ["Shown", "maps_page"]
 
 _MOST: Final = 900
 """Largest longer side of a picture, pixels."""
@@ -32,12 +31,36 @@ _STRATEGIES: Final = {
 }
 
 
-def maps_page(maps: PathMaps) -> str:
+@dataclass(frozen=True)
+class Shown:
+    """What the page shows; see `clrender.inspection.maps.PathMaps`.
+
+    Attributes
+    ----------
+    about : mapping
+    image, bounces, length : ndarray of float32
+    errors : mapping of str to ndarray of float32
+    shares : ndarray of float64
+    noise : mapping of str to float
+    stops : float
+    """
+
+    about: Mapping[str, Any]
+    image: npt.NDArray[np.float32]
+    bounces: npt.NDArray[np.float32]
+    length: npt.NDArray[np.float32]
+    errors: Mapping[str, npt.NDArray[np.float32]]
+    shares: npt.NDArray[np.float64]
+    noise: Mapping[str, float]
+    stops: float
+
+
+def maps_page(maps: Shown) -> str:
     """HTML of maps.
 
     Parameters
     ----------
-    maps : PathMaps
+    maps : Shown
     """
     about, name = maps.about, Path(maps.about["scene"]).stem
     size, spp = f"{about['width']} × {about['height']} pixels", about["spp"]
@@ -88,13 +111,13 @@ def _row(figures: list[str]) -> str:
     return f'<div class="row" style="--columns: 3">{"".join(figures)}</div>'
 
 
-def _words(maps: PathMaps, number: int) -> str:
+def _words(maps: Shown, number: int) -> str:
     if number == len(maps.bounces) - 1:
         return f"{number} and more"
     return "0: seen directly" if number == 0 else "1: direct light" if number == 1 else str(number)
 
 
-def _bounce(maps: PathMaps, number: int) -> str:
+def _bounce(maps: Shown, number: int) -> str:
     words, part = _words(maps, number), maps.bounces[number]
     more = _stops_to(part, maps.image)
     picture = _picture(part, maps.stops + more, f"Light after scattering events: {words}")
@@ -110,13 +133,13 @@ def _stops_to(part: npt.NDArray[np.float32], whole: npt.NDArray[np.float32]) -> 
     return int(np.clip(np.floor(np.log2(bright / light)), 0, 8))
 
 
-def _share_rows(maps: PathMaps) -> list[tuple[str, str, str]]:
+def _share_rows(maps: Shown) -> list[tuple[str, str, str]]:
     shares = maps.shares
     sums = np.cumsum(shares)
     return [(_words(maps, n), f"{shares[n]:.2%}", f"{sums[n]:.2%}") for n in range(len(shares))]
 
 
-def _length(maps: PathMaps) -> str:
+def _length(maps: Shown) -> str:
     length = maps.length
     known = length[np.isfinite(length)]
     most = max(float(np.percentile(known, _EXTREME)) if known.size else 1.0, 1e-6)
@@ -129,7 +152,7 @@ def _length(maps: PathMaps) -> str:
     return _row([figure_of(picture + _scale("0", f"{most:.3g}"), caption)])
 
 
-def _errors(maps: PathMaps) -> str:
+def _errors(maps: Shown) -> str:
     most = max(float(np.percentile(error, _EXTREME)) for error in maps.errors.values()) or 1.0
     figures = [
         figure_of(

@@ -35,9 +35,9 @@ if TYPE_CHECKING:
 
 ALARM = 1e-3
 """Chance that a correct renderer fails either of the two tests of scenes, each time its bits change."""
-FEW = {"white": (3, 20), "light": (24, 3), "black": (21, 32)}
+FEW = {"white": (3, 20), "light": (28, 3), "black": (21, 32)}
 """Of two programs: with an environment and without volumes, with volumes and without an environment."""
-SIDE_BY_SIDE = {"white": (10,), "light": (18, 21), "black": (0, 3)}
+SIDE_BY_SIDE = {"white": (10,), "light": (18, 3), "black": (0, 2)}
 """With volumes, where an index of refraction once depended on the materials that other paths had met."""
 MANY = 500
 PARTS = 10
