@@ -79,7 +79,13 @@ def hashes(device: Device, what: Scene, *ways: dict[str, Any], **settings: Any) 
     return {clrender.render(what, device=device, **given, **way).stats["image_sha256"] for way in ways}
 
 
-@pytest.mark.parametrize("roughness", [pytest.param(0.0, marks=pytest.mark.long), 0.3])
+def test_one_hash_over_lanes_and_cuts(device: Device) -> None:
+    ways: list[dict[str, Any]] = [{}, {"lanes": 1}, {"tile": 8, "samples_per_pass": 1}]
+    assert len(hashes(device, busy(roughness=0.3), *ways)) == 1
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("roughness", [0.0, 0.3])
 def test_one_hash_over_lanes_cuts_and_stages(device: Device, roughness: float) -> None:
     ways: list[dict[str, Any]] = [{}, {"lanes": 1}, {"lanes": 4}, {"kernels": "staged"}]
     ways.append({"tile": 8, "samples_per_pass": 1})
