@@ -11,7 +11,7 @@ import os
 import shutil
 import signal
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
+    from view_clients import EngineClient
+
     from clrender.device import Device
+    from clrender.view import Engine
 
 __all__: list[str] = []
 
@@ -212,3 +215,42 @@ def only_driver(device: Device, tmp_path_factory: pytest.TempPathFactory) -> Ite
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("OCL_ICD_VENDORS", str(folder))
         yield
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Chromium; without one the tests are skipped."""
+    from view_browser import chromium
+
+    with chromium() as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The file of a scene of a ball on a table."""
+    from view_browser import SCENE
+
+    path = tmp_path_factory.mktemp("scene") / "ball.toml"
+    path.write_text(SCENE)
+    return path
+
+
+@pytest.fixture
+def opened(device: Device) -> Iterator[Callable[..., tuple[Engine, EngineClient]]]:
+    """Opens an engine of the live view, of a small image, with a client; ends it after the test."""
+    from view_clients import EngineClient
+
+    from clrender.scene import load
+    from clrender.view import Engine
+
+    engines: list[Engine] = []
+
+    def open_(scene: Any = "room", **options: Any) -> tuple[Engine, EngineClient]:
+        description = load(scene) if isinstance(scene, (str, Path)) else scene
+        engines.append(Engine(description, device=device, **{"width": 96, "height": 64, "spp": 4, **options}))
+        return engines[-1], EngineClient(engines[-1])
+
+    yield open_
+    for engine in engines:
+        engine.close()

@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +16,7 @@ import pytest
 from cases import for_each
 from cli_support import call
 from paths_support import bits
-from view_browser import SCENE, chromium
+from view_browser import SCENE
 
 import clrender
 
@@ -40,12 +39,6 @@ def made(device: Device, tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     assert found, result.stdout
     return folder
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as started:
-        yield started
 
 
 def numbers_of(folder: Path) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import time
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,26 +17,8 @@ from view_clients import EngineClient, Page, Server
 import clrender
 from clrender.device import Device
 from clrender.film import Film
-from clrender.view import Engine
 
 pytestmark = pytest.mark.usefixtures("only_driver")
-
-SIZE = {"width": 96, "height": 64}
-
-
-@pytest.fixture
-def opened(device: Device) -> Iterator[Callable[..., tuple[Engine, EngineClient]]]:
-    """Opens an engine with a client; ends it after the test."""
-    engines: list[Engine] = []
-
-    def open_(scene: Any = "room", **options: Any) -> tuple[Engine, EngineClient]:
-        description = clrender.load(scene) if isinstance(scene, (str, Path)) else scene
-        engines.append(Engine(description, device=device, **{**SIZE, "spp": 4, **options}))
-        return engines[-1], EngineClient(engines[-1])
-
-    yield open_
-    for engine in engines:
-        engine.close()
 
 
 def rendered(device: Device, scene: clrender.Scene, **settings: Any) -> Any:

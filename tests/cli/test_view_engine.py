@@ -7,7 +7,7 @@ import json
 import threading
 import time
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,28 +24,10 @@ from clrender.film.film import Film
 from clrender.film.replicates import standard_error
 from clrender.film.running import RunningFilm
 from clrender.image.files import image_sha256
-from clrender.view import Engine
 from clrender.view.broadcaster import MOST_VIEWERS
 from clrender.view.progressive import Progressive
 
 pytestmark = pytest.mark.usefixtures("only_driver")
-
-SIZE = {"width": 96, "height": 64}
-
-
-@pytest.fixture
-def opened(device: Device) -> Iterator[Callable[..., tuple[Engine, EngineClient]]]:
-    """Opens an engine with a client; ends it after the test."""
-    engines: list[Engine] = []
-
-    def open_(scene: Any = "room", **options: Any) -> tuple[Engine, EngineClient]:
-        description = clrender.load(scene) if isinstance(scene, (str, Path)) else scene
-        engines.append(Engine(description, device=device, **{**SIZE, "spp": 4, **options}))
-        return engines[-1], EngineClient(engines[-1])
-
-    yield open_
-    for engine in engines:
-        engine.close()
 
 
 def rendered(device: Device, scene: Any = "room", **settings: Any) -> str:

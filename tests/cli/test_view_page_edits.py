@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_support import call
-from view_browser import SCENE, chromium, view_of
+from view_browser import SCENE, view_of
 from view_clients import Server
 
 import clrender
@@ -32,19 +32,6 @@ pytestmark = [pytest.mark.usefixtures("only_driver"), pytest.mark.long]
 
 _DEVICE = os.environ.get("CLRENDER_TEST_DEVICE", "pocl")
 _CLIPBOARD = ["clipboard-read", "clipboard-write"]
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with chromium() as started:
-        yield started
-
-
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("scene") / "ball.toml"
-    path.write_text(SCENE)
-    return path
 
 
 @pytest.fixture(scope="module")
