@@ -241,13 +241,13 @@ def opened(device: Device) -> Iterator[Callable[..., tuple[Engine, EngineClient]
     """Opens an engine of the live view, of a small image, with a client; ends it after the test."""
     from view_clients import EngineClient
 
-    from clrender.scene import load
+    import clrender
     from clrender.view import Engine
 
     engines: list[Engine] = []
 
     def open_(scene: Any = "room", **options: Any) -> tuple[Engine, EngineClient]:
-        description = load(scene) if isinstance(scene, (str, Path)) else scene
+        description = clrender.load(scene) if isinstance(scene, (str, Path)) else scene
         engines.append(Engine(description, device=device, **{"width": 96, "height": 64, "spp": 4, **options}))
         return engines[-1], EngineClient(engines[-1])
 
