@@ -237,7 +237,7 @@ class RenderSettings:
         "auto",
         Choice(("auto", "bvh", "power", "uniform")),
         "How a light is selected at each shading point: by a light BVH, by power or uniformly",
-        "auto: bvh for 16 or more lights",
+        "auto: bvh for 5 or more lights",
     )
     reuse: int = _setting(
         16,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -14,7 +13,7 @@ from PIL import Image
 import clrender
 from clrender.image.tone_map import to_display
 
-__all__ = ["DOCS", "shown", "shown_linear", "write_sheet"]
+__all__ = ["DOCS", "shown", "shown_linear", "write_animation", "write_sheet"]
 
 DOCS: Final = Path(__file__).resolve().parents[1] / "docs"
 
@@ -26,7 +25,7 @@ def shown(image: clrender.RenderedImage) -> Image.Image:
     ----------
     image : RenderedImage
     """
-    return Image.open(io.BytesIO(image._repr_png_())).convert("RGB")
+    return Image.fromarray(to_display(image.picture, exposure=image.camera_stops))
 
 
 def shown_linear(linear: npt.NDArray[np.float32]) -> Image.Image:
@@ -61,4 +60,22 @@ def write_sheet(name: str, rows: Sequence[Sequence[Image.Image]], quality: int =
             sheet.paste(picture, (column * (width + gap), row * (height + gap)))
     path = DOCS / name
     sheet.save(path, quality=quality, optimize=True)
+    print(f"{name}: {path.stat().st_size / 1024:.0f} KiB")
+
+
+def write_animation(name: str, frames: Sequence[Image.Image], frames_per_second: int = 24, quality: int = 75) -> None:
+    """Write images of equal size to docs/ as a WebP animation that repeats.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file.
+    frames : sequence of Image
+    frames_per_second : int
+    quality : int
+        Quality of each frame, of 100.
+    """
+    path = DOCS / name
+    duration = round(1000 / frames_per_second)
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=duration, loop=0, quality=quality, method=6)
     print(f"{name}: {path.stat().st_size / 1024:.0f} KiB")

@@ -42,8 +42,8 @@ def _builtin(name: str, **settings: Any) -> Callable[[str], None]:
 
 def _hero(file: str) -> None:
     """The picture at the top of README.md, whose caption has the command."""
-    settings: dict[str, Any] = {"size": (1440, 1080), "crop": (0, 180, 1440, 720), "spp": 128, "denoise": True}
-    write_sheet(file, [[shown(clrender.render(clrender.load("product"), **settings))]])
+    settings: dict[str, Any] = {"size": (1440, 960), "crop": (0, 60, 1440, 840), "spp": 128, "denoise": True}
+    write_sheet(file, [[shown(clrender.render(clrender.load("canal"), **settings))]])
 
 
 def _denoise(file: str) -> None:

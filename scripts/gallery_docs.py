@@ -1,18 +1,21 @@
-"""Make the figures of docs/gallery.md: built-in scenes with many samples, one of them at three times of day."""
+"""Make the figures of docs/gallery.md: built-in scenes with many samples, one at three times of day, one that moves."""
 
 from __future__ import annotations
 
 import sys
 from typing import Final
 
-from doc_pictures import shown, write_sheet
+from doc_pictures import shown, write_animation, write_sheet
+from PIL import Image
 
 import clrender
 
 __all__: list[str] = []
 
 _SCENES: Final = {
-    "metals": 512,
+    "interior": 256,
+    "canal": 256,
+    "metalware": 512,
     "surfaces": 512,
     "drink": 1024,
     "textures": 256,
@@ -28,12 +31,18 @@ _SCENES: Final = {
     "product": 1024,
     "fisheye": 512,
     "pool": 128,
-    "prism": 1024,
+    "dispersion": 512,
 }
 """Samples per pixel, by built-in scene."""
-_DENOISED: Final = ("haze", "sky")
+_DENOISED: Final = ("interior", "canal", "metalware", "cradle", "dispersion", "haze", "sky")
 """Scenes whose light is hard to find for their integrator: what noise is left is taken away, as a user would."""
 _WIDTH: Final = 640
+_WIDE: Final = ("interior", "canal", "metalware")
+"""Scenes whose details are seen at one and a half times that width."""
+_PERIOD: Final = 16
+"""Frames of one period of the scene `cradle`, 24 a second."""
+_FRAME_SIZE: Final = (480, 320)
+_FRAME_SPP: Final = 64
 _HOURS: Final = {"06:00": 1 / 80, "12:00": 1 / 180, "19:30": 1 / 50}
 """Shutter times of the scene `sundial`, seconds, by time of day."""
 _HOUR_SIZE: Final = (426, 266)
@@ -49,17 +58,31 @@ def at(scene: clrender.Scene, hour: str, shutter: float) -> clrender.Scene:
     return scene.changed({"lights": (other,)}).with_exposure(shutter=shutter)
 
 
+def swinging(session: clrender.Session) -> list[Image.Image]:
+    """The frames of one period of the scene `cradle`, as `--frames 0:15` renders them."""
+    scene = clrender.load("cradle")
+    frames = []
+    for number in range(_PERIOD):
+        camera = scene.camera.changed({"time": number / 24.0})
+        image = session.render(scene.changed({"camera": camera}), spp=_FRAME_SPP, size=_FRAME_SIZE, denoise=True)
+        frames.append(shown(image))
+    return frames
+
+
 def main() -> None:
     """Render all figures, or those of the scenes that are named."""
-    wanted = sys.argv[1:] or [*_SCENES, "sundial"]
+    wanted = sys.argv[1:] or [*_SCENES, "cradle", "sundial"]
     with clrender.Session() as session:
         for name, spp in _SCENES.items():
             if name not in wanted:
                 continue
             scene = clrender.load(name)
-            height = round(_WIDTH * scene.image.height / scene.image.width)
-            image = session.render(scene, spp=spp, size=(_WIDTH, height), denoise=name in _DENOISED)
+            width = _WIDTH * 3 // 2 if name in _WIDE else _WIDTH
+            height = round(width * scene.image.height / scene.image.width)
+            image = session.render(scene, spp=spp, size=(width, height), denoise=name in _DENOISED)
             write_sheet(f"gallery-{name}.jpg", [[shown(image)]])
+        if "cradle" in wanted:
+            write_animation("gallery-cradle.webp", swinging(session))
         if "sundial" not in wanted:
             return
         scene = clrender.load("sundial")

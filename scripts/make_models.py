@@ -1,133 +1,25 @@
-"""Writes the plants, vessels and the rotunda in scenes/: mesh files of whole numbers, which keeps them small.
+"""Writes the plants and the rotunda in scenes/.
 
 They are committed, and the same bytes come out on every machine. Run ``python scripts/make_models.py`` to write them,
-with ``--check`` to compare them with the committed ones. Scenes scale them by the unit of each `Model`.
+with ``--check`` to compare them with the committed ones.
 """
 
 from __future__ import annotations
 
 import itertools
-import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Final
 
 import numpy as np
-from make_meshes import lathe, vertex_normals, write_or_compare
-from numpy.typing import NDArray
+from make_meshes import lathe
+from models import Chance, Model, Vector, across, arc, plus, turned, unit, write_models
 
 from clrender.exact.angles import sin_cos_degrees
 
-__all__ = ["MODELS", "Chance", "Model"]
+__all__ = ["MODELS"]
 
-Vector = tuple[float, float, float]
-_TYPES: Final = {"<i2": "short", "i1": "char", "u1": "uchar"}
 _UP: Final = (0.0, 1.0, 0.0)
-
-
-class Chance:
-    """Random numbers that are independent of library versions."""
-
-    def __init__(self, seed: int) -> None:
-        self.state = seed
-
-    def __call__(self, low: float, high: float) -> float:
-        """A number from `low` to `high`."""
-        self.state = (self.state * 6364136223846793005 + 1442695040888963407) % 2**64
-        return low + (high - low) * (self.state >> 11) / 2.0**53
-
-
-class Model:
-    """A mesh of 16-bit numbers, with texture coordinates or normals, or neither.
-
-    Parameters
-    ----------
-    unit : float
-        Unit of coordinates, metres.
-    normal_bits : int
-        Bits of each component of a normal: 8 or 16.
-    """
-
-    def __init__(self, unit: float, normal_bits: int = 8) -> None:
-        self.unit = unit
-        self.largest = 2 ** (normal_bits - 1) - 1
-        self.points: list[Vector] = []
-        self.normals: list[Vector] = []
-        self.uvs: list[tuple[int, int]] = []
-        self.faces: list[tuple[int, ...]] = []
-
-    def add(self, points: Sequence[Vector], faces: Sequence[Sequence[int]]) -> None:
-        """Add vertices, and triangles whose indices into them start from 0."""
-        first = len(self.points)
-        self.points += points
-        self.faces += [tuple(first + corner for corner in face) for face in faces]
-
-    def add_arrays(self, vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> None:
-        """Add a mesh with smooth normals."""
-        x, y, z = vertex_normals(vertices, triangles).T.tolist()
-        self.normals += list(zip(x, y, z, strict=True))
-        x, y, z = vertices.T.tolist()
-        self.add(list(zip(x, y, z, strict=True)), triangles.tolist())
-
-    def ply(self) -> bytes:
-        """A binary PLY file."""
-        names = ["x", "y", "z"]
-        columns = np.array(self.points) / self.unit
-        if self.normals:
-            names += ["nx", "ny", "nz"]
-            columns = np.hstack([columns, np.array(self.normals) * self.largest])
-        kinds = [(name, "<i2" if name in "xyz" or self.largest > 127 else "i1") for name in names]
-        if self.uvs:
-            columns = np.hstack([columns, np.array(self.uvs)])
-            kinds += [("s", "u1"), ("t", "u1")]
-        properties = "".join(f"property {_TYPES[kind]} {name}\n" for name, kind in kinds)
-        whole = np.floor(columns + 0.5)
-        if abs(whole).max() > 32767 or len(whole) > 65535:
-            raise ValueError("the model is too large for numbers of 16 bits")
-        records = np.empty(len(whole), dtype=kinds)
-        for name, column in zip([name for name, _ in kinds], whole.T, strict=True):
-            records[name] = column
-        faces = np.empty(len(self.faces), dtype=[("count", "u1"), ("corners", "<u2", 3)])
-        faces["count"], faces["corners"] = 3, self.faces
-        header = (
-            f"ply\nformat binary_little_endian 1.0\nelement vertex {len(records)}\n{properties}"
-            f"element face {len(faces)}\nproperty list uchar ushort vertex_indices\nend_header\n"
-        )
-        return header.encode() + records.tobytes() + faces.tobytes()
-
-
-# --- vectors: plain numbers, added in the order that is written -------------------------------------------------------
-
-
-def plus(a: Vector, b: Vector, times: float = 1.0) -> Vector:
-    """a + b · times"""
-    return (a[0] + b[0] * times, a[1] + b[1] * times, a[2] + b[2] * times)
-
-
-def unit(a: Vector) -> Vector:
-    """The direction of a vector."""
-    size = math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
-    return (a[0] / size, a[1] / size, a[2] / size)
-
-
-def cross(a: Vector, b: Vector) -> Vector:
-    """a × b"""
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-
-
-def across(a: Vector) -> tuple[Vector, Vector]:
-    """Unit vectors perpendicular to a unit vector and each other; the first is horizontal unless `a` is vertical."""
-    first = unit(cross(a, _UP) if abs(a[1]) < 0.99 else cross(a, (0.0, 0.0, 1.0)))
-    return first, cross(first, a)
-
-
-def turned(a: Vector, angle: float, around: float) -> Vector:
-    """A unit vector rotated by whole degrees, towards the azimuth `around`."""
-    (s, c), (sine, cosine) = sin_cos_degrees(round(angle)), sin_cos_degrees(round(around))
-    u, v = across(a)
-    return unit(plus(plus((a[0] * c, a[1] * c, a[2] * c), u, s * cosine), v, s * sine))
-
 
 # --- plants -----------------------------------------------------------------------------------------------------------
 
@@ -231,129 +123,6 @@ def meadow() -> Model:
     return model
 
 
-# --- a product shot ---------------------------------------------------------------------------------------------------
-
-Outline = list[tuple[float, float]]
-
-
-def arc(x: float, y: float, radius: float, first: float, last: float, parts: int) -> Outline:
-    """Points on a circle, from one angle to another."""
-    angles = [sin_cos_degrees(first + (last - first) * i / parts) for i in range(parts + 1)]
-    return [(x + radius * c, y + radius * s) for s, c in angles]
-
-
-def turned_on_a_lathe(outline: Outline, segments: int = 64) -> Model:
-    """A vessel as a surface of revolution of its outline."""
-    model = Model(1e-5, normal_bits=16)
-    model.add_arrays(*lathe(outline, segments))
-    return model
-
-
-def flask() -> Outline:
-    """A bottle, 12 cm high, whose wall is 5 mm thick and whose foot is thicker; its mouth is open."""
-    outside = [(0.0, 0.0), (0.018, 0.0), *arc(0.034, 0.006, 0.006, -90.0, 0.0, 5), (0.04, 0.04)]
-    outside += [*arc(0.026, 0.072, 0.014, 0.0, 80.0, 10), *arc(0.0145, 0.0935, 0.005, 255.0, 180.0, 5), (0.0095, 0.104)]
-    inside = [(0.0065, 0.1055), (0.0065, 0.0925), *arc(0.0235, 0.0715, 0.0115, 100.0, 0.0, 9), (0.035, 0.04)]
-    inside += [*arc(0.03, 0.019, 0.005, 0.0, -90.0, 5), (0.015, 0.014), (0.0, 0.014)]
-    return [*outside, (0.0085, 0.1055), *inside]
-
-
-def perfume() -> Outline:
-    """Liquid that fills the bottle to 58 mm: it extends into the glass, to the middle of the wall."""
-    return [
-        (0.0, 0.011),
-        (0.016, 0.011),
-        *arc(0.0305, 0.018, 0.007, -90.0, 0.0, 5),
-        (0.0375, 0.058),
-        (0.018, 0.058),
-        (0.0, 0.058),
-    ]
-
-
-def cap() -> Outline:
-    """A cap on the bottle, with round edges."""
-    return [
-        (0.0, 0.1),
-        (0.013, 0.1),
-        *arc(0.0135, 0.1015, 0.0015, -90.0, 0.0, 4),
-        (0.015, 0.115),
-        *arc(0.0125, 0.1315, 0.0025, 0.0, 90.0, 5),
-        (0.006, 0.134),
-        (0.0, 0.134),
-    ]
-
-
-def jar() -> Outline:
-    """A jar with a lid, 9 cm high: a groove runs between them."""
-    low = [
-        (0.0, 0.0),
-        (0.03, 0.0),
-        *arc(0.043, 0.003, 0.003, -90.0, 0.0, 4),
-        (0.046, 0.03),
-        *arc(0.045, 0.057, 0.001, 0.0, 90.0, 3),
-    ]
-    high = [
-        *arc(0.045, 0.0605, 0.001, 270.0, 360.0, 3),
-        (0.046, 0.07),
-        *arc(0.0425, 0.0785, 0.0035, 0.0, 80.0, 5),
-        (0.02, 0.0845),
-    ]
-    knob = [*arc(0.007, 0.0865, 0.002, 260.0, 180.0, 3), *arc(0.0, 0.0955, 0.0085, -45.0, 90.0, 12)]
-    return [*low, (0.0435, 0.0575), (0.0435, 0.06), *high, *knob[:-1], (0.0, 0.104)]
-
-
-def bowl() -> Outline:
-    """A bowl with a foot and a thin round rim."""
-    outside = [(0.0, 0.0), (0.02, 0.0), (0.0215, 0.001), (0.022, 0.006), *arc(0.0, 0.07, 0.066, -66.0, -14.0, 14)]
-    inside = [*arc(0.0625, 0.0545, 0.0015, -10.0, 170.0, 8), *arc(0.0, 0.07, 0.0625, -16.0, -75.0, 14), (0.0, 0.0075)]
-    return [*outside, *inside]
-
-
-def drape() -> Model:
-    """A round cloth on a round stand, 20 cm across and 7 cm high: flat on top, then falling in folds onto the floor."""
-    model = Model(1e-5)
-    around, rings = 180, 22
-    vertices: list[Vector] = [(0.0, 0.07, 0.0)]
-    for ring in range(1, rings + 1):
-        if ring <= 4:  # the top
-            reach, y = 0.1 * ring / 4.0, 0.07
-            depth = 0.0
-        else:
-            part = (ring - 4.0) / (rings - 4.0)
-            depth = part * (2.0 - part)
-            s, c = sin_cos_degrees(round(90.0 * min(4.0 * part, 1.0)))
-            y = 0.07 - 0.006 * (1.0 - c) - max(part - 0.125, 0.0) / 0.875 * 0.0605
-            reach = 0.1 + 0.007 * s + 0.012 * depth
-        for i in range(around):
-            fold = (
-                sin_cos_degrees(i * 34.0 + 30.0 * sin_cos_degrees(i * 6.0)[0])[0]
-                + 0.5 * sin_cos_degrees(i * 14.0 + 40.0)[0]
-            )
-            flare = reach + depth * (0.008 * fold + 0.005 * sin_cos_degrees(i * 6.0)[0])
-            s, c = sin_cos_degrees(2.0 * i)
-            vertices.append((flare * c, max(y, 0.0008), -flare * s))
-    triangles = [(0, 1 + i, 1 + (i + 1) % around) for i in range(around)]
-    for ring in range(rings - 1):
-        for i in range(around):
-            a, b = 1 + ring * around + i, 1 + ring * around + (i + 1) % around
-            triangles += [(a, a + around, b + around), (a, b + around, b)]
-    model.add_arrays(np.array(vertices), np.array(triangles))
-    return model
-
-
-def sweep() -> Model:
-    """A backdrop, 3 m wide: a floor that bends up into a wall."""
-    model = Model(1e-4, normal_bits=16)
-    profile = [(1.2, 0.0), *((x, y) for x, y in arc(-0.3, 0.5, 0.5, 270.0, 180.0, 24)), (-0.8, 1.8)]
-    normals = [(0.0, 1.0), *((-c, -s) for c, s in arc(0.0, 0.0, 1.0, 270.0, 180.0, 24)), (1.0, 0.0)]
-    for (z, y), (nz, ny) in zip(profile, normals, strict=True):
-        model.points += [(-1.5, y, z), (1.5, y, z)]
-        model.normals += [(0.0, ny, nz)] * 2
-    for i in range(0, 2 * len(profile) - 2, 2):
-        model.faces += [(i, i + 1, i + 3), (i, i + 3, i + 2)]
-    return model
-
-
 # --- the rotunda ------------------------------------------------------------------------------------------------------
 
 _SECTORS: Final = 24
@@ -434,22 +203,11 @@ MODELS: Final[Mapping[str, Callable[[], Model]]] = {
     "tree": lambda: TREE.wood,
     "leaves": lambda: TREE.leaves,
     "meadow": meadow,
-    "flask": lambda: turned_on_a_lathe(flask()),
-    "perfume": lambda: turned_on_a_lathe(perfume()),
-    "cap": lambda: turned_on_a_lathe(cap()),
-    "jar": lambda: turned_on_a_lathe(jar()),
-    "bowl": lambda: turned_on_a_lathe(bowl()),
-    "drape": drape,
-    "sweep": sweep,
     "dome": dome,
     "columns": columns,
     "entablature": entablature,
 }
 
 
-def _ply(make: Callable[[], Model]) -> bytes:
-    return make().ply()
-
-
 if __name__ == "__main__":
-    sys.exit(write_or_compare(__doc__ or "", {name: partial(_ply, make) for name, make in MODELS.items()}))
+    sys.exit(write_models(__doc__ or "", MODELS))

@@ -109,6 +109,89 @@ def grass() -> NDArray[np.uint8]:
     return shrunk(picture)
 
 
+def bricks() -> NDArray[np.uint8]:
+    """(128, 128, 4) a square metre of bricks, sRGB, by which the colour of a wall is multiplied, and their roughness.
+
+    The middle of a brick is at each sixteenth of the picture, and is white at (1/16, 1/16). Around (9/16, 9/16) the
+    surface is as smooth as glass, for parts of a mesh that have these texture coordinates.
+    """
+    y, x = np.mgrid[:128, :128]
+    row = (y + 4) // 8 % 16
+    place = (x + 12 - row % 2 * 16 + 128) % 32
+    column = (x + 12 - row % 2 * 16 + 128) // 32 % 4
+    tone = 222 + (row * 37 + column * 59 + row * column * 23) % 34
+    tone = np.where((row == 1) & (column == 0), 255, tone)
+    grain = (x * 7 + y * 13 + x * y * 3) % 11 - 5
+    joint = (place < 2) | ((y + 4) % 8 < 1)
+    color = np.where(joint, 196, np.clip(tone + grain * (tone < 255), 0, 255))
+    rough = np.where(joint, 235, 205 - (row * 29 + column * 31) % 40)
+    smooth = (abs(x - 72) < 3) & (abs(y - 72) < 3)
+    color, rough = np.where(smooth, 255, color), np.where(smooth, 12, rough)
+    return np.asarray(np.stack([color, color, color, rough], axis=2)[::-1], np.uint8)
+
+
+def window() -> NDArray[np.uint8]:
+    """(96, 64, 3) what is seen through a window in the evening, sRGB: a lit room between curtains, and a plant."""
+    y, x = np.mgrid[:96, :64]
+    room = np.array([255.0, 196.0, 120.0]) * (0.62 + 0.38 * np.clip(1.0 - y / 70.0, 0.0, 1.0))[..., None]
+    lamp = np.clip(1.0 - ((x - 40) ** 2 + ((y - 26) * 1.6) ** 2) / 260.0, 0.0, 1.0)[..., None]
+    room = room + lamp * np.array([40.0, 60.0, 90.0])
+    shelf = (y > 58) & (y < 61) | (x > 44) & (x < 60) & (y > 44) & (y < 58) & ((x * 5 + 3) % 11 < 8)
+    room = np.where(shelf[..., None], room * 0.62, room)
+    away = np.minimum(x, 63 - x)
+    fold = abs(x * 5 % 16 - 8) / 8.0
+    curtain = away < 11 + (y // 12) % 5
+    cloth = np.array([236.0, 168.0, 104.0]) * (0.55 + 0.25 * fold)[..., None]
+    room = np.where(curtain[..., None], cloth, room)
+    pot = (abs(x - 24) < 5) & (y > 84)
+    leaves = ((x - 24) ** 2 + ((y - 76) * 0.8) ** 2 < 70) & ((x * 7 + y * 11) % 5 < 3)
+    room = np.where((pot | leaves)[..., None], room * 0.25, room)
+    return np.asarray(np.clip(room, 0.0, 255.0).round(), np.uint8)
+
+
+def planks() -> NDArray[np.uint8]:
+    """(256, 256, 3) eight oak boards, sRGB: their grain runs along u, and their ends are at different places."""
+    y, x = np.mgrid[:256, :256]
+    board = y // 32
+    end = (board * 97 + 31) % 256
+    piece = board * 2 + ((x - end) % 256 > 128)
+    tone = np.array([158.0, 118.0, 78.0]) + ((piece * 53) % 41 - 20.0)[..., None] * np.array([1.0, 0.9, 0.75])
+    # Rings: heights that change slowly along the board, cut into bands
+    bend = abs((x * 2 + piece * 67) % 256 - 128) / 32.0 + abs((x * 5 + piece * 31) % 256 - 128) / 96.0
+    ring = abs((((y % 32) * 3 + bend * 4.0 + piece * 11) % 13.0) - 6.5) / 6.5
+    pore = ((x // 3 * 31 + y * 57 + (x // 3) * y * 7) % 29 < 3) * 12.0
+    color = tone - (18.0 * ring * ring + pore)[..., None] * np.array([1.0, 1.0, 0.9])
+    joint = (y % 32 < 1) | ((x - end) % 128 < 1)
+    return np.asarray(np.clip(np.where(joint[..., None], color * 0.45, color), 0.0, 255.0).round(), np.uint8)
+
+
+def rug() -> NDArray[np.uint8]:
+    """(160, 240, 3) a woven rug, sRGB: a border, and rows of diamonds."""
+    y, x = np.mgrid[:160, :240]
+    diamond = abs(x % 40 - 20) + abs(y % 40 - 20)
+    color = np.where((diamond < 14)[..., None], np.array([150, 72, 52]), np.array([222, 210, 188]))
+    color = np.where((diamond < 6)[..., None], np.array([228, 196, 120]), color)
+    color = np.where(((diamond >= 18) & (diamond < 20))[..., None], np.array([64, 84, 96]), color)
+    edge = np.minimum(np.minimum(x, 239 - x), np.minimum(y, 159 - y))
+    color = np.where((edge < 14)[..., None], np.array([64, 84, 96]), color)
+    color = np.where(((edge < 11) & (edge > 8))[..., None], np.array([222, 210, 188]), color)
+    weave = ((x + y) % 2 * 8 + (x * 13 + y * 29) % 9)[..., None]
+    return np.asarray(np.clip(color - weave, 0, 255), np.uint8)
+
+
+def painting() -> NDArray[np.uint8]:
+    """(144, 192, 3) a landscape in bands of colour, sRGB: a sun over hills."""
+    y, x = np.mgrid[:144, :192]
+    sky = np.array([238.0, 208.0, 164.0]) + (y / 144.0)[..., None] * np.array([-6.0, -70.0, -86.0])
+    picture = np.where((((x - 128) ** 2 + (y - 50) ** 2) < 420)[..., None], np.array([232.0, 104.0, 62.0]), sky)
+    tones = ([196.0, 132.0, 112.0], [132.0, 106.0, 116.0], [70.0, 88.0, 104.0], [38.0, 58.0, 70.0])
+    for number, tone in enumerate(tones):
+        ridge = 70 + 17 * number + abs((x * (3 + number) + 61 * number) % 128 - 64) // (4 + number)
+        ridge = ridge - abs((x * 2 + 90 * number) % 200 - 100) // 7
+        picture = np.where((y > ridge)[..., None], np.array(tone), picture)
+    return np.asarray(np.clip(picture - ((x * 17 + y * 31 + x * y) % 9)[..., None], 0.0, 255.0).round(), np.uint8)
+
+
 def shrunk(picture: NDArray[np.float64]) -> NDArray[np.uint8]:
     """Means of 4 × 4 pixels, in integers."""
     height, width, channels = picture.shape
@@ -122,6 +205,11 @@ PICTURES: Final[Mapping[str, NDArray[np.uint8]]] = {
     "globe.png": globe(),
     "leaf.png": leaf(),
     "grass.png": grass(),
+    "bricks.png": bricks(),
+    "window.png": window(),
+    "planks.png": planks(),
+    "rug.png": rug(),
+    "painting.png": painting(),
 }
 
 

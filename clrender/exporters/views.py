@@ -48,6 +48,8 @@ def check_camera(target: Target, program: str) -> None:
         target.leave_out("the blades of the aperture, which is round", "camera", "blades")
     if camera.exposure is not None:
         target.leave_out("the exposure of display images", "camera", next(iter(camera.exposure)))
+    if camera.response is not None:
+        target.leave_out("the colours of the sensor, which are those of the standard observer", "camera", "response")
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ __all__ = ["FlatLights", "flat_environment", "flat_lights"]
 _Rows: TypeAlias = NDArray[np.void]
 _LIGHT_LIMIT: Final = 2**24
 _TOO_BRIGHT: Final = f"makes a radiance of {{:g}}; at most {POWER_LIMIT:g} is known; make its scale smaller"
-_TREE_FROM: Final = 16
+_TREE_FROM: Final = 5
 """Number of lights from which the light tree pays off."""
 _SUN_LIGHT: Final = next(at for name, at, _, _ in layout.ROWS["SUN"] if name == "LIGHT")
 _LEAST_SHARE: Final = 1e-3

@@ -22,6 +22,9 @@ from clrender.meshes.read import read_mesh
 from clrender.scene import Sphere
 
 
+SENSOR = {"wavelengths": [400.0, 700.0], "red": [0.1, 1.0], "green": [1.0, 1.0], "blue": [1.0, 0.1]}
+
+
 def parsed(text: bytes) -> dict[str, Any]:
     """Properties by name: a string, or a list of numbers."""
     made: dict[str, Any] = {}
@@ -313,7 +316,9 @@ def test_maps(picture: Path) -> None:
         ("oren_nayar", {"materials": {"m": {"type": "oren_nayar", "reflectance": [0.5] * 3}}}),
         ("sheen", {"materials": {"m": {"type": "principled", "sheen_color": [1.0] * 3}}}),
         ("grazing angles", {"materials": {"m": METAL}}),
+        ("thin films", {"materials": {"m": {**METAL, "iridescence": 1.0}}}),
         ("the exposure", {"camera": {**CAMERA, "f_stop": 8.0, "shutter": 0.01}}),
+        ("the colours of the sensor", {"camera": {**CAMERA, "response": SENSOR}}),
         ("the integrator photon", {"render": {"integrator": "photon"}}),
         ("scattering events beyond 1000", {"render": {"max_depth": 1001}}),
         ("the balance of normal maps", {"materials": {"m": {**GREY, "normal_map": {"texture": "a.png"}}}}),

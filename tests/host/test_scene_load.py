@@ -47,7 +47,7 @@ NEEDED = {
     "point-plane", "directional-plane", "quad-plane", "sphere-plane", "mirror-light", "slab", "inside-sphere", "bumpy",
     "metals", "sky", "drink", "surfaces", "lamps", "haze", "sundial",
     "candles",
-    "foliage", "product", "fisheye", "avenue", "pool",
+    "foliage", "product", "fisheye", "avenue", "pool", "canal", "interior", "metalware", "cradle", "dispersion",
 }  # fmt: skip
 INEXACT = {
     "avenue",
@@ -68,6 +68,11 @@ INEXACT = {
     "product",
     "fisheye",
     "pool",
+    "canal",
+    "interior",
+    "metalware",
+    "cradle",
+    "dispersion",
 }
 EXACT = NEEDED - INEXACT
 
@@ -140,7 +145,15 @@ def test_builtin_name_wins_over_a_file(tmp_path: Path, monkeypatch: pytest.Monke
 @pytest.mark.parametrize(
     "name",
     [
-        *("make_meshes.py", "make_models.py", "make_sky.py", "make_lamps.py"),
+        *(
+            "make_meshes.py",
+            "make_models.py",
+            "make_vessels.py",
+            "make_canal.py",
+            "make_interior.py",
+            "make_sky.py",
+            "make_lamps.py",
+        ),
         *(pytest.param(name, marks=pytest.mark.long) for name in ("make_clouds.py", "make_strands.py")),
     ],
 )
