@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-from typing import Final
+import argparse
+from pathlib import Path
+from typing import Any, Final
 
 from doc_pictures import shown, write_animation, write_sheet
 from PIL import Image
@@ -43,6 +44,8 @@ _PERIOD: Final = 16
 """Frames of one period of the scene `cradle`, 24 a second."""
 _FRAME_SIZE: Final = (480, 320)
 _FRAME_SPP: Final = 64
+_PBRT: Final = ("classroom", "dining-room")
+_PBRT_SETTINGS: Final[dict[str, Any]] = {"size": (560, 315), "spp": 256, "denoise": True}
 _HOURS: Final = {"06:00": 1 / 80, "12:00": 1 / 180, "19:30": 1 / 50}
 """Shutter times of the scene `sundial`, seconds, by time of day."""
 _HOUR_SIZE: Final = (426, 266)
@@ -71,7 +74,11 @@ def swinging(session: clrender.Session) -> list[Image.Image]:
 
 def main() -> None:
     """Render all figures, or those of the scenes that are named."""
-    wanted = sys.argv[1:] or [*_SCENES, "cradle", "sundial"]
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="all but pbrt, if none is named")
+    parser.add_argument("--standard", type=Path, help="folder with Bitterli's scenes in pbrt's format, for pbrt")
+    arguments = parser.parse_args()
+    wanted = arguments.scenes or [*_SCENES, "cradle", "sundial"]
     with clrender.Session() as session:
         for name, spp in _SCENES.items():
             if name not in wanted:
@@ -83,6 +90,10 @@ def main() -> None:
             write_sheet(f"gallery-{name}.jpg", [[shown(image)]])
         if "cradle" in wanted:
             write_animation("gallery-cradle.webp", swinging(session))
+        if "pbrt" in wanted:
+            files = [arguments.standard / name / "scene-v4.pbrt" for name in _PBRT]
+            rooms = [shown(session.render(clrender.load(file), **_PBRT_SETTINGS)) for file in files]
+            write_sheet("gallery-pbrt.jpg", [rooms])
         if "sundial" not in wanted:
             return
         scene = clrender.load("sundial")
