@@ -72,12 +72,12 @@ class Layers:
         ahead, seen = [self.root], {self.root.identifier}
         while ahead:
             layer = ahead.pop()
+            self._check_clips(layer)
             for named in sorted(layer.GetCompositionAssetDependencies()):
                 if not named:
                     continue
                 at = f"{self._source}: the layer {quoted(named)}"
-                if Sdf.VariableExpression.IsExpression(named):
-                    raise SceneError(f"{at} is named by an expression, which is not read; name the file itself")
+                self._check_name(named, at)
                 identifier = Sdf.ComputeAssetPathRelativeToLayer(layer, named)
                 if identifier in seen:
                     continue
@@ -110,8 +110,6 @@ class Layers:
     def checked(self, path: str, at: str) -> str | None:
         """The file on disk of a path that is absolute, also within a package, if it exists; it has to be allowed."""
         outer = Ar.SplitPackageRelativePathOuter(path)[0] if Ar.IsPackageRelativePath(path) else path
-        if "://" in outer:
-            raise SceneError(f"{at} is no file beside the scene, and nothing is fetched; save it there and name it")
         allowed_file(outer, self._folder, self._allowed, at)
         return outer if Path(outer).is_file() else None
 
@@ -121,25 +119,32 @@ class Layers:
         Raises
         ------
         SceneError
-            It cannot be composed, or reads value clips from folders that are not allowed.
+            It cannot be composed.
         """
         try:
-            stage = Usd.Stage.Open(self.root)
+            return Usd.Stage.Open(self.root)
         except (Tf.ErrorException, RuntimeError) as error:
             raise SceneError(f"{self._source}: it cannot be composed: {reason(error)}; export it again") from None
-        for prim in stage.TraverseAll():
-            if prim.HasAuthoredMetadata("clips"):
-                self._check_clips(prim)
-        return stage
 
-    def _check_clips(self, prim: Any) -> None:
-        at = f"{self._source}: {quoted(str(prim.GetPath()))}"
-        api = Usd.ClipsAPI(prim)
-        for each in prim.GetMetadata("clips") or {}:
-            manifest = api.GetClipManifestAssetPath(each)
-            named = [*(api.GetClipAssetPaths(each) or []), *([manifest] if manifest else [])]
-            template = api.GetClipTemplateAssetPath(each)
-            files = [item.resolvedPath or item.path for item in named]
-            for file in [*files, *([template] if template else [])]:
-                where = file if Path(file).is_absolute() else Sdf.ComputeAssetPathRelativeToLayer(self.root, file)
-                self.checked(where, f"{at}: the clip {quoted(file)}")
+    def _check_clips(self, layer: Any) -> None:
+        """Check that value clips, which composition opens, are in allowed folders."""
+        ahead = list(layer.rootPrims)
+        while ahead:
+            prim = ahead.pop()
+            ahead += prim.nameChildren
+            for variants in prim.variantSets:
+                ahead += [each.primSpec for each in variants.variants]
+            for clips in (prim.GetInfo("clips") or {}).values() if prim.HasInfo("clips") else ():
+                manifest = clips.get("manifestAssetPath")
+                named = [*(clips.get("assetPaths") or ()), *([] if manifest is None else [manifest])]
+                files = [*(each.path for each in named), *filter(None, [clips.get("templateAssetPath")])]
+                for file in filter(None, files):
+                    at = f"{self._source}: {quoted(str(prim.path))}: the clip {quoted(file)}"
+                    self._check_name(file, at)
+                    self.checked(Sdf.ComputeAssetPathRelativeToLayer(layer, file), at)
+
+    def _check_name(self, name: str, at: str) -> None:
+        if Sdf.VariableExpression.IsExpression(name):
+            raise SceneError(f"{at} is named by an expression, which is not read; name the file itself")
+        if "://" in name:
+            raise SceneError(f"{at} is no file beside the scene, and nothing is fetched; save it there and name it")

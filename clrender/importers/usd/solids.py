@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -119,7 +120,12 @@ def _turned_profile(kind: str, bottom: float, top: float, height: float) -> Mesh
         first = (start + row * (_AROUND + 1) + column).ravel()
         quads.append(np.stack([first, first + 1, first + _AROUND + 2, first + _AROUND + 1], axis=1))
         start += steps * (_AROUND + 1)
-    return quads_mesh(*(np.concatenate(each) for each in (vertices, quads, uvs, normals)))  # type: ignore[arg-type]
+    made = quads_mesh(np.concatenate(vertices), np.concatenate(quads), np.concatenate(uvs), np.concatenate(normals))
+    # At the axis a quad is a triangle
+    a, b, c = (made.vertices[made.triangles[:, corner]] for corner in range(3))
+    kept = ~((a == b).all(axis=1) | (b == c).all(axis=1) | (c == a).all(axis=1))
+    assert made.uvs is not None
+    return dataclasses.replace(made, triangles=made.triangles[kept], uvs=made.uvs[kept])
 
 
 def _lid(radius: float, z: float, side: float) -> NDArray[np.float64]:
