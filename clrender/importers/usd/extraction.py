@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade, UsdSkel
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade
 
 from clrender.errors import SceneError
 from clrender.importers.usd.layers import Layers, reason
 from clrender.importers.usd.networks import Networks
+from clrender.importers.usd.skins import skins_of
 from clrender.wording import quoted
 
 __all__ = ["extracted"]
@@ -82,9 +83,9 @@ class _Extraction:
         self._meshes: list[Any] = []
         self._lists: dict[str, list[Any]] = {}
         self._networks = Networks(layers, self._time)
+        self._skins = skins_of(stage)
 
     def answer(self) -> dict[str, Any]:
-        self._bake_skins()
         stage = self._stage
         self._walk("", stage.GetPseudoRoot().GetFilteredChildren(_DRAWN), -1, _DRAWN)
         return {
@@ -106,18 +107,6 @@ class _Extraction:
     def _note(self, sentence: str) -> None:
         if sentence not in self._notes:
             self._notes.append(sentence)
-
-    def _bake_skins(self) -> None:
-        """Deform what skeletons move, in memory."""
-        roots = [prim for prim in self._stage.Traverse() if prim.IsA(UsdSkel.Root)]
-        if not roots:
-            return
-        self._stage.SetEditTarget(self._stage.GetSessionLayer())
-        values = [each.GetValue() for each in self._times if not each.IsEarliestTime()]
-        interval = Gf.Interval(min(values), max(values)) if values else Gf.Interval(0.0, 0.0)
-        for root in roots:
-            if not UsdSkel.BakeSkinning(UsdSkel.Root(root), interval):
-                self._note(f"the skeleton of {quoted(str(root.GetPath()))} cannot be read: it is drawn at rest")
 
     def _walk(self, key: str, roots: Sequence[Any], parent: int, predicate: Any) -> None:
         """Fill the list `key` with what is drawn below these prims."""
@@ -206,7 +195,9 @@ class _Extraction:
         wanted = sorted({*_PRIMVARS, *(name for key in materials if key for name in self._networks.primvars(key))})
         found = {name: self._primvar(prim, name) for name in wanted}
         inherited = [str(each.GetAttr().GetPath()) for each in found.values() if each is not None]
-        key = f"{_origin(prim).GetPath()} {wanted} {inherited if prim.IsInstanceProxy() else ''}"
+        path = str(prim.GetPath())
+        skin = self._skins.get(path)
+        key = f"{_origin(prim).GetPath() if skin is None else path} {wanted} {inherited if prim.IsInstanceProxy() else ''}"
         if key in self._known["meshes"]:
             return self._known["meshes"][key]
         mesh = UsdGeom.Mesh(prim)
@@ -217,10 +208,19 @@ class _Extraction:
         else:
             normal_values = self._over_time(mesh.GetNormalsAttr(), "f8") if mesh.GetNormalsAttr().HasValue() else []
             interpolation = str(mesh.GetNormalsInterpolation())
-        points = mesh.GetPointsAttr()
+        attribute = mesh.GetPointsAttr()
+        points, animated = self._over_time(attribute, "f8"), attribute.ValueMightBeTimeVarying()
+        if skin is not None:
+            animated = animated or skin[1]
+            deformed = [self._array(skin[0](time), "f8") for time in (self._times if animated else self._times[:1])]
+            if None in deformed:
+                self._note(f"the skeleton of {quoted(path)} cannot be read: it is drawn at rest")
+            else:
+                points = deformed
         made = {
-            "path": str(prim.GetPath()),
-            "points": self._over_time(points, "f8"),
+            "path": path,
+            "points": points,
+            "deformed": skin is not None,
             "counts": self._array(mesh.GetFaceVertexCountsAttr().Get(self._time)),
             "indices": self._array(mesh.GetFaceVertexIndicesAttr().Get(self._time)),
             "holes": self._array(mesh.GetHoleIndicesAttr().Get(self._time)),
@@ -229,7 +229,7 @@ class _Extraction:
             "scheme": str(mesh.GetSubdivisionSchemeAttr().Get() or "catmullClark"),
             "left_handed": mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded,
             "double_sided": bool(mesh.GetDoubleSidedAttr().Get()),
-            "animated": points.ValueMightBeTimeVarying(),
+            "animated": animated,
             "primvars": {name: self._primvar_values(each) for name, each in found.items() if each is not None},
         }
         self._known["meshes"][key] = len(self._meshes)

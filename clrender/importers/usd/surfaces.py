@@ -209,6 +209,9 @@ class Surfaces:
         if mesh["scheme"] != "none":
             self._draft.note("subdivision surfaces are drawn as the meshes of their cages, with smooth normals")
         normals = None if mesh["scheme"] != "none" else self._normals(mesh, faces)
+        if normals is not None and mesh["deformed"]:
+            self._draft.note("meshes that a skeleton deforms have smooth normals in the place of their own")
+            normals, smooth = None, True
         number, triangles = _compact(faces.points)
         if normals is not None:
             number, triangles, vertex_normals = _split(faces.points, normals)
