@@ -104,7 +104,7 @@ def display_view(config: str | Path = BUILTIN, display: str | None = None, view:
         else:
             found = PyOpenColorIO.Config.CreateFromFile(name)
         found.validate()
-    except PyOpenColorIO.Exception as error:
+    except (PyOpenColorIO.Exception, PyOpenColorIO.ExceptionMissingFile) as error:
         raise UsageError(f"--ocio {name}: it is no configuration that OpenColorIO reads: {_told(error)}") from None
     displays = list(found.getDisplays())
     if not displays:
@@ -119,7 +119,7 @@ def display_view(config: str | Path = BUILTIN, display: str | None = None, view:
     try:
         transform = PyOpenColorIO.DisplayViewTransform(src=space, display=display, view=view)
         processor = found.getProcessor(transform).getDefaultCPUProcessor()
-    except PyOpenColorIO.Exception as error:
+    except (PyOpenColorIO.Exception, PyOpenColorIO.ExceptionMissingFile) as error:
         raise UsageError(f"--ocio {name}: the view {shown(view)} cannot be made: {_told(error)}") from None
     return DisplayView(name, display, view, space, processor)
 

@@ -641,6 +641,13 @@ def test_domes_and_their_orientation(load_stage: Load, tmp_path: Path) -> None:
     assert any("one environment" in note for note in second.notes)
 
 
+def test_a_mesh_may_be_a_light(load_stage: Load) -> None:
+    text = mesh("float inputs:intensity = 3").replace('["MaterialBindingAPI"]', '["MeshLightAPI"]')
+    scene = load_stage(text)
+    assert scene.shapes[0].emission == (3.0, 3.0, 3.0)  # type: ignore[union-attr]
+    assert not any("no light" in note for note in scene.notes)
+
+
 # --- cameras ---------------------------------------------------------------------------------------------------------
 
 
@@ -691,6 +698,21 @@ def test_an_orthographic_camera_and_an_exposure(load_stage: Load) -> None:
     assert photographic_stops(exposed.f_stop, exposed.shutter) == pytest.approx(-2.5, abs=1e-6)  # type: ignore[arg-type]
 
 
+def test_render_settings_name_the_camera_and_the_size(load_stage: Load) -> None:
+    settings = """
+def RenderSettings "r"
+{
+    rel camera = </b>
+    uniform int2 resolution = (64, 32)
+}
+"""
+    cameras = 'def Camera "a" { float focalLength = 10 }\ndef Camera "b" { float focalLength = 90 }'
+    scene = load_stage(mesh() + cameras + settings, head='metersPerUnit = 1\nrenderSettingsPrimPath = "/r"')
+    assert (scene.image.width, scene.image.height) == (64, 32)
+    assert scene.camera.vertical_fov < 20
+    assert any("render settings" in note for note in scene.notes)
+
+
 # --- times -----------------------------------------------------------------------------------------------------------
 
 _MOVING = """
@@ -725,6 +747,61 @@ def test_an_open_shutter_blurs_what_moves(load_stage: Load) -> None:
     posed = load_stage(text, head=_HEAD, time_at=1.0, shutter=(0.0, 1.0))
     poses = posed.shapes[0].poses  # type: ignore[union-attr]
     assert [each.time for each in (poses[0], poses[-1])] == [1.0, 2.0]
+
+
+_SKELETON = """
+def SkelRoot "r" (prepend apiSchemas = ["SkelBindingAPI"])
+{
+    rel skel:skeleton = </r/k>
+    def Skeleton "k" (prepend apiSchemas = ["SkelBindingAPI"])
+    {
+        uniform token[] joints = ["a"]
+        uniform matrix4d[] bindTransforms = [((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))]
+        uniform matrix4d[] restTransforms = [((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))]
+        rel skel:animationSource = </r/k/anim>
+        def SkelAnimation "anim"
+        {
+            uniform token[] joints = ["a"]
+            float3[] translations.timeSamples = { 10: [(0, 0, 0)], 20: [(10, 0, 0)] }
+            quatf[] rotations = [(1, 0, 0, 0)]
+            half3[] scales = [(1, 1, 1)]
+            uniform token[] blendShapes = ["up"]
+            float[] blendShapeWeights.timeSamples = { 10: [0], 20: [1] }
+        }
+    }
+    %s
+}
+"""
+_SKINNED = """
+    double3 xformOp:translate = (0, 0, 5)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+    int[] primvars:skel:jointIndices = [0, 0, 0, 0] (
+        elementSize = 1
+        interpolation = "vertex"
+    )
+    float[] primvars:skel:jointWeights = [1, 1, 1, 1] (
+        elementSize = 1
+        interpolation = "vertex"
+    )
+    uniform token[] skel:blendShapes = ["up"]
+    rel skel:blendShapeTargets = </r/m/up>
+    def BlendShape "up"
+    {
+        uniform vector3f[] offsets = [(0, 0, 2)]
+        uniform int[] pointIndices = [2]
+    }
+"""
+
+
+def test_skeletons_and_blend_shapes_deform_meshes(load_stage: Load) -> None:
+    text = _SKELETON % mesh(_SKINNED).replace('["MaterialBindingAPI"]', '["SkelBindingAPI"]')
+    scene = load_stage(text, head=_HEAD, time_at=1.5)
+    world = scene.mesh(0).vertices @ np.eye(3) + np.array(scene.shapes[0].transform.matrix)[:3, 3]  # type: ignore
+    # A skinned mesh goes where its skeleton is, whatever its own transform
+    np.testing.assert_allclose(world, [[5, 0, 0], [7, 0, 0], [7, 1, 1], [5, 1, 0]])
+    moving = load_stage(text, head=_HEAD, time_at=1.5, shutter=(0.0, 0.1))
+    assert len(moving.shapes[0].poses) == 9  # type: ignore[union-attr]
+    assert not any("no animation" in note for note in scene.notes)
 
 
 # --- files -----------------------------------------------------------------------------------------------------------
@@ -782,12 +859,23 @@ def Xform "x" (clips = { dictionary default = {
         (b"PK\x03\x04" + bytes(50), "no readable USD file"),
     ],
 )
-def test_damaged_files_are_refused(tmp_path: Path, content: bytes, text: str) -> None:
+def test_damaged_files_are_refused(load_stage: Load, tmp_path: Path, content: bytes, text: str) -> None:
     path = tmp_path / ("a.usdz" if content[:2] == b"PK" else "a.usd")
     path.write_bytes(content)
     message = refusal(lambda: clrender.load(path))
     assert text in message
     assert "\n" not in message
+
+
+@pytest.mark.thorough
+def test_a_stage_is_read_in_a_process_of_its_own(
+    load_stage: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = load_stage(surface("") + mesh(BOUND) + 'def SphereLight "l" {}', name="a.usda")
+    monkeypatch.undo()
+    assert clrender.load(tmp_path / "a.usda").sha256() == here.sha256()
+    (tmp_path / "b.usda").write_text("#usda 1.0\ndef Mesh {")
+    assert "b.usda: it is no readable USD file: line 2" in refusal(lambda: clrender.load(tmp_path / "b.usda"))
 
 
 def test_a_library_that_crashes_refuses_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

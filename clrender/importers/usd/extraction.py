@@ -56,7 +56,9 @@ def extracted(request: dict[str, Any], arrays: list[Any]) -> dict[str, Any]:
     layers = Layers(source, Path(request["path"]), [Path(each) for each in request["allowed"]])
     try:
         return _Extraction(source, layers, request, arrays).answer()
-    except (Tf.ErrorException, RuntimeError) as error:
+    except SceneError:
+        raise
+    except Exception as error:  # of a damaged file, whatever the library, or what is made of its answers, stumbles over
         raise SceneError(f"{source}: it cannot be read: {reason(error)}; export it again") from None
 
 
