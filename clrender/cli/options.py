@@ -239,7 +239,9 @@ def view_options(command: Any) -> Any:
     def chosen(*args: Any, ocio: str | None, display: str | None, view: str | None, **more: Any) -> Any:
         asked = {"--display": display, "--view": view}
         for option in (each for each, value in asked.items() if value is not None and ocio is None):
-            raise UsageError(f"{option}: is for --ocio; name a configuration, such as `--ocio builtin`, or leave it out")
+            raise UsageError(
+                f"{option}: is for --ocio; name a configuration, such as `--ocio builtin`, or leave it out"
+            )
         if ocio is not None:
             context = click.get_current_context()
             if context.get_parameter_source("tone_map") == ParameterSource.COMMANDLINE:

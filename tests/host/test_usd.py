@@ -162,7 +162,9 @@ def test_holes_orientation_and_normals(load_stage: Load) -> None:
     more = f'uniform token orientation = "leftHanded"\n{normals}'
     data = load_stage(mesh(more, counts=(4, 3), indices=(0, 1, 2, 3, 1, 4, 5), points=points)).mesh(0)
     corners = data.vertices[data.triangles]
-    np.testing.assert_array_equal(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] < 0, True)
+    np.testing.assert_array_equal(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] < 0, True
+    )
     assert data.normals is not None
     np.testing.assert_array_equal(data.normals[data.triangles][1], [[0, 1, 0], [0, 0, 1], [0, 0, 1]])
     np.testing.assert_array_equal(data.normals[data.triangles][2], [[1, 0, 0]] * 3)
@@ -497,12 +499,8 @@ def test_a_transform_of_coordinates_and_a_second_set(load_stage: Load, picture: 
 
 
 def test_a_bias_makes_another_picture(load_stage: Load, picture: Path) -> None:
-    inverted = (
-        'float4 inputs:scale = (-1, -1, -1, 1)\nfloat4 inputs:bias = (1, 1, 1, 0)\ntoken inputs:sourceColorSpace = "raw"'
-    )
-    scene = load_stage(
-        _textured(inverted, "g", "float inputs:roughness") + mesh(f"{BOUND}\n{VERTEX_ST}")
-    )
+    inverted = 'float4 inputs:scale = (-1, -1, -1, 1)\nfloat4 inputs:bias = (1, 1, 1, 0)\ntoken inputs:sourceColorSpace = "raw"'
+    scene = load_stage(_textured(inverted, "g", "float inputs:roughness") + mesh(f"{BOUND}\n{VERTEX_ST}"))
     store = scene.textures()
     made = scene.materials["M"].model_dump()["roughness"]
     assert made["texture"].startswith("a.png (times")
@@ -529,9 +527,7 @@ def test_other_surfaces_are_grey_and_it_is_said(load_stage: Load) -> None:
 def test_a_package_has_its_pictures_inside(load_stage: Load, picture: Path, tmp_path: Path) -> None:
     from pxr import UsdUtils
 
-    (tmp_path / "in.usda").write_text(
-        f"#usda 1.0\n(metersPerUnit = 1)\n{_textured()}{mesh(BOUND + VERTEX_ST)}"
-    )
+    (tmp_path / "in.usda").write_text(f"#usda 1.0\n(metersPerUnit = 1)\n{_textured()}{mesh(BOUND + VERTEX_ST)}")
     assert UsdUtils.CreateNewUsdzPackage(str(tmp_path / "in.usda"), str(tmp_path / "a.usdz"))
     picture.unlink()
     scene = clrender.load(tmp_path / "a.usdz")
@@ -595,7 +591,7 @@ def test_points_distant_lights_and_cones(load_stage: Load) -> None:
     ).lights[0]
     # As if it were a sphere: the radiance over its disk, in metres
     assert (point.type, point.intensity[0]) == ("point", pytest.approx(8 / 4 * 0.25))  # type: ignore[union-attr,index]
-    turned = "float3 xformOp:rotateXYZ = (-90, 0, 0)\nuniform token[] xformOpOrder = [\"xformOp:rotateXYZ\"]"
+    turned = 'float3 xformOp:rotateXYZ = (-90, 0, 0)\nuniform token[] xformOpOrder = ["xformOp:rotateXYZ"]'
     sun = _lamp(load_stage, f'def DistantLight "l" {{ float inputs:intensity = 50000\n{turned}\n}}').lights[0]
     assert sun.type == "directional"
     np.testing.assert_allclose(sun.direction, (0, -1, 0), atol=1e-15)
@@ -686,7 +682,9 @@ def Camera "c"
         np.testing.assert_allclose(found, [(x + 1) / 2, (1 - y) / 2], atol=1e-3)
         right, up, forward = (np.array(each) for each in camera.axes)
         away = np.array(seen) - np.array(camera.position)
-        np.testing.assert_allclose([away @ right, away @ up, away @ forward], [point[0], point[1], -point[2]], atol=1e-9)
+        np.testing.assert_allclose(
+            [away @ right, away @ up, away @ forward], [point[0], point[1], -point[2]], atol=1e-9
+        )
 
 
 def test_an_orthographic_camera_and_an_exposure(load_stage: Load) -> None:

@@ -49,7 +49,8 @@ def camera_of(draft: Draft, item: dict[str, Any], matrix: Matrix) -> dict[str, A
     # It looks along its own -z; ours, in these functions, along +z with +x to the left
     made = camera_keys(product(matrix, scaling(-1.0, 1.0, -1.0)), rightward=False, distance=distance or None)
     shift = [
-        float(item.get(f"{name}ApertureOffset") or 0.0) / size for name, size in (("horizontal", wide), ("vertical", high))
+        float(item.get(f"{name}ApertureOffset") or 0.0) / size
+        for name, size in (("horizontal", wide), ("vertical", high))
     ]
     if any(shift):
         made["lens_shift"] = shift

@@ -38,7 +38,9 @@ _MAPS: Final = ("automatic", "latlong", None)
 
 def radiance_of(light: dict[str, Any]) -> list[float]:
     """Colour times intensity, exposure and colour temperature: the radiance of a light that is not normalised."""
-    strength = float(light.get("intensity") or 0.0) * power_of_two(min(max(float(light.get("exposure") or 0.0), -900), 900))
+    strength = float(light.get("intensity") or 0.0) * power_of_two(
+        min(max(float(light.get("exposure") or 0.0), -900), 900)
+    )
     color = light.get("color") or [1.0] * 3
     body = light.get("blackbody") or [1.0] * 3
     found = [strength * x * float(f"{b:.6g}") for x, b in zip(color, body, strict=True)]
@@ -121,7 +123,9 @@ class Lights:
             lights.append({"type": "environment", "radiance": color})
             return
         if light.get("texture:format") not in _MAPS:
-            self._draft.note(f"{place}: a map in the format {quoted(light['texture:format'])} is not read: an even light")
+            self._draft.note(
+                f"{place}: a map in the format {quoted(light['texture:format'])} is not read: an even light"
+            )
             lights.append({"type": "environment", "radiance": color})
             return
         if light.get("pole") == "Z" or (light.get("pole") == "scene" and light["up"] == "Z"):

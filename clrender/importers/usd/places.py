@@ -158,4 +158,3 @@ def instance_matrices(
     if positions is not None:
         made[:, :3, 3] = positions
     return made
-

@@ -110,4 +110,6 @@ def _failed(files: AssetFiles, code: int, said: bytes) -> SceneError:
     if b"MemoryError" in said or b"bad_alloc" in said:
         return _too_much(files, f"more than {_MEMORY >> 30} GiB of memory")
     how = f"it ended by signal {-code}" if code < 0 else "it failed"
-    return SceneError(f"{files.source}: the library usd-core cannot read it ({how}); the file is damaged, export it again")
+    return SceneError(
+        f"{files.source}: the library usd-core cannot read it ({how}); the file is damaged, export it again"
+    )

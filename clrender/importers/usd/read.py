@@ -104,7 +104,9 @@ class _Reader:
         for item in self._stage.tables["lists"].get(key, []):
             self._count += len(bases)
             if self._count > INSTANCE_LIMIT:
-                raise SceneError(f"{self._files.source}: it has more than {INSTANCE_LIMIT} things to draw; export fewer")
+                raise SceneError(
+                    f"{self._files.source}: it has more than {INSTANCE_LIMIT} things to draw; export fewer"
+                )
             places = product(bases, self._places.chain(item["node"]))
             kind = item["type"]
             if kind == "PointInstancer":
@@ -183,7 +185,9 @@ class _Reader:
         if len(places) > 1 and place_group(self._draft, made, places[:, :3], name):
             return
         if len(self._draft.description["shapes"]) + len(places) * len(made) > SHAPE_LIMIT:
-            raise SceneError(f"{self._files.source}: it makes more than {SHAPE_LIMIT} shapes of the scene; export fewer")
+            raise SceneError(
+                f"{self._files.source}: it makes more than {SHAPE_LIMIT} shapes of the scene; export fewer"
+            )
         for matrix in places:
             self._draft.description["shapes"] += [{**shape, "name": name, **transform_key(matrix)} for shape in made]
 
@@ -241,4 +245,3 @@ class _Reader:
             ]
         self._draft.description["camera"] = made
         self._draft.description["image"] = image_of(item, settings.get("resolution"))
-

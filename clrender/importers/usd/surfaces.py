@@ -146,14 +146,18 @@ class Surfaces:
             if found[key] is None:
                 self._refuse(mesh, f"has no {told}; export it again")
         counts, indices = np.asarray(found["counts"]), np.asarray(found["indices"])
-        points = [np.asarray(each).reshape(-1, 3) for each in map(self._stage.array, mesh["points"]) if each is not None]
+        points = [
+            np.asarray(each).reshape(-1, 3) for each in map(self._stage.array, mesh["points"]) if each is not None
+        ]
         if int(np.maximum(counts, 0).sum()) != len(indices) or (len(counts) and counts.min() < 0):
             text = f"has {len(indices)} faceVertexIndices, but its faceVertexCounts are of another number"
             self._refuse(mesh, f"{text}; export it again")
         if max(len(points[0]), len(indices)) > TRIANGLE_LIMIT:
             self._refuse(mesh, f"has more than {TRIANGLE_LIMIT} points or corners; export it in parts")
         if any(len(each) != len(points[0]) for each in points):
-            self._draft.note(f"{quoted(mesh['path'])}: its number of points changes; it is drawn as at the image's time")
+            self._draft.note(
+                f"{quoted(mesh['path'])}: its number of points changes; it is drawn as at the image's time"
+            )
             points = points[:1]
         if any(np.abs(np.where(np.isfinite(each), each, 0.0)).max(initial=0.0) > COORDINATE_LIMIT for each in points):
             self._refuse(mesh, f"has coordinates beyond {COORDINATE_LIMIT:g}; make it smaller")
@@ -298,7 +302,9 @@ class Surfaces:
         elif interpolation == "uniform":
             where = np.broadcast_to(faces.faces[:, None], faces.corners.shape)
         if int(where.max()) >= len(values):
-            text = f"{quoted(mesh['path'])}: {quoted(name)} has {len(values)} values, fewer than its {interpolation} ones"
+            text = (
+                f"{quoted(mesh['path'])}: {quoted(name)} has {len(values)} values, fewer than its {interpolation} ones"
+            )
             self._draft.note(f"{text} must be: left out")
             return None
         return np.asarray(values[where])

@@ -109,7 +109,9 @@ class Textures:
             if (scale[:3], bias[:3]) not in (_NORMAL_SCALE, _UNSCALED):
                 made["texture"] = self._rescaled(made, scale[:3], bias[:3], place, normal=True)
             elif scale[0] == 1.0:
-                self._draft.note(f"{place}: its scale and bias are not those of a map of normals: taken as if they were")
+                self._draft.note(
+                    f"{place}: its scale and bias are not those of a map of normals: taken as if they were"
+                )
             return made
         channel = output if output in ("r", "g", "b", "a") else "r" if number else None
         linear = channel == "a" or self._is_linear(node, name)
