@@ -18,9 +18,9 @@ from clrender.film import Film
 from clrender.film.replicates import relative_error
 from clrender.image.deep_png import deep_png_bytes
 from clrender.image.exposure import camera_exposure, photographic_stops
-from clrender.image.tone_map import DisplayMap, record_of
 from clrender.image.exr_write import ExrFormat
 from clrender.image.files import png_bytes, write_image
+from clrender.image.tone_map import DisplayMap, record_of
 from clrender.limits import checked_path
 from clrender.rendering.amodal import amodal_channels
 from clrender.rendering.bands import band_channels

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-from clrender.exact.angles import angle_of, logarithm_of
-from clrender.exact.matrices import length
+from clrender.exact.angles import angle_of, logarithm_of, power_of_two
+from clrender.exact.matrices import length, product
 from clrender.image.exposure import photographic_shutter
 from clrender.importers.draft import Draft
 from clrender.importers.shared.cameras import camera_keys
-from clrender.importers.shared.matrices import Matrix, is_affine, product, scaling
+from clrender.importers.shared.matrices import Matrix, is_affine, scaling
 from clrender.wording import quoted
 
 __all__ = ["camera_of", "image_of"]
@@ -75,12 +75,11 @@ def _exposure(draft: Draft, item: dict[str, Any], place: str) -> dict[str, Any]:
     factor *= item.get("exposure:responsivity") or 1.0
     stop = item.get("exposure:fStop") or 1.0
     factor /= stop * stop
-    stops = float(item.get("exposure") or 0.0) + (logarithm_of(factor) / math.log(2.0) if factor > 0.0 else 0.0)
+    stops = float(item.get("exposure") or 0.0) + (logarithm_of(factor) / logarithm_of(2.0) if factor > 0.0 else 0.0)
     whole = round(stops)
     if abs(stops) < 1e-3 or not math.isfinite(stops) or abs(whole) > 60:
         return {}
-    rest = math.exp((stops - whole) * math.log(2.0))
-    shutter = photographic_shutter(whole, _EXPOSED_F) * float(f"{rest:.9g}")
+    shutter = photographic_shutter(whole, _EXPOSED_F) * power_of_two(stops - whole)
     draft.note(f"the camera {place} has an exposure: display images get {stops:+.3g} stops, radiance none")
     return {"f_stop": _EXPOSED_F, "shutter": min(max(shutter, 1e-6), 1e6)}
 

@@ -160,8 +160,10 @@ class _Extraction:
         elif kind == "Mesh":
             bound = self._bound(prim)
             subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
-            parts = [[self._array(each.GetIndicesAttr().Get(self._time)), self._bound(each)] for each in subsets]
-            mesh = self._mesh(prim, [bound, *(material for _, material in parts)])
+            materials = [self._bound(each) for each in subsets]
+            faces = [self._array(each.GetIndicesAttr().Get(self._time)) for each in subsets]
+            parts = list(zip(faces, materials, strict=True))
+            mesh = self._mesh(prim, [bound, *materials])
             light = {"light": self._networks.light(prim, "MeshLight")} if prim.HasAPI(UsdLux.LightAPI) else {}
             items.append({**item, "mesh": mesh, "material": bound, "subsets": parts, **light})
         elif kind in _SOLIDS:
@@ -199,7 +201,8 @@ class _Extraction:
         inherited = [str(each.GetAttr().GetPath()) for each in found.values() if each is not None]
         path = str(prim.GetPath())
         skin = self._skins.get(path)
-        key = f"{_origin(prim).GetPath() if skin is None else path} {wanted} {inherited if prim.IsInstanceProxy() else ''}"
+        where = _origin(prim).GetPath() if skin is None else path
+        key = f"{where} {wanted} {inherited if prim.IsInstanceProxy() else ''}"
         if key in self._known["meshes"]:
             return self._known["meshes"][key]
         mesh = UsdGeom.Mesh(prim)
@@ -282,11 +285,23 @@ class _Extraction:
         }
 
     def _camera(self, prim: Any) -> dict[str, Any]:
-        names = (
-            "projection horizontalAperture verticalAperture horizontalApertureOffset verticalApertureOffset "
-            "focalLength fStop focusDistance exposure exposure:iso exposure:time exposure:fStop exposure:responsivity "
-            "shutter:open shutter:close"
-        ).split()
+        names = [
+            "projection",
+            "horizontalAperture",
+            "verticalAperture",
+            "horizontalApertureOffset",
+            "verticalApertureOffset",
+            "focalLength",
+            "fStop",
+            "focusDistance",
+            "exposure",
+            "exposure:iso",
+            "exposure:time",
+            "exposure:fStop",
+            "exposure:responsivity",
+            "shutter:open",
+            "shutter:close",
+        ]
         return {name: _value(prim, name, self._time) for name in names if prim.HasAttribute(name)}
 
     def _instancer(self, prim: Any) -> dict[str, Any] | None:

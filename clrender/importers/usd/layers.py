@@ -61,7 +61,7 @@ class Layers:
         self.missing: list[str] = []
         self._kept: list[Any] = []
         try:
-            self.root = Sdf.Layer.FindOrOpen(os.path.abspath(path))
+            self.root = Sdf.Layer.FindOrOpen(os.path.abspath(path))  # noqa: PTH100  # links in it stay
         except (Tf.ErrorException, RuntimeError) as error:
             raise SceneError(f"{source}: it is no readable USD file: {reason(error)}; export it again") from None
         if self.root is None:

@@ -13,12 +13,12 @@ import numpy as np
 
 from clrender.errors import SceneError, UsageError
 from clrender.exact.angles import power_of_two, root, sin_cos_degrees
-from clrender.exact.matrices import length
+from clrender.exact.matrices import length, product
 from clrender.files.named import allowed_file
 from clrender.image.files import read_open_image
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
-from clrender.importers.shared.matrices import Matrix, is_affine, is_similarity, product, rotation, transform_key
+from clrender.importers.shared.matrices import Matrix, is_affine, is_similarity, rotation, transform_key
 from clrender.importers.shared.meshes import cylinder_mesh, disk_mesh, sphere_mesh
 from clrender.importers.shared.sky_maps import turn_about_y, turned_pixels
 from clrender.importers.usd.textures import packaged_file, scene_name

@@ -17,8 +17,23 @@ GREY: Final = [0.18, 0.18, 0.18]
 """Colour of what has neither a material nor a colour of its own, and the default of UsdPreviewSurface."""
 _SURFACES: Final = ("UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader")
 _READ: Final = frozenset(
-    "diffuseColor emissiveColor useSpecularWorkflow specularColor metallic roughness clearcoat clearcoatRoughness "
-    "opacity opacityMode opacityThreshold ior normal displacement occlusion".split()
+    [
+        "diffuseColor",
+        "emissiveColor",
+        "useSpecularWorkflow",
+        "specularColor",
+        "metallic",
+        "roughness",
+        "clearcoat",
+        "clearcoatRoughness",
+        "opacity",
+        "opacityMode",
+        "opacityThreshold",
+        "ior",
+        "normal",
+        "displacement",
+        "occlusion",
+    ]
 )
 _MOST_SPECULAR: Final = 0.98
 """Largest reflectance at normal incidence for which an index of refraction is found."""

@@ -10,11 +10,31 @@ from clrender.importers.usd.layers import Layers
 
 __all__ = ["Networks"]
 
-_OF_LIGHTS: Final = (
-    "intensity exposure color normalize diffuse specular enableColorTemperature colorTemperature angle radius width "
-    "height length texture:file texture:format shaping:cone:angle shaping:cone:softness shaping:focus "
-    "shaping:focusTint shaping:ies:file shaping:ies:angleScale shaping:ies:normalize shadow:enable"
-).split()
+_OF_LIGHTS: Final = [
+    "intensity",
+    "exposure",
+    "color",
+    "normalize",
+    "diffuse",
+    "specular",
+    "enableColorTemperature",
+    "colorTemperature",
+    "angle",
+    "radius",
+    "width",
+    "height",
+    "length",
+    "texture:file",
+    "texture:format",
+    "shaping:cone:angle",
+    "shaping:cone:softness",
+    "shaping:focus",
+    "shaping:focusTint",
+    "shaping:ies:file",
+    "shaping:ies:angleScale",
+    "shaping:ies:normalize",
+    "shadow:enable",
+]
 _DEEPEST: Final = 64
 
 
@@ -31,7 +51,8 @@ class Networks:
     materials : dict of str to dict
         By key: name, key of the surface's node or None, and whether it has a displacement.
     nodes : dict of str to dict
-        By key: identifier and inputs, each ``{"v": value}``, ``{"n": node, "o": output}`` or ``{"file": [name, path]}``.
+        By key: identifier and inputs, each ``{"v": value}``, ``{"n": node, "o": output}`` or
+        ``{"file": [name, path]}``.
     """
 
     def __init__(self, layers: Layers, time: Any) -> None:

@@ -1,4 +1,4 @@
-"""Has a USD stage read in a separate process, with limits: the library may crash, or take all memory, for a bad file."""
+"""Has a USD stage read in a separate process, with limits: for a bad file the library may crash or take all memory."""
 
 from __future__ import annotations
 

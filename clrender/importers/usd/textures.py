@@ -35,7 +35,7 @@ _LIMIT: Final = 2**32
 
 def scene_name(files: AssetFiles, path: str) -> str:
     """The name of a file by which a scene would have it: relative to its folder, if it is below."""
-    folder = Path(os.path.abspath(files.folder))
+    folder = Path(os.path.abspath(files.folder))  # noqa: PTH100  # links in it stay, as USD leaves them
     found = Path(os.path.normpath(path))
     return str(found.relative_to(folder)) if found.is_relative_to(folder) else str(found)
 
@@ -204,7 +204,7 @@ class Textures:
             picture = self._opened(name, "a picture")
         except Exception:  # whatever a library stumbles over: the reader of the picture itself reports it
             return True
-        return picture.coding == "unorm8" and picture.channels > 1
+        return bool(picture.coding == "unorm8" and picture.channels > 1)
 
     def _opened(self, name: str, place: str) -> Any:
         if name in self._draft.pictures:
@@ -245,7 +245,7 @@ class Textures:
         except Exception:  # whatever a library stumbles over: the reader of the picture itself reports it
             return str(texture["texture"])
         data = io.BytesIO()
-        write_exr(data, made, {}, {}, ExrFormat(type="half", compression="none"))  # type: ignore[arg-type]
+        write_exr(data, made, {}, {}, ExrFormat(type="half", compression="none"))
         self._draft.pictures[name] = data.getvalue(), ".exr"
         return name
 
