@@ -47,6 +47,21 @@ def assert_same_rows(first: Scene, second: Scene) -> None:
         np.testing.assert_array_equal(found[name], each, err_msg=name)
 
 
+def shape_of(scene: Scene, number: int = 0) -> Any:
+    """One of its shapes, of a type that the test knows."""
+    return scene.shapes[number]
+
+
+def light_of(scene: Scene, number: int = 0) -> Any:
+    """One of its lights."""
+    return scene.lights[number]
+
+
+def material_of(scene: Scene, name: str) -> Any:
+    """One of its materials."""
+    return scene.materials[name]
+
+
 def own(**described: Any) -> Scene:
     """A scene of our own format."""
     return Scene.model_validate(described)
@@ -194,15 +209,15 @@ def test_faces_of_subsets_have_their_materials(load_stage: Load) -> None:
 
 def test_what_has_no_material_has_its_display_color(load_stage: Load) -> None:
     one = load_stage(mesh("color3f[] primvars:displayColor = [(0.5, 0.25, 1)]"))
-    assert one.materials["no material"].base_color == (0.5, 0.25, 1.0)  # type: ignore[union-attr]
+    assert material_of(one, "no material").base_color == (0.5, 0.25, 1.0)
     colors = "(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)"
     each = load_stage(mesh(f'color3f[] primvars:displayColor = [{colors}] (interpolation = "vertex")'))
     found = each.mesh(0).colors
     assert found is not None
     np.testing.assert_array_equal(found[0], np.eye(3))
-    assert load_stage(mesh()).materials["no material"].base_color == (0.18, 0.18, 0.18)  # type: ignore[union-attr]
+    assert material_of(load_stage(mesh()), "no material").base_color == (0.18, 0.18, 0.18)
     inherited = load_stage(f'def Xform "x" {{\ncolor3f[] primvars:displayColor = [(0, 1, 0)]\n{mesh()}\n}}')
-    assert inherited.materials["no material"].base_color == (0.0, 1.0, 0.0)  # type: ignore[union-attr]
+    assert material_of(inherited, "no material").base_color == (0.0, 1.0, 0.0)
 
 
 def test_cages_are_drawn_smooth_and_it_is_said(load_stage: Load) -> None:
@@ -377,7 +392,7 @@ def test_solids(load_stage: Load, solid: str, size: tuple[float, ...]) -> None:
     low, high = scene_bounds(scene)
     np.testing.assert_allclose(high - low, size, atol=2e-3)
     assert not flatten(scene, 8, 8).warnings
-    data = scene.mesh(0) if scene.shapes[0].type == "mesh" else None
+    data = scene.mesh(0) if shape_of(scene, 0).type == "mesh" else None
     if data is not None and data.normals is not None:
         corners = data.vertices[data.triangles]
         facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -523,7 +538,7 @@ def test_maps_of_normals(load_stage: Load, picture: Path) -> None:
 def test_other_surfaces_are_grey_and_it_is_said(load_stage: Load) -> None:
     text = surface("").replace("UsdPreviewSurface", "ND_standard_surface_surfaceshader")
     scene = load_stage(text + mesh(BOUND))
-    assert scene.shapes[0].material == "no material"
+    assert shape_of(scene, 0).material == "no material"
     assert "ND_standard_surface" in scene.notes[0]
 
 
@@ -560,13 +575,13 @@ def _lamp(load_stage: Load, text: str, head: str = "metersPerUnit = 1") -> Scene
 )
 def test_lights_with_an_area(load_stage: Load, light: str, area: float) -> None:
     strong = "float inputs:intensity = 5\nfloat inputs:exposure = 2\ncolor3f inputs:color = (1, 0.5, 0)"
-    plain = _lamp(load_stage, f"def {light}\n{strong}\n}}").shapes[1]
+    plain = shape_of(_lamp(load_stage, f"def {light}\n{strong}\n}}"), 1)
     assert plain.emission == (20.0, 10.0, 0.0)
     assert not plain.visible_to_camera
     scaled = f"{strong}\nbool inputs:normalize = 1\nfloat3 xformOp:scale = (2, 2, 2)\n"
     order = 'uniform token[] xformOpOrder = ["xformOp:scale"]'
     # Areas are those in the stage, in its units
-    even = _lamp(load_stage, f"def {light}\n{scaled}{order}\n}}", "metersPerUnit = 0.1").shapes[1]
+    even = shape_of(_lamp(load_stage, f"def {light}\n{scaled}{order}\n}}", "metersPerUnit = 0.1"), 1)
     assert even.emission[0] == pytest.approx(20.0 / (4 * area), rel=1e-6)
 
 
@@ -574,7 +589,7 @@ def test_area_lights_shine_along_minus_z(load_stage: Load) -> None:
     for light in ('RectLight "l" {}', 'DiskLight "l" {}', 'DiskLight "l" { float3 xformOp:scale = (1, 2, 1)\n%s }'):
         order = 'uniform token[] xformOpOrder = ["xformOp:scale"]'
         scene = _lamp(load_stage, f"def {light}" % order if "%" in light else f"def {light}")
-        shape = scene.shapes[1]
+        shape = shape_of(scene, 1)
         if shape.type == "mesh":
             data = scene.mesh(1)
             corners = data.vertices[data.triangles[0]]
@@ -582,39 +597,41 @@ def test_area_lights_shine_along_minus_z(load_stage: Load) -> None:
         elif shape.type == "quad":
             normal = np.cross(shape.edge_u, shape.edge_v)
         else:
-            normal = np.array(shape.normal)  # type: ignore[union-attr]
+            normal = np.array(shape.normal)
         assert normal[2] < 0
 
 
 def test_points_distant_lights_and_cones(load_stage: Load) -> None:
-    point = _lamp(
-        load_stage,
-        'def SphereLight "l" { float inputs:intensity = 8\nbool treatAsPoint = 1\nbool inputs:normalize = 1 }',
-        "metersPerUnit = 0.5",
-    ).lights[0]
+    point = light_of(
+        _lamp(
+            load_stage,
+            'def SphereLight "l" { float inputs:intensity = 8\nbool treatAsPoint = 1\nbool inputs:normalize = 1 }',
+            "metersPerUnit = 0.5",
+        )
+    )
     # As if it were a sphere: the radiance over its disk, in metres
     assert (point.type, point.intensity[0]) == ("point", pytest.approx(8 / 4 * 0.25))
     turned = 'float3 xformOp:rotateXYZ = (-90, 0, 0)\nuniform token[] xformOpOrder = ["xformOp:rotateXYZ"]'
-    sun = _lamp(load_stage, f'def DistantLight "l" {{ float inputs:intensity = 50000\n{turned}\n}}').lights[0]
+    sun = light_of(_lamp(load_stage, f'def DistantLight "l" {{ float inputs:intensity = 50000\n{turned}\n}}'))
     assert sun.type == "directional"
     np.testing.assert_allclose(sun.direction, (0, -1, 0), atol=1e-15)
     assert sun.irradiance[0] == pytest.approx(50000 * math.pi * math.sin(math.radians(0.265)) ** 2)
     cone = "float inputs:shaping:cone:angle = 30\nfloat inputs:shaping:cone:softness = 0.5"
-    spot = _lamp(
-        load_stage, f'def SphereLight "l" (apiSchemas = ["ShapingAPI"])\n{{\nfloat inputs:radius = 2\n{cone}\n}}'
-    ).lights[0]
-    assert (spot.type, spot.cone_degrees) == ("spot", 60.0)  # type: ignore[union-attr]
+    spot = light_of(
+        _lamp(load_stage, f'def SphereLight "l" (apiSchemas = ["ShapingAPI"])\n{{\nfloat inputs:radius = 2\n{cone}\n}}')
+    )
+    assert (spot.type, spot.cone_degrees) == ("spot", 60.0)
     assert spot.intensity[0] == pytest.approx(4 * math.pi)
     inner, edge = math.cos(math.radians(15)), math.cos(math.radians(30))
-    assert spot.blend == pytest.approx((inner - edge) / (1 - edge))  # type: ignore[union-attr]
+    assert spot.blend == pytest.approx((inner - edge) / (1 - edge))
 
 
 def test_colour_temperature(load_stage: Load) -> None:
     warm = "bool inputs:enableColorTemperature = 1\nfloat inputs:colorTemperature = 3000"
-    shape = _lamp(load_stage, f'def SphereLight "l" {{ {warm} }}').shapes[1]
+    shape = shape_of(_lamp(load_stage, f'def SphereLight "l" {{ {warm} }}'), 1)
     emission = shape.emission
     assert emission[0] > emission[1] > emission[2]
-    assert 0.2126 * emission[0] + 0.7152 * emission[1] + 0.0722 * emission[2] == pytest.approx(1.0, abs=0.01)  # type: ignore
+    assert 0.2126 * emission[0] + 0.7152 * emission[1] + 0.0722 * emission[2] == pytest.approx(1.0, abs=0.01)
 
 
 def test_domes_and_their_orientation(load_stage: Load, tmp_path: Path) -> None:
@@ -624,8 +641,8 @@ def test_domes_and_their_orientation(load_stage: Load, tmp_path: Path) -> None:
     write_image(tmp_path / "sky.exr", pixels)
     file = "asset inputs:texture:file = @sky.exr@"
     turn = 'float xformOp:rotateY = 90\nuniform token[] xformOpOrder = ["xformOp:rotateY"]'
-    lamp = _lamp(load_stage, f'def DomeLight "l" {{ {file}\nfloat inputs:exposure = 1\n{turn} }}').lights[0]
-    assert (lamp.file, lamp.scale, lamp.rotate_degrees) == ("sky.exr", (2.0,) * 3, 90.0)  # type: ignore[union-attr]
+    lamp = light_of(_lamp(load_stage, f'def DomeLight "l" {{ {file}\nfloat inputs:exposure = 1\n{turn} }}'))
+    assert (lamp.file, lamp.scale, lamp.rotate_degrees) == ("sky.exr", (2.0,) * 3, 90.0)
     over = 'float xformOp:rotateX = 180\nuniform token[] xformOpOrder = ["xformOp:rotateX"]'
     scene = _lamp(load_stage, f'def DomeLight "l" {{ {file}\n{over} }}')
     turned = scene.environment_picture()
@@ -633,8 +650,8 @@ def test_domes_and_their_orientation(load_stage: Load, tmp_path: Path) -> None:
     np.testing.assert_allclose(turned.pixels[7], 5.0)
     # Half a turn about x: from +z, -x and below to -z, -x and above, at the right edge of the picture
     np.testing.assert_allclose(turned.pixels[3, 15], (1.0, 2.0, 3.0), atol=1e-5)
-    up = _lamp(load_stage, f'def DomeLight_1 "l" {{ {file} }}', 'metersPerUnit = 1\nupAxis = "Z"').lights[0]
-    assert up.file == "sky.exr"  # type: ignore[union-attr]
+    up = light_of(_lamp(load_stage, f'def DomeLight_1 "l" {{ {file} }}', 'metersPerUnit = 1\nupAxis = "Z"'))
+    assert up.file == "sky.exr"
     second = _lamp(load_stage, 'def DomeLight "a" {}\ndef DomeLight "b" {}')
     assert len(second.lights) == 1
     assert any("one environment" in note for note in second.notes)
@@ -643,7 +660,7 @@ def test_domes_and_their_orientation(load_stage: Load, tmp_path: Path) -> None:
 def test_a_mesh_may_be_a_light(load_stage: Load) -> None:
     text = mesh("float inputs:intensity = 3").replace('["MaterialBindingAPI"]', '["MeshLightAPI"]')
     scene = load_stage(text)
-    assert scene.shapes[0].emission == (3.0, 3.0, 3.0)
+    assert shape_of(scene, 0).emission == (3.0, 3.0, 3.0)
     assert not any("no light" in note for note in scene.notes)
 
 
@@ -697,7 +714,8 @@ def test_an_orthographic_camera_and_an_exposure(load_stage: Load) -> None:
     from clrender.image.exposure import photographic_stops
 
     exposed = load_stage(mesh() + 'def Camera "c" { float exposure = -2.5 }\ndef DomeLight "d" {}').camera
-    assert photographic_stops(exposed.f_stop, exposed.shutter) == pytest.approx(-2.5, abs=1e-6)  # type: ignore[arg-type]
+    assert isinstance(exposed.shutter, float)
+    assert photographic_stops(exposed.f_stop, exposed.shutter) == pytest.approx(-2.5, abs=1e-6)
 
 
 def test_render_settings_name_the_camera_and_the_size(load_stage: Load) -> None:
@@ -741,14 +759,14 @@ def test_a_time_is_one_of_the_stage(load_stage: Load) -> None:
 
 def test_an_open_shutter_blurs_what_moves(load_stage: Load) -> None:
     scene = load_stage(_MOVING, head=_HEAD, time_at=1.25, shutter=(-0.25, 0.25))
-    keys = scene.shapes[0].motion
+    keys = shape_of(scene, 0).motion
     assert (keys[0].time, keys[-1].time) == (1.0, 1.5)
     matrices = [np.array(each.matrix) for each in (keys[0], keys[8], keys[-1])]
     assert [each[0, 3] for each in matrices] == pytest.approx([0.0, 2.5, 5.0])
     points = f"point3f[] points.timeSamples = {{ 10: [{QUAD}], 20: [{QUAD.replace('2, 1', '4, 1')}] }}"
     text = mesh().replace(f"point3f[] points = [{QUAD}]", points)
     posed = load_stage(text, head=_HEAD, time_at=1.0, shutter=(0.0, 1.0))
-    poses = posed.shapes[0].poses  # type: ignore[union-attr]
+    poses = shape_of(posed, 0).poses
     assert [each.time for each in (poses[0], poses[-1])] == [1.0, 2.0]
 
 
@@ -799,11 +817,11 @@ _SKINNED = """
 def test_skeletons_and_blend_shapes_deform_meshes(load_stage: Load) -> None:
     text = _SKELETON % mesh(_SKINNED).replace('["MaterialBindingAPI"]', '["SkelBindingAPI"]')
     scene = load_stage(text, head=_HEAD, time_at=1.5)
-    world = scene.mesh(0).vertices @ np.eye(3) + np.array(scene.shapes[0].transform.matrix)[:3, 3]
+    world = scene.mesh(0).vertices @ np.eye(3) + np.array(shape_of(scene, 0).transform.matrix)[:3, 3]
     # A skinned mesh goes where its skeleton is, whatever its own transform
     np.testing.assert_allclose(world, [[5, 0, 0], [7, 0, 0], [7, 1, 1], [5, 1, 0]])
     moving = load_stage(text, head=_HEAD, time_at=1.5, shutter=(0.0, 0.1))
-    assert len(moving.shapes[0].poses) == 9  # type: ignore[union-attr]
+    assert len(shape_of(moving, 0).poses) == 9
     assert not any("no animation" in note for note in scene.notes)
 
 
@@ -928,8 +946,8 @@ def BasisCurves "c"
 }}
 """
     scene = load_stage(text, head="metersPerUnit = 0.1")
-    shape = scene.shapes[0]
-    assert (shape.type, shape.basis) == ("curves", basis)  # type: ignore[union-attr]
+    shape = shape_of(scene, 0)
+    assert (shape.type, shape.basis) == ("curves", basis)
     ((at, curves),) = scene.curve_files()
     data = scene.strands(at, curves)
     assert len(data.rows) == rows

@@ -83,6 +83,7 @@ class Surfaces:
     def __init__(self, draft: Draft, files: AssetFiles, stage: Stage, materials: Materials) -> None:
         self._draft, self._files, self._stage, self._materials = draft, files, stage, materials
         self._made: dict[tuple[Any, ...], list[Part]] = {}
+        self._begun: set[int] = set()
 
     def parts(self, item: dict[str, Any]) -> list[Part]:
         """The meshes of an item; none if it was left out.
@@ -96,7 +97,8 @@ class Surfaces:
         key = (item["mesh"], item["material"], tuple(material for _, material in item["subsets"]))
         if key not in self._made:
             try:
-                again = any(other[0] == item["mesh"] for other in self._made)
+                again = item["mesh"] in self._begun
+                self._begun.add(item["mesh"])
                 self._made[key] = self._parts(self._stage.tables["meshes"][item["mesh"]], bound, again)
             except SceneError as fault:
                 self._draft.leave_out(fault, self._files.source, self._files.strict)
