@@ -733,6 +733,15 @@ def RenderSettings "r"
     assert any("render settings" in note for note in scene.notes)
 
 
+def test_another_camera_is_chosen_by_its_name(load_stage: Load, tmp_path: Path) -> None:
+    cameras = 'def Camera "a" { float focalLength = 10 }\ndef Xform "x" {\ndef Camera "b" { float focalLength = 90 }\n}'
+    load_stage(mesh() + cameras, name="a.usda")
+    found = clrender.load_cameras(tmp_path / "a.usda")
+    assert list(found) == ["/a", "/x/b"]
+    chosen = clrender.load(tmp_path / "a.usda", camera=f"{tmp_path / 'a.usda'}#b")
+    assert chosen.camera.vertical_fov == found["/x/b"].vertical_fov < 20
+
+
 # --- times -----------------------------------------------------------------------------------------------------------
 
 _MOVING = """

@@ -28,7 +28,7 @@ from clrender.scene.groups import INSTANCE_LIMIT
 from clrender.scene.values import NAME_LIMIT, SHAPE_LIMIT
 from clrender.wording import quoted
 
-__all__ = ["read"]
+__all__ = ["read", "read_cameras"]
 
 _PARTS: Final = 16
 """Pieces of the time for which the shutter is open; between their ends poses are interpolated."""
@@ -56,6 +56,24 @@ def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft
         offsets = [begin + (end - begin) * part / _PARTS for part in range(_PARTS + 1)]
     stage = read_stage(path, files, choices.time_at, offsets)
     return _Reader(files, stage, [(choices.time_at or 0.0) + each for each in offsets]).draft_of(choices)
+
+
+def read_cameras(path: Path, files: AssetFiles, choices: Choices) -> list[tuple[str, dict[str, Any], dict[str, int]]]:
+    """The cameras of a USD stage: the path of each, and tables `camera` and `image` of a scene file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    files : AssetFiles
+    choices : Choices
+        Moment of its animation.
+
+    Raises
+    ------
+    SceneError
+        It cannot be read.
+    """
+    return _Reader(files, read_stage(path, files, choices.time_at, ()), []).cameras()
 
 
 class _Reader:
@@ -95,6 +113,15 @@ class _Reader:
             draft.note("nothing in it has a surface: the image is of what is around it")
             description.setdefault("camera", {"position": [0.0, 0.0, 1.0], "target": [0.0, 0.0, 0.0]})
         return draft
+
+    def cameras(self) -> list[tuple[str, dict[str, Any], dict[str, int]]]:
+        """The cameras that can be used."""
+        found = []
+        for item in self._stage.tables["lists"][""]:
+            if item["type"] == "Camera":
+                made = camera_of(self._draft, item, product(self._root, self._places.chain(item["node"])))
+                found += [] if made is None else [(item["path"], made, image_of(item, None))]
+        return found
 
     def _list(self, key: str, bases: NDArray[np.float64], world: bool) -> None:
         """Add what is drawn of a list, at each of the places, (n, 4, 4).
