@@ -53,8 +53,8 @@ def extracted(request: dict[str, Any], arrays: list[Any]) -> dict[str, Any]:
         The stage cannot be read.
     """
     source = request["source"]
-    layers = Layers(source, Path(request["path"]), [Path(each) for each in request["allowed"]])
     try:
+        layers = Layers(source, Path(request["path"]), [Path(each) for each in request["allowed"]])
         return _Extraction(source, layers, request, arrays).answer()
     except SceneError:
         raise

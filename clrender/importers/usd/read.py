@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -55,7 +57,8 @@ def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft
         begin, end = choices.shutter
         offsets = [begin + (end - begin) * part / _PARTS for part in range(_PARTS + 1)]
     stage = read_stage(path, files, choices.time_at, offsets)
-    return _Reader(files, stage, [(choices.time_at or 0.0) + each for each in offsets]).draft_of(choices)
+    with _sound_values(files):
+        return _Reader(files, stage, [(choices.time_at or 0.0) + each for each in offsets]).draft_of(choices)
 
 
 def read_cameras(path: Path, files: AssetFiles, choices: Choices) -> list[tuple[str, dict[str, Any], dict[str, int]]]:
@@ -73,7 +76,20 @@ def read_cameras(path: Path, files: AssetFiles, choices: Choices) -> list[tuple[
     SceneError
         It cannot be read.
     """
-    return _Reader(files, read_stage(path, files, choices.time_at, ()), []).cameras()
+    stage = read_stage(path, files, choices.time_at, ())
+    with _sound_values(files):
+        return _Reader(files, stage, []).cameras()
+
+
+@contextmanager
+def _sound_values(files: AssetFiles) -> Iterator[None]:
+    """Refuse a stage for values of types that its schemas do not have: damaged files have such."""
+    try:
+        yield
+    except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+        told = " ".join(str(error).split())[:200]
+        text = f"a value in it is missing, or not of the type that its schema has ({told})"
+        raise SceneError(f"{files.source}: {text}; export it again") from None
 
 
 class _Reader:
