@@ -86,6 +86,11 @@ def display_view(config: str | Path = BUILTIN, display: str | None = None, view:
     display, view : str, optional
         Default: those of the configuration.
 
+    Returns
+    -------
+    DisplayView
+        For `tone_map` of `clrender.RenderedImage.save`, for one.
+
     Raises
     ------
     UsageError
