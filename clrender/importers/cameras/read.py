@@ -42,10 +42,11 @@ def load_cameras(path: str | Path, *, time_at: float | None = None) -> dict[str,
     Parameters
     ----------
     path : str or pathlib.Path
-        ``transforms.json``; a folder of COLMAP; ``.gltf`` or ``.glb``; a USD stage; or a ``.toml`` or ``.json`` with a camera of a
-        scene file, or with a camera matrix and distortion as OpenCV has them, whose camera has an empty name.
+        ``transforms.json``; a folder of COLMAP; ``.gltf`` or ``.glb``; a USD stage; or a ``.toml`` or ``.json`` with a
+        camera of a scene file, or with a camera matrix and distortion as OpenCV has them, whose camera has an empty
+        name.
     time_at : float, optional
-        Moment of a glTF file's animation, seconds from its start; default: the rest pose.
+        Moment of a glTF file's animation, seconds from its start, or of a stage; default: the rest pose.
 
     Returns
     -------
