@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from clrender.errors import RenderError as RenderError
     from clrender.errors import SceneError as SceneError
     from clrender.errors import UsageError as UsageError
+    from clrender.image.ocio import display_view as display_view
     from clrender.importers.cameras.read import load_cameras as load_cameras
     from clrender.importers.load import load as load
     from clrender.inspection import PathMaps as PathMaps
@@ -55,6 +56,7 @@ _HOMES = {
     "UsageError": "clrender.errors",
     "View": "clrender.view.notebook",
     "devices": "clrender.drivers",
+    "display_view": "clrender.image.ocio",
     "load": "clrender.importers",
     "load_cameras": "clrender.importers.cameras",
     "path_maps": "clrender.inspection",

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from clrender.cli.options import exr_options, outputs_option, tone_options
+from clrender.cli.options import exr_options, outputs_option, tone_options, view_options
 from clrender.cli.outputs import check_distinct, check_formats, check_image_size
+
+if TYPE_CHECKING:
+    from clrender.image.tone_map import DisplayMap
 
 __all__ = ["merge"]
 
@@ -16,6 +19,7 @@ __all__ = ["merge"]
 @click.command()
 @click.argument("films", metavar="FILM...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @outputs_option
+@view_options
 @tone_options
 @exr_options
 @click.pass_context
@@ -25,7 +29,7 @@ def merge(
     *,
     films: tuple[Path, ...],
     outputs: tuple[Path, ...],
-    tone_map: str,
+    tone_map: str | DisplayMap,
     exposure: float,
     f_stop: float | None,
     shutter: float | None,

@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any, Final
 
 import click
+from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
 from clrender.cli.completing import complete_devices, complete_files, complete_scenes
+from clrender.errors import UsageError
 from clrender.image.exposure import PHOTOGRAPHIC
 from clrender.limits import Choice, Domain, Flag, NotAllowed, Range, shown
 from clrender.settings import PIXEL_LIMIT, SETTINGS
@@ -37,6 +39,7 @@ __all__ = [
     "size",
     "size_option",
     "tone_options",
+    "view_options",
 ]
 
 TONE_MAPS: Final = ("linear", "sqrt", "srgb", "reinhard", "aces", "agx")
@@ -227,6 +230,39 @@ def tone_options(command: Any, *, moving: bool = False) -> Any:
     for option in reversed(options):
         command = option(command)
     return command
+
+
+def view_options(command: Any) -> Any:
+    """Decorator: options that take a view of OpenColorIO for `tone_map`, above `tone_options`."""
+
+    @functools.wraps(command)
+    def chosen(*args: Any, ocio: str | None, display: str | None, view: str | None, **more: Any) -> Any:
+        asked = {"--display": display, "--view": view}
+        for option in (each for each, value in asked.items() if value is not None and ocio is None):
+            raise UsageError(
+                f"{option}: is for --ocio; name a configuration, such as `--ocio builtin`, or leave it out"
+            )
+        if ocio is not None:
+            context = click.get_current_context()
+            if context.get_parameter_source("tone_map") == ParameterSource.COMMANDLINE:
+                raise UsageError("--ocio: --tone-map is another way to make display images; leave one of them out")
+            from clrender.image.ocio import display_view
+
+            more["tone_map"] = display_view(ocio, display, view)
+        return command(*args, **more)
+
+    for option in (
+        click.option("--view", metavar="NAME", help="View of the display (the configuration's default)."),
+        click.option("--display", metavar="NAME", help="Display of --ocio (the configuration's default)."),
+        click.option(
+            "--ocio",
+            metavar="CONFIG",
+            help="OpenColorIO configuration that makes .png and .jpg, instead of --tone-map: a file, ocio://NAME, or "
+            "builtin, with ACES 2.0 (none).",
+        ),
+    ):
+        chosen = option(chosen)
+    return chosen
 
 
 class EnvironmentType(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.3

@@ -51,7 +51,7 @@ def check_formats(ctx: click.Context, outputs: Iterable[Path]) -> None:
 
     endings = {path.suffix.lower() for path in outputs}
     given = {name for name in ctx.params if ctx.get_parameter_source(name) == ParameterSource.COMMANDLINE}
-    for name in ("tone_map", "exposure", "f_stop", "shutter", "iso"):
+    for name in ("tone_map", "ocio", "exposure", "f_stop", "shutter", "iso"):
         interval = isinstance(ctx.params.get(name), tuple)  # of a shutter, for motion blur
         if name in given and not interval and not endings.intersection(DISPLAY_ENDINGS):
             option = name.replace("_", "-")

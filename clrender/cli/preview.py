@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
+    from clrender.image.tone_map import DisplayMap
     from clrender.rendering.rendered_image import Progress, RenderedImage
 
 __all__ = ["Preview", "preview_here"]
@@ -114,7 +115,7 @@ class Preview:
         print(text, end="", file=sys.stderr, flush=True)
 
 
-def preview_here(tone_map: str, exposure: float) -> Preview | None:
+def preview_here(tone_map: str | DisplayMap, exposure: float) -> Preview | None:
     """A preview on stderr's terminal. If it cannot show images: None, after a message that says why.
 
     Parameters

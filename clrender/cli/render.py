@@ -32,6 +32,7 @@ from clrender.cli.options import (
     setting_options,
     size_option,
     tone_options,
+    view_options,
 )
 from clrender.cli.options import shard as parse_shard
 from clrender.cli.outputs import check_distinct, check_formats, check_image_size, scene_files
@@ -41,6 +42,7 @@ from clrender.errors import ClrenderError, RenderError, UsageError
 from clrender.limits import Range
 
 if TYPE_CHECKING:
+    from clrender.image.tone_map import DisplayMap
     from clrender.rendering.job import RenderJob
     from clrender.rendering.rendered_image import Progress, RenderedImage
 
@@ -57,6 +59,7 @@ _FILM_PIXELS: Final = 1 << 24
 @device_option
 @setting_options
 @environment_option
+@view_options
 @functools.partial(tone_options, moving=True)
 @click.option(
     "--aov",
@@ -149,7 +152,7 @@ def render(
     size: tuple[int, int] | None,
     devices: tuple[str, ...],
     environment: Path | float | None,
-    tone_map: str,
+    tone_map: str | DisplayMap,
     exposure: float,
     f_stop: float | None,
     shutter: float | tuple[float, float] | None,
@@ -464,7 +467,7 @@ def _check_progress(progress: str, preview: bool, quiet: bool) -> None:
         raise UsageError(f"--preview and {other} contradict each other; leave one out")
 
 
-def _view(job: RenderJob, progress: str, preview: bool, tone_map: str, exposure: float) -> ProgressView:
+def _view(job: RenderJob, progress: str, preview: bool, tone_map: str | DisplayMap, exposure: float) -> ProgressView:
     """The display of progress."""
     if preview:
         from clrender.cli.preview import preview_here

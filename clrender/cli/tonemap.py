@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from clrender.cli.inputs import read_linear
-from clrender.cli.options import tone_options
+from clrender.cli.options import tone_options, view_options
 from clrender.cli.outputs import check_distinct, check_image_size
 from clrender.errors import UsageError
 from clrender.image.exposure import camera_exposure, photographic_stops
+
+if TYPE_CHECKING:
+    from clrender.image.tone_map import DisplayMap
 
 __all__ = ["tonemap"]
 
@@ -27,16 +31,18 @@ __all__ = ["tonemap"]
     multiple=True,
     help="Output file: .png or .jpg. Repeatable.",
 )
+@view_options
 @tone_options
 def tonemap(
     image: Path,
     outputs: tuple[Path, ...],
-    tone_map: str,
+    tone_map: str | DisplayMap,
     exposure: float,
     **photograph: float | None,
 ) -> None:
     """Tone-map a linear IMAGE (.npy .exr .hdr .film) for display."""
     from clrender.image.files import DISPLAY_ENDINGS, FILM_ENDINGS, LINEAR_ENDINGS, check_output, write_image
+    from clrender.image.tone_map import record_of
 
     if image.suffix.lower() not in (*LINEAR_ENDINGS, *FILM_ENDINGS):
         known = ", ".join((*LINEAR_ENDINGS, *FILM_ENDINGS))
@@ -55,7 +61,7 @@ def tonemap(
     if provenance is not None:
         provenance = {
             **provenance,
-            "stored": {**provenance.get("stored", {}), "tone_map": tone_map, "exposure": exposure},
+            "stored": {**provenance.get("stored", {}), **record_of(tone_map, exposure)},
         }
     for output in outputs:
         write_image(output, linear, provenance, tone_map, exposure)

@@ -19,7 +19,7 @@ from clrender.files.npy import read_npy_header, read_npy_items
 from clrender.image.display import PIXEL_LIMIT, check_size, jpeg_bytes, png_note, read_display
 from clrender.image.display import png_bytes as display_png
 from clrender.image.raster import RASTER_ENDINGS
-from clrender.image.tone_map import to_display
+from clrender.image.tone_map import DisplayMap, to_display
 
 if TYPE_CHECKING:
     from clrender.image.exr_write import ExrFormat
@@ -75,7 +75,7 @@ def write_image(
     path: str | Path,
     linear: npt.ArrayLike,
     provenance: Mapping[str, Any] | None = None,
-    tone_map: str = "srgb",
+    tone_map: str | DisplayMap = "srgb",
     exposure: float = 0.0,
     channels: Mapping[str, npt.NDArray[np.float32]] | None = None,
     *,
@@ -230,7 +230,7 @@ def _whatever_a_library_trips_over(problem: str) -> Iterator[None]:
 def png_bytes(
     linear: npt.ArrayLike,
     provenance: Mapping[str, Any] | None = None,
-    tone_map: str = "srgb",
+    tone_map: str | DisplayMap = "srgb",
     exposure: float = 0.0,
     alpha: npt.NDArray[np.uint8] | None = None,
 ) -> bytes:

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Final
+from typing import Any, Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +28,16 @@ from clrender.errors import UsageError
 from clrender.exact.elementary import power_two_fifths
 from clrender.exact.matrices import inner, times
 
-__all__ = ["LUMINANCE", "TONE_MAPS", "display_values", "srgb_decode", "srgb_encode", "to_display"]
+__all__ = [
+    "LUMINANCE",
+    "TONE_MAPS",
+    "DisplayMap",
+    "display_values",
+    "record_of",
+    "srgb_decode",
+    "srgb_encode",
+    "to_display",
+]
 
 LUMINANCE: Final = (0.2126, 0.7152, 0.0722)
 """Weights of linear Rec. 709 R, G, B in luminance."""
@@ -59,6 +68,28 @@ _AGX_OUT: Final = np.array(
 )
 _AGX_STOPS: Final = (-12.47393, 4.026069)
 _AGX_SIGMOID: Final = (15.5, -40.14, 31.96, -6.868, 0.4298, 0.1191, -0.00232)
+
+
+class DisplayMap(Protocol):
+    """A tone map that is not one of the operators: linear Rec. 709 to display values."""
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """What a file says of it; its key ``tone_map`` has the name of its kind."""
+
+    def shown(self, linear: _Array) -> _Array:
+        """Display values, which are cut off at 0 and 1 afterwards.
+
+        Parameters
+        ----------
+        linear : (..., 3) float64
+            Finite, at least 0.
+        """
+
+
+def record_of(tone_map: str | DisplayMap, exposure: float) -> dict[str, Any]:
+    """What a display image says of how its pixels were stored."""
+    return {**({"tone_map": tone_map} if isinstance(tone_map, str) else tone_map.record), "exposure": exposure}
 
 
 def srgb_encode(linear: npt.ArrayLike) -> _Array:
@@ -104,15 +135,15 @@ TONE_MAPS: Final = tuple(_OPERATORS)
 """Names of the operators."""
 
 
-def display_values(linear: npt.ArrayLike, tone_map: str = "srgb", exposure: float = 0.0) -> _Array:
+def display_values(linear: npt.ArrayLike, tone_map: str | DisplayMap = "srgb", exposure: float = 0.0) -> _Array:
     """Display values of linear radiance.
 
     Parameters
     ----------
     linear : (..., 3) floats
         Radiance, linear Rec. 709. NaN and negative values count as 0.
-    tone_map : str
-        One of `TONE_MAPS`.
+    tone_map : str or DisplayMap
+        One of `TONE_MAPS`, or another map, such as `clrender.image.ocio.display_view` makes.
     exposure : float
         Stops: the radiance is multiplied by 2^exposure first.
 
@@ -126,16 +157,18 @@ def display_values(linear: npt.ArrayLike, tone_map: str = "srgb", exposure: floa
     UsageError
         Unknown operator, or an exposure that is not a number between -128 and 128.
     """
-    if tone_map not in _OPERATORS:
+    if isinstance(tone_map, str) and tone_map not in _OPERATORS:
         raise UsageError(f"tone map {tone_map!r} is unknown; choose one of {', '.join(TONE_MAPS)}.")
     if not abs(exposure) <= EXPOSURE_LIMIT:
         raise UsageError(f"exposure {exposure} is not a number between {-EXPOSURE_LIMIT:g} and {EXPOSURE_LIMIT:g}.")
     values = np.asarray(linear, np.float64) * math.ldexp(2.0 ** (exposure % 1.0), math.floor(exposure))
     values = np.clip(np.nan_to_num(values, nan=0.0, posinf=_LARGEST), 0.0, _LARGEST)
-    return np.clip(_OPERATORS[tone_map](values), 0.0, 1.0)
+    return np.clip(_OPERATORS[tone_map](values) if isinstance(tone_map, str) else tone_map.shown(values), 0.0, 1.0)
 
 
-def to_display(linear: npt.ArrayLike, tone_map: str = "srgb", exposure: float = 0.0) -> npt.NDArray[np.uint8]:
+def to_display(
+    linear: npt.ArrayLike, tone_map: str | DisplayMap = "srgb", exposure: float = 0.0
+) -> npt.NDArray[np.uint8]:
     """Eight-bit display image: 255 times `display_values`, rounded half to even.
 
     Parameters

@@ -31,9 +31,15 @@ _READERS: Final[Mapping[str, str]] = {
     ".stl": "clrender.importers.stl",
     ".xml": "clrender.importers.mitsuba",
     ".pbrt": "clrender.importers.pbrt",
+    ".usd": "clrender.importers.usd",
+    ".usda": "clrender.importers.usd",
+    ".usdc": "clrender.importers.usd",
+    ".usdz": "clrender.importers.usd",
 }
 """Modules by extension. Each has ``read(path, files) -> Draft``, and is imported on demand."""
-_ANIMATED: Final = (".gltf", ".glb")
+_GLTF: Final = (".gltf", ".glb")
+_ANIMATED: Final = (*_GLTF, ".usd", ".usda", ".usdc", ".usdz")
+"""Extensions of animated scenes, which are read at a moment."""
 _OWN: Final = (".toml", ".json", "")
 """Extensions of scenes of clrender's own format; built-in ones have none."""
 _CHOOSING: Final = (*_ANIMATED, ".xml")
@@ -42,7 +48,7 @@ _MODELS: Final = (".obj", ".ply", ".stl")
 """Extensions of models whose upward axis is not known."""
 CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
     "time_at": (*_ANIMATED, *_OWN, ".xml", ".pbrt"),
-    "variant": _ANIMATED,
+    "variant": _GLTF,
     "up": _MODELS,
     "define": (".xml",),
 }

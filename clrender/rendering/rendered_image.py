@@ -20,6 +20,7 @@ from clrender.image.deep_png import deep_png_bytes
 from clrender.image.exposure import camera_exposure, photographic_stops
 from clrender.image.exr_write import ExrFormat
 from clrender.image.files import png_bytes, write_image
+from clrender.image.tone_map import DisplayMap, record_of
 from clrender.limits import checked_path
 from clrender.rendering.amodal import amodal_channels
 from clrender.rendering.bands import band_channels
@@ -204,7 +205,7 @@ class RenderedImage:
     def save(
         self,
         path: str | Path,
-        tone_map: str = "srgb",
+        tone_map: str | DisplayMap = "srgb",
         exposure: float = 0.0,
         *,
         exr_type: str = "float",
@@ -216,8 +217,8 @@ class RenderedImage:
         Parameters
         ----------
         path : str or Path
-        tone_map : str
-            For display formats.
+        tone_map : str or DisplayMap
+            For display formats: a tone curve, or a view of OpenColorIO (`clrender.display_view`).
         exposure : float
             In stops, for display formats. It is added to the exposure of the camera's f-stop, shutter and iso, if set.
         exr_type, exr_compression : str
@@ -250,7 +251,7 @@ class RenderedImage:
             write_image(path, self.picture, told, channels=channels, exr=exr, exact=exact, attributes=attributes)
         else:
             exposure += self.camera_stops
-            told = {**self.stats, "stored": {"tone_map": tone_map, "exposure": exposure}}
+            told = {**self.stats, "stored": record_of(tone_map, exposure)}
             write_image(path, self.picture, told, tone_map, exposure, alpha=self.alpha)
 
     def _repr_html_(self) -> str:

@@ -172,6 +172,9 @@ class ImageClaim(Claim):
     def _check_stored(self, path: Path) -> None:
         """Check that the file stores the render's numbers, or such as follow from them."""
         stored = self._stored
+        if self._display and stored.get("tone_map") == "ocio":
+            text = "was made by OpenColorIO, whose numbers are not those of another version; verify its .exr or .film"
+            raise UsageError(f"{path}: {text}")
         known = stored.get("exr_type", "float") in ("float", "half")
         if self._display:
             known &= stored.get("tone_map") in TONE_MAPS and abs(stored.get("exposure", math.inf)) <= EXPOSURE_LIMIT

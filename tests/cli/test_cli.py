@@ -25,7 +25,7 @@ RENDER_OPTIONS = (
     "output spp size seed device integrator filter filter-radius shadow-rays indirect-rays max-depth roulette "
     "termination sampling light-sampler kernels code reuse photons photon-radius light-paths guiding guiding-paths "
     "guiding-memory guiding-field save-guiding-field specular-chains spectral no-spectral spectrum patches patch-rays "
-    "radiosity-display tone-map exposure aov denoise tile "
+    "radiosity-display tone-map ocio display view exposure aov denoise tile "
     "f-stop shutter iso environment time-at frames fps variant samples-per-pass work-group lanes time shard stats "
     "quiet allow-path plugin strict up define camera crop alpha hide-environment light-groups amodal "
     "exr-type exr-compression exr-tile checkpoint resume max-memory cluster "

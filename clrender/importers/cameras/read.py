@@ -27,6 +27,8 @@ CameraKeys = tuple[dict[str, Any], dict[str, Any]]
 """Tables `camera` and `image` of a scene file; the camera may lack its pose."""
 
 _GLTF: Final = (".gltf", ".glb")
+_USD: Final = (".usd", ".usda", ".usdc", ".usdz")
+_TIMED: Final = (*_GLTF, *_USD)
 _TABLES: Final = (".toml", ".json")
 _POSES: Final = ("camera_to_world", "world_to_camera")
 _FRAME: Final = ("position", "target", "up")
@@ -40,10 +42,11 @@ def load_cameras(path: str | Path, *, time_at: float | None = None) -> dict[str,
     Parameters
     ----------
     path : str or pathlib.Path
-        ``transforms.json``; a folder of COLMAP; ``.gltf`` or ``.glb``; or a ``.toml`` or ``.json`` with a camera of a
-        scene file, or with a camera matrix and distortion as OpenCV has them, whose camera has an empty name.
+        ``transforms.json``; a folder of COLMAP; ``.gltf`` or ``.glb``; a USD stage; or a ``.toml`` or ``.json`` with a
+        camera of a scene file, or with a camera matrix and distortion as OpenCV has them, whose camera has an empty
+        name.
     time_at : float, optional
-        Moment of a glTF file's animation, seconds from its start; default: the rest pose.
+        Moment of a glTF file's animation, seconds from its start, or of a stage; default: the rest pose.
 
     Returns
     -------
@@ -163,8 +166,8 @@ def _placed(scene: Scene, camera: Camera, image: dict[str, Any], source: str) ->
 def _keys(path: Path, source: str, time_at: float | None) -> dict[str, CameraKeys]:
     """Tables of all cameras of a file by name."""
     ending = path.suffix.lower()
-    if time_at is not None and ending not in _GLTF:
-        raise SceneError(f"{source} takes no time_at, which is for {' and '.join(_GLTF)}; leave it out")
+    if time_at is not None and ending not in _TIMED:
+        raise SceneError(f"{source} takes no time_at, which is for {' and '.join(_TIMED)}; leave it out")
     if is_colmap(path):
         return {name: (keys, {}) for name, keys in images(path, source)}
     if path.is_dir():
@@ -174,8 +177,13 @@ def _keys(path: Path, source: str, time_at: float | None) -> dict[str, CameraKey
 
         found = read_cameras(path, AssetFiles(source, path.parent), Choices(time_at))
         return _distinct([(each.name, (each.keys, dict(each.image))) for each in found])
+    if ending in _USD:
+        from clrender.importers.usd.read import read_cameras as cameras_of_stage
+
+        made = cameras_of_stage(path, AssetFiles(source, path.parent), Choices(time_at))
+        return _distinct([(name, (keys, dict(image))) for name, keys, image in made])
     if ending not in _TABLES:
-        known = ", ".join((*_TABLES, *_GLTF))
+        known = ", ".join((*_TABLES, *_TIMED))
         raise SceneError(f"{source}: is no file of cameras: name one that ends in {known}, or a folder of COLMAP")
     content = parsed_file(path, source, "the camera file")
     if not isinstance(content, Mapping):

@@ -19,7 +19,7 @@ from clrender.importers.asset_files import AssetFiles
 from clrender.importers.shared.matrices import Matrix
 from clrender.scene.environment import EnvironmentPicture
 
-__all__ = ["picture_from_poles", "turn_about_y", "turned_picture", "unfolded_picture"]
+__all__ = ["picture_from_poles", "turn_about_y", "turned_picture", "turned_pixels", "unfolded_picture"]
 
 _EVEN: Final = 1e-5
 _LARGEST: Final = 4096
@@ -87,6 +87,24 @@ def turned_picture(files: AssetFiles, name: str, place: str, matrix: Matrix) -> 
         From the map's own directions to world space.
     """
     pixels = _read(files, name, place)
+    return turned_pixels(pixels, matrix, f"{files.source}: {place}", from_poles=True)
+
+
+def turned_pixels(
+    pixels: NDArray[np.float32], matrix: Matrix, label: str, *, from_poles: bool = False
+) -> EnvironmentPicture:
+    """A map by latitude and longitude, rotated or mirrored by a matrix.
+
+    Parameters
+    ----------
+    pixels : (H, W, 3) float32
+    matrix : (4, 4) float64
+        From the map's own directions to world space.
+    label : str
+        Beginning of messages.
+    from_poles : bool
+        Whether the centres of the first and the last row are at the poles, as in Mitsuba; else half a row from them.
+    """
     height, width = pixels.shape[:2]
     rows = min(height, _LARGEST)
     made = np.empty((rows, 2 * rows, 3), np.float32)
@@ -97,9 +115,9 @@ def turned_picture(files: AssetFiles, name: str, place: str, matrix: Matrix) -> 
         own /= lengths(own)[:, None]
         theta = angles_of(np.sqrt(own[:, 0] * own[:, 0] + own[:, 2] * own[:, 2]), own[:, 1])
         turns = angles_of(own[:, 0], -own[:, 2]) / (2.0 * np.pi) % 1.0
-        x, y = turns * width - 0.5, theta / np.pi * (height - 1)
-        made[row] = _looked_up(pixels, x, y, True)
-    return EnvironmentPicture.checked(made, f"{files.source}: {place}")
+        y = theta / np.pi * (height - 1) if from_poles else theta / np.pi * height - 0.5
+        made[row] = _looked_up(pixels, turns * width - 0.5, y, True)
+    return EnvironmentPicture.checked(made, label)
 
 
 def unfolded_picture(files: AssetFiles, name: str, place: str, matrix: Matrix) -> EnvironmentPicture:
