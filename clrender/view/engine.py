@@ -22,9 +22,10 @@ from clrender.view.image_state import ImageState
 from clrender.view.inbox import Inbox
 from clrender.view.keep import table_text
 from clrender.view.priority import lower_priority
-from clrender.view.probe import probe
+from clrender.view.probe import probe, surroundings
 from clrender.view.progressive import Progressive
 from clrender.view.status import Problems, StatusReporter, sentence
+from clrender.view.tracer import Tracer, traced_job
 from clrender.view.viewer import Viewer
 from clrender.view.watch import Source, Watcher
 
@@ -81,6 +82,7 @@ class Engine:
         self._outputs = {str(path): Path(path) for path in outputs}
         self._inbox = Inbox()
         self._problems = Problems()
+        self._tracer = Tracer(background)
         self._goodbye_sent = False
         self._background = background
         with ThreadPoolExecutor(1, initializer=lower_priority if background else None) as opener:
@@ -121,6 +123,7 @@ class Engine:
             self._watcher.close()
         self._inbox.close()
         self._status.first_frame.set()  # for the thread that waits for it
+        self._tracer.close(_PATIENCE)
         self._thread.join(_PATIENCE)
         self._broadcaster.end(reason)
         self.frames.release()
@@ -174,6 +177,7 @@ class Engine:
 
     def disconnect(self, viewer: Viewer) -> None:
         """Remove a viewer."""
+        self._tracer.stop(viewer)
         self._broadcaster.disconnect(viewer)
 
     def post(self, viewer: Viewer, message: messages.Message) -> None:
@@ -278,6 +282,12 @@ class Engine:
                 width, height, path = self._progressive.outline(message.object)
                 about = {"object": message.object, "width": width, "height": height, "path": path}
                 viewer.reply("outline", message, about)
+            case messages.Paths():
+                job, pixel = traced_job(edited.job, (message.x, message.y), message.samples)
+                device = self._progressive.session.devices[0].info.index
+                self._tracer.ask(viewer, message, job, pixel, device, surroundings(self._progressive, edited))
+            case messages.StopPaths():
+                self._tracer.stop(viewer)
             case messages.Save():
                 viewer.reply("saved", message, self._saved(message))
 

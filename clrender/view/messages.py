@@ -19,6 +19,7 @@ __all__ = [
     "Message",
     "MoveCamera",
     "Outline",
+    "Paths",
     "Probe",
     "Redo",
     "Reset",
@@ -29,6 +30,7 @@ __all__ = [
     "SetMaterial",
     "SetSettings",
     "Show",
+    "StopPaths",
     "Undo",
     "parse",
 ]
@@ -138,6 +140,21 @@ class Probe(Message):
     y: _Whole
 
 
+class Paths(Message):
+    """Trace the light paths of a pixel."""
+
+    type: Literal["paths"]
+    x: _Whole
+    y: _Whole
+    samples: Annotated[int, Strict(), Field(ge=1, le=4096)] = 256
+
+
+class StopPaths(Message):
+    """Trace no more."""
+
+    type: Literal["stop_paths"]
+
+
 class Outline(Message):
     """Tell where an object is seen."""
 
@@ -184,6 +201,8 @@ _Any: TypeAlias = (
     | Restart
     | Probe
     | Outline
+    | Paths
+    | StopPaths
     | Show
     | Ack
     | Save

@@ -14,6 +14,7 @@ from clrender.film.replicates import relative_error
 from clrender.film.running import RunningFilm
 from clrender.image.files import image_sha256
 from clrender.rendering.session import Session
+from clrender.view.frames import shown_image
 from clrender.view.image_state import ImageState, Pixels
 from clrender.view.outline import outline
 
@@ -33,6 +34,8 @@ _LAYER_SAMPLES: Final = 4
 """Samples per pixel of first-hit layers."""
 _PROBE_PIXELS: Final = 1 << 20
 """Pixels of the layers that the probe reads, at most."""
+_CLOUD_SIDE: Final = 192
+"""Longer side of the grid of points of a sketch of the scene."""
 PROBED: Final = ("object", "material", "depth", "position", "normal")
 
 
@@ -183,6 +186,24 @@ class Progressive:
         height, width = layers["depth"].shape[:2]
         row, column = min(y // step, height - 1), min(x // step, width - 1)
         return {name: layer[row, column] for name, layer in layers.items()}
+
+    def cloud(self) -> tuple[Pixels, Pixels, int] | None:
+        """Points that the camera sees, their radiance, and the rows of the grid of pixels that they are of."""
+        self.probed(0, 0)
+        state, layers = self.image_state, self._probed[2]
+        if state is None or not layers or self._probed[0] != state.revision:
+            return None
+        pixels, _ = shown_image(state, -(-max(state.width, state.height) // _CLOUD_SIDE))
+        step = -(-max(layers["position"].shape[:2]) // _CLOUD_SIDE)
+        points = layers["position"][::step, ::step]
+        (height, width), hit = points.shape[:2], np.isfinite(points).all(axis=2)
+        if pixels is None:
+            return points[hit], np.ones_like(points[hit]), height
+        rows, columns = (
+            np.minimum(((np.arange(side) + 0.5) * whole / side).astype(int), whole - 1)
+            for side, whole in zip((height, width), pixels.shape[:2], strict=True)
+        )
+        return points[hit], pixels[rows][:, columns][hit], height
 
     def outline(self, number: int) -> tuple[int, int, str]:
         """Where an object is seen, as of `clrender.view.outline.outline`."""

@@ -8,12 +8,14 @@ import { createHistory } from "./history.js";
 import { createHub } from "./hub.js";
 import { icon } from "./icons.js";
 import { createOutline } from "./outline.js";
+import { createPathsPanel } from "./paths_panel.js";
 import { createPicture } from "./picture.js";
 import { createProbe } from "./probe.js";
 import { createSavePanel } from "./save_panel.js";
 import { createSettingsPanel } from "./settings_panel.js";
 import { createStatus, createStrip } from "./status.js";
 import { LIGHTS, MATERIALS, createTablePanel } from "./table_panel.js";
+import { createTabs } from "./tabs.js";
 import { createViewPanel } from "./view_panel.js";
 
 /**
@@ -38,7 +40,8 @@ export function mount(root, transport, { shared = false, downloads = null, plain
   picture.overlay(outline.element);
   const help = createHelp();
   const focus = createFocus(hub, status.say);
-  const probe = createProbe(hub, picture, outline, (reply) => {
+  const pathsPanel = createPathsPanel(hub, picture);
+  const probe = createProbe(hub, picture, outline, pathsPanel.trace, (reply) => {
     const light = `shapes[${reply.object?.index}]`;
     if (lightPanel.has(light)) {
       lightPanel.choose(light);
@@ -58,6 +61,14 @@ export function mount(root, transport, { shared = false, downloads = null, plain
     save: section("Save", false, createSavePanel(hub, choice, picture, status.say, downloads)),
   };
 
+  const tabs = createTabs("Panel", [
+    { name: "Controls", content: Object.values(sections) },
+    { name: "Light paths", content: pathsPanel.content, class: "lp" },
+  ], (index) => {
+    root.classList.toggle("cv-wide", index === 1);
+    pathsPanel.open(index === 1);
+  });
+
   const commands = {
     " ": () => !status.button.disabled && status.toggle(),
     r: camera.reset,
@@ -66,6 +77,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
     p: () => (probe.isPinned() ? probe.release() : probe.step(0, 0)),
     l: viewPanel.toggleFalseColor,
     b: () => viewPanel.toggleDenoised() || status.say(`The denoiser is not installed. Install it with: ${hub.newest("hello")?.install_denoiser}`),
+    t: () => tabs.choose(root.classList.contains("cv-wide") ? 0 : 1),
     h: () => root.classList.toggle("cv-bare"),
     "[": () => viewPanel.changeExposure(-1 / 3),
     "]": () => viewPanel.changeExposure(1 / 3),
@@ -82,6 +94,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
     { class: "cv-tools", role: "toolbar", "aria-label": "Tools" },
     tool("focus", "Focus by click", "f"),
     tool("probe", "Probe by keyboard", "p"),
+    tool("paths", "Light paths of a pixel", "t"),
     tool("compare", "Compare before and after denoising", "b"),
     tool("palette", "False colour of luminance", "l"),
     tool("reset", "Reset the camera", "r"),
@@ -115,12 +128,13 @@ export function mount(root, transport, { shared = false, downloads = null, plain
       make("header", { class: "cv-bar" }, title, about, history.buttons, status.pill, status.button),
       stage,
       createStrip(hub),
-      make("aside", { class: "cv-panel", "aria-label": "Controls" }, ...Object.values(sections)),
+      make("aside", { class: "cv-panel", "aria-label": "Controls" }, tabs.list, ...tabs.panels),
     ),
     probe.spoken,
     help,
   );
 
+  tabs.choose(0);
   listenToGestures(stage, picture.box, { ...camera, ...picks(probe, focus), key: pressed }, shared);
   history.listen(shared ? root : document);
   function pressed(key, shifted) {
@@ -130,6 +144,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
     else if (key === "Enter" && probe.isPinned()) probe.pickPinned();
     else if (key === "Escape") {
       probe.release();
+      pathsPanel.clear();
       focus.disarm();
     } else if (key in commands) commands[key]();
     else return false;
