@@ -16,6 +16,7 @@ from clrender.scene import Scene
 from clrender.view import messages, tables
 from clrender.view.broadcaster import Broadcaster
 from clrender.view.edited_scene import EditedScene
+from clrender.view.environments import environment_files
 from clrender.view.frames import Frames
 from clrender.view.history import History
 from clrender.view.image_state import ImageState
@@ -188,9 +189,15 @@ class Engine:
         """Have the render thread look which layers are wanted now."""
         self._inbox.wake()
 
-    def image(self) -> Future[RenderedImage | None]:
-        """The image so far, with its numbers; None: there is no sample yet. Later samples leave it as it is."""
-        return self._inbox.call(self._progressive.copied)
+    def image(self, alpha: bool = False) -> Future[RenderedImage | None]:
+        """The image so far, with its numbers; None: there is no sample yet. Later samples leave it as it is.
+
+        Parameters
+        ----------
+        alpha : bool
+            Whether with the layer ``alpha``.
+        """
+        return self._inbox.call(partial(self._progressive.copied, alpha))
 
     def scene_to_keep(self) -> Future[EditedScene]:
         """The scene after all edits that have arrived so far."""
@@ -257,6 +264,17 @@ class Engine:
                 label = f"{', '.join(names).replace('_', ' ')} of {message.name}"
                 changed = edited.with_light(message.name, message.values)
                 self._render_edited(changed, label, (viewer.number, "light", message.name, *names))
+            case messages.AddLight():
+                changed, name = edited.with_added_light(message.kind, message.position)
+                self._render_edited(changed, f"added {message.kind} light", None)
+                viewer.reply("added", message, {"name": name})
+            case messages.RemoveLight():
+                self._render_edited(edited.without_light(message.name), f"removed {message.name}", None)
+            case messages.SetEnvironment():
+                changed = self._read(lambda: edited.with_environment(message.kind, message.file))
+                self._render_edited(changed, "environment", None)
+            case messages.Environments():
+                viewer.reply("environments", message, {"files": environment_files(edited.scene)})
             case messages.Reset():
                 self._render_edited(edited.reset(message.what), f"reset of {message.what}", None)
             case messages.Undo() | messages.Redo():
@@ -290,6 +308,14 @@ class Engine:
                 self._tracer.stop(viewer)
             case messages.Save():
                 viewer.reply("saved", message, self._saved(message))
+
+    def _read(self, work: Callable[[], EditedScene]) -> EditedScene:
+        """Do what may read a file, which viewers are told of."""
+        self._broadcaster.stage("reading")
+        try:
+            return work()
+        finally:
+            self._broadcaster.stage("")
 
     def _render_edited(self, edited: EditedScene, label: str, key: Hashable) -> None:
         """Render the scene after an edit, which can be undone; label and key as of `History.record`."""
@@ -331,7 +357,7 @@ class Engine:
         if (path := self._outputs.get(message.name)) is None:
             known = ", ".join(self._outputs) or "none: name some with -o on the command line"
             raise UsageError(f"{message.name[:80]!r} is no file of the command line; there is {known}")
-        if (image := self._progressive.developed()) is None:
+        if (image := self._progressive.developed(message.alpha)) is None:
             raise UsageError("there is no sample yet, and so nothing to save")
         image.save(path, message.tone_map, message.exposure)
         return {"name": message.name, "bytes": path.stat().st_size}

@@ -29,6 +29,7 @@ LAYERS: Final[Mapping[str, tuple[str, str]]] = {
     "stderr": ("Standard error", "scalar"),
     "error": ("Relative standard error", "scalar"),
     "samples": ("Samples", "scalar"),
+    "alpha": ("Alpha", "scalar"),
     "albedo": ("Albedo", "color"),
     "emission": ("Emission", "radiance"),
     "normal": ("Normal", "vector"),

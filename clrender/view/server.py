@@ -243,7 +243,7 @@ async def _download(request: Request) -> Response:
     try:
         exposure = float(request.query_params.get("exposure", "0"))
         # Awaited here: threads that wait for the renderer would be missing where frames are made for viewers.
-        image = await asyncio.wrap_future(engine.image())
+        image = await asyncio.wrap_future(engine.image(request.query_params.get("alpha") == "1"))
         if image is None:
             raise UsageError("there is no sample yet, and so nothing to save")
         data = await asyncio.to_thread(_saved, image, name, request.query_params.get("tone_map", "srgb"), exposure)

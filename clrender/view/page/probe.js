@@ -130,6 +130,11 @@ export function createProbe(hub, picture, outline, picking, picked) {
       ask();
       aloud();
     },
+    /** The position of what is seen at a place (null: at the probe) to a function; null: nothing is there. */
+    positionAt(place, answered) {
+      if (place !== null) pin(pixelAt(place));
+      ask((reply) => answered(reply.position));
+    },
     /** The focus distance of what is seen at a place (null: at the probe) to a function; null: nothing is there. */
     focusAt(place, answered) {
       if (place !== null) pin(pixelAt(place));
