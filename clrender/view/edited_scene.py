@@ -192,7 +192,7 @@ class EditedScene:
 
     def is_own(self, name: str) -> bool:
         """Whether a light or shining shape is of the scene file, and not added."""
-        return name in emitters(self.scene, {})
+        return name in emitters(self.scene)
 
     def place_of_shape(self, index: int) -> str:
         """The place of a shape, by its index in the scene as it is rendered."""
@@ -244,7 +244,7 @@ class EditedScene:
         UsageError, SceneError
             There is no such file, or it cannot be read.
         """
-        own = next((name for name, light in emitters(self.scene, {}).items() if is_environment(light)), None)
+        own = next((name for name, light in emitters(self.scene).items() if is_environment(light)), None)
         name = self.environment or own or free_place(self.scene, self.lights, "lights")
         others = {place: light for place, light in self.lights.items() if place != name}
         if kind == "scene":

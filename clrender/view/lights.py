@@ -39,14 +39,14 @@ _PLACE: Final = re.compile(r"(lights|shapes)\[(\d+)\]")
 _PI: Final = 3.141592653589793
 
 
-def emitters(scene: Scene, changed: Mapping[str, Emitter | None]) -> Mapping[str, Emitter]:
+def emitters(scene: Scene, changed: Mapping[str, Emitter | None] | None = None) -> Mapping[str, Emitter]:
     """Lights and shining shapes of a scene with edits, by their places, ``lights[0]`` or ``shapes[3]``; of groups, none.
 
     Parameters
     ----------
     scene : Scene
         As it was read.
-    changed : mapping
+    changed : mapping, optional
         As of `with_emitters`.
     """
 
@@ -60,7 +60,7 @@ def emitters(scene: Scene, changed: Mapping[str, Emitter | None]) -> Mapping[str
         return {**lights, **shining}
 
     own: Mapping[str, Emitter] = scene.of_contents("emitters", found)
-    now = {place: part for place, part in {**own, **changed}.items() if part is not None}
+    now = {place: part for place, part in {**own, **(changed or {})}.items() if part is not None}
     return now if now.keys() == own.keys() else {place: now[place] for place in sorted(now, key=_split)}
 
 
