@@ -137,9 +137,9 @@ class view_of:
             assert time.monotonic() < end, f"still not: {condition}"
             time.sleep(0.05)
 
-    def wait_until_done(self) -> None:
+    def wait_until_done(self, seconds: float = 300) -> None:
         """All samples are there, and drawn."""
-        self.wait(_DONE, seconds=300)
+        self.wait(_DONE, seconds=seconds)
 
     def open(self, *names: str) -> None:
         """Open sections of the panel."""
