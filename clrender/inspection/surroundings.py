@@ -105,7 +105,9 @@ def surroundings_of(
     colors = image.linear[rows][:, columns][hit]
     points = np.ascontiguousarray(layer[hit])
     stops = image.camera_stops
-    return Surroundings(image.linear, near.linear, (left, top), points, colors, height, pose_of(job.scene.camera), stops)
+    return Surroundings(
+        image.linear, near.linear, (left, top), points, colors, height, pose_of(job.scene.camera), stops
+    )
 
 
 def pose_of(camera: Camera) -> dict[str, Any]:

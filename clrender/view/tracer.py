@@ -204,5 +204,3 @@ class Tracer:
         if question is not None and not self._unwanted:
             text = STAGES.get(stage, "")
             question.viewer.send("tracing", {"question": question.message.id, "stage": stage, "text": text})
-
-

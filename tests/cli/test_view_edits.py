@@ -48,7 +48,9 @@ def test_a_changed_light_gives_the_image_of_that_scene(opened: Callable[..., Any
 
 
 @pytest.mark.long
-def test_lights_and_environments_that_are_added_are_those_of_the_scene(opened: Callable[..., Any], device: Device) -> None:
+def test_lights_and_environments_that_are_added_are_those_of_the_scene(
+    opened: Callable[..., Any], device: Device
+) -> None:
     """And of the scene that is kept: a file beside it, and lamps that later ones are numbered after."""
     engine, page = opened()
     first = page.until_done()

@@ -72,7 +72,9 @@ def test_a_click_shows_the_paths_of_the_pixel(browser: Any, server: Server) -> N
         view.wait(_TRACED)
         status = view.run(_STATUS)
         assert status.startswith("All 16 samples of pixel 80, 45, mean radiance ")
-        radiance = [float(each) for each in status.split("mean radiance ")[1].split(".  ")[0].split(". Sample")[0].split()]
+        radiance = [
+            float(each) for each in status.split("mean radiance ")[1].split(".  ")[0].split(". Sample")[0].split()
+        ]
         view.wait("document.querySelector('.cv-probe').dataset.probe !== undefined")
         probe = view.run("JSON.parse(document.querySelector('.cv-probe').dataset.probe)")
         assert radiance == pytest.approx(probe["radiance"], rel=1e-3)
@@ -81,7 +83,9 @@ def test_a_click_shows_the_paths_of_the_pixel(browser: Any, server: Server) -> N
         assert view.run(_DRAWN) >= 2
         assert view.page.locator(".lp-vertices .lp-vertex").count() >= 1
         for words in ("pdf, 1/sr", "Throughput before", "Roulette", "f cos / pdf", "Contribution"):
-            assert view.page.locator(".lp-vertices").evaluate("(each, words) => each.textContent.includes(words)", words)
+            assert view.page.locator(".lp-vertices").evaluate(
+                "(each, words) => each.textContent.includes(words)", words
+            )
         assert "MIS light" in view.page.locator(".lp-vertices").first.inner_text()
         # Another sample by a key, which moves no camera
         camera = view.newest("state")["camera"]
@@ -115,7 +119,9 @@ def test_paths_follow_the_camera_and_edits_by_keyboard_too(browser: Any, server:
         view.wait("document.querySelector('.cv-picture .cv-paths') === null")  # it would lie beside what it shows
         view.wait(f"{_TRACED} && {_DRAWN} >= 2 && {_STATUS} !== argument", first)
         second = view.run(_STATUS)
-        view.run("view.hub.send({ type: 'material', name: 'ball', values: { reflectance: [0.1, 0.1, 0.9] } }); return 0")
+        view.run(
+            "view.hub.send({ type: 'material', name: 'ball', values: { reflectance: [0.1, 0.1, 0.9] } }); return 0"
+        )
         view.wait(f"{_TRACED} && {_DRAWN} >= 2 && {_STATUS}.startsWith('All') && {_STATUS} !== argument", second)
         view.page.get_by_label("Samples", exact=True).last.fill("4")
         view.page.keyboard.press("Enter")

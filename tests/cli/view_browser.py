@@ -201,7 +201,9 @@ CONTRAST: Final = """
 """
 """Texts whose contrast is below 4.5 to 1, as of WCAG 2.2 AA, as the body of a function for `view_of.run`."""
 
-CONTROLS: Final = ".cv button, .cv input, .cv select, .cv a, .cv [role=group], .cv [role=region], .cv [role=application]"
+CONTROLS: Final = (
+    ".cv button, .cv input, .cv select, .cv a, .cv [role=group], .cv [role=region], .cv [role=application]"
+)
 NAMELESS: Final = """all => all.filter((each) => !each.getAttribute("aria-label") && !each.labels?.length)
     .filter((each) => !each.textContent.trim()).map((each) => each.outerHTML)"""
 """Controls without a name."""

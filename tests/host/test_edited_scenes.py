@@ -157,7 +157,11 @@ def test_an_environment_is_replaced_by_what_is_offered_and_nothing_else(pictured
     start = pictured.with_light("lights[0]", {"visible_to_camera": False, "rotate_degrees": 20.0})
     mapped = start.with_environment("file", "maps/a.hdr")
     light = mapped.job.scene.environment
-    assert light is not None and (light.file, light.visible_to_camera, light.rotate_degrees) == ("maps/a.hdr", False, 20.0)
+    assert light is not None and (light.file, light.visible_to_camera, light.rotate_degrees) == (
+        "maps/a.hdr",
+        False,
+        20.0,
+    )
     assert tables.scene(mapped)["environment"] == {"place": "lights[0]", "kind": "file", "file": "maps/a.hdr"}
     sky = mapped.with_environment("sky", "")
     assert sky.job.scene.environment is None and sky.job.scene.sky is not None
