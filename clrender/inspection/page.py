@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from clrender.drawing.bundle import joined, style_sheet
 from clrender.image.display import png_bytes
 from clrender.image.tone_map import to_display
 from clrender.inspection.document import plain
-from clrender.drawing.bundle import joined, style_sheet
 
 if TYPE_CHECKING:
     from clrender.inspection.surroundings import Surroundings

@@ -1,4 +1,4 @@
-"""What lights a scene and can be changed in a view: its lights, and its shapes that shine; and lights that are added."""
+"""What lights a scene and can be changed in a view: its lights, its shapes that shine, and lights that are added."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _PI: Final = 3.141592653589793
 
 
 def emitters(scene: Scene, changed: Mapping[str, Emitter | None] | None = None) -> Mapping[str, Emitter]:
-    """Lights and shining shapes of a scene with edits, by their places, ``lights[0]`` or ``shapes[3]``; of groups, none.
+    """Lights and shining shapes of a scene with edits, by place, ``lights[0]`` or ``shapes[3]``; of groups, none.
 
     Parameters
     ----------

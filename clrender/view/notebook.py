@@ -15,10 +15,10 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from clrender.drawing.bundle import style_sheet, widget_module
 from clrender.errors import RenderError, UsageError
 from clrender.extras import missing_extra
 from clrender.image.files import check_output
-from clrender.drawing.bundle import style_sheet, widget_module
 from clrender.view.displays import Displays
 from clrender.view.engine import Engine
 

@@ -34,7 +34,7 @@ _LAYER_SAMPLES: Final = 4
 """Samples per pixel of first-hit layers."""
 _SHOWN_ALPHA_SAMPLES: Final = 16
 _ALPHA_SAMPLES: Final = 64
-"""Of alpha that is shown, and that is saved: no image goes on meanwhile, and 64 are as fine as eight bits nearly are."""
+"""Of alpha that is shown, and that is saved. The image waits meanwhile, and 64 are nearly as fine as eight bits."""
 _PROBE_PIXELS: Final = 1 << 20
 """Pixels of the layers that the probe reads, at most."""
 _CLOUD_SIDE: Final = 192

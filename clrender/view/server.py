@@ -12,10 +12,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any, Final
 
+from clrender.drawing.bundle import page_file
 from clrender.errors import ClrenderError, UsageError
 from clrender.extras import missing_extra
 from clrender.rendering.rendered_image import RenderedImage
-from clrender.drawing.bundle import page_file
 from clrender.view.edited_scene import EditedScene, camera_toml
 from clrender.view.engine import Engine
 from clrender.view.guard import CONTENT_POLICY, Guard

@@ -14,8 +14,8 @@ from clrender.integrators import INTEGRATORS
 from clrender.settings import IMAGE, SETTINGS
 from clrender.version import __version__
 from clrender.view.edited_scene import NOT_LIVE, EditedScene, camera_toml
-from clrender.view.frames import LAYERS
 from clrender.view.environments import environment_told
+from clrender.view.frames import LAYERS
 from clrender.view.lights import ADDED, emitter_parameters, label_of
 from clrender.view.messages import MESSAGE_BYTES, PROTOCOL
 from clrender.view.parameters import parameters

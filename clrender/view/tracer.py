@@ -67,8 +67,8 @@ def traced_job(job: RenderJob, pixel: tuple[int, int], samples: int) -> tuple[Re
     left, top = (0, 0) if settings.crop is None else settings.crop[:2]
     whole = dataclasses.replace(settings, crop=None, error=None)
     count = min(samples, settings.spp)
-    first = {"first_sample": 0, "sample_count": count, "aov": (), "denoise": False}
-    return dataclasses.replace(job, settings=whole, **first), (left + x, top + y)
+    first = dataclasses.replace(job, settings=whole, first_sample=0, sample_count=count, aov=(), denoise=False)
+    return first, (left + x, top + y)
 
 
 class Tracer:

@@ -21,10 +21,10 @@ from view_browser import SCENE, view_of
 from view_clients import Server
 
 import clrender
+from clrender.drawing.bundle import joined, style_sheet
 from clrender.film import Film
 from clrender.film.replicates import standard_error
 from clrender.image.tone_map import TONE_MAPS, to_display
-from clrender.drawing.bundle import joined, style_sheet
 
 pytestmark = pytest.mark.usefixtures("only_driver")
 

@@ -13,7 +13,6 @@ from paths_support import bits
 from view_clients import EngineClient, Received
 
 import clrender
-from clrender.device import Device
 from clrender.errors import DeviceError
 from clrender.view import tracer
 from clrender.view.edited_scene import EditedScene
@@ -160,8 +159,9 @@ def test_a_newer_question_replaces_the_one_before_at_once(traced: Any) -> None:
     viewer, other = Asker(1), Asker(2)
     ask(made, viewer, 1)
     assert fake.begun.acquire(timeout=60)
-    assert viewer.told == [("tracing", {"question": 1, "stage": "opening", "text": tracer.STAGES["opening"]}),
-                           ("tracing", {"question": 1, "stage": "compiling", "text": tracer.STAGES["compiling"]})]  # fmt: skip
+    assert viewer.told == [
+        ("tracing", {"question": 1, "stage": stage, "text": tracer.STAGES[stage]}) for stage in ("opening", "compiling")
+    ]
     ask(made, other, 5)
     ask(made, viewer, 2)
     assert viewer.answers == [("refused", 1, "another pixel was asked for")]  # while the first is still running

@@ -208,6 +208,7 @@ NAMELESS: Final = """all => all.filter((each) => !each.getAttribute("aria-label"
     .filter((each) => !each.textContent.trim()).map((each) => each.outerHTML)"""
 """Controls without a name."""
 
-BEYOND: Final = """(all, width) => all.filter((each) => each.checkVisibility() && !each.closest('pre, .cv-hidden, .lp-scroll, .cv-paths'))
+BEYOND: Final = """(all, width) => all.filter((each) => each.checkVisibility())
+    .filter((each) => !each.closest('pre, .cv-hidden, .lp-scroll, .cv-paths'))
     .filter((each) => each.getBoundingClientRect().right > width + 0.5).map((each) => each.outerHTML.slice(0, 200))"""
 """Elements that reach beyond the width of the page, but for those in parts that scroll."""

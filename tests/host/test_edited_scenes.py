@@ -90,7 +90,7 @@ def pictured(tmp_path: Path) -> EditedScene:
 
 @pytest.mark.parametrize("kind", ADDED)
 def test_an_added_light_makes_a_white_surface_below_it_white(kind: str) -> None:
-    """Irradiance pi at the picked point, which a white surface reflects as radiance 1, or as what the exposure needs."""
+    """Irradiance pi at the picked point, which a white surface reflects as radiance 1, or what the exposure needs."""
     plain = {**LIT, "lights": [], "shapes": LIT["shapes"][:1]}
     exposure = {"f_stop": 4.0, "shutter": 0.01, "iso": 400.0}
     exposed = 2.0 ** -photographic_stops(**exposure)
@@ -172,7 +172,7 @@ def test_an_environment_is_replaced_by_what_is_offered_and_nothing_else(pictured
     for name in ("link.exr", "../outside.exr", str(tmp_path / "outside.exr"), "elsewhere/outside.exr", "sky.png", ""):
         with pytest.raises(UsageError, match="no environment map"):
             pictured.with_environment("file", name)
-    with pytest.raises(ClrenderError, match="broken.exr"):
+    with pytest.raises(ClrenderError, match=r"broken\.exr"):
         pictured.with_environment("file", "broken.exr")
 
 
