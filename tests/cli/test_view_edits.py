@@ -107,7 +107,7 @@ def test_alpha_is_that_of_a_render_and_is_in_what_is_saved(
     page.until_kind("saved")
     image.save(tmp_path / "b.png")
     with Image.open(path) as saved, Image.open(tmp_path / "b.png") as expected:
-        assert saved.mode == "RGBA" and np.array_equal(saved, expected)
+        assert saved.mode == "RGBA" and np.array_equal(np.asarray(saved), np.asarray(expected))
     page.say("save", name=str(path))
     page.until_kind("saved")
     with Image.open(path) as saved:

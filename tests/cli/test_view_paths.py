@@ -14,6 +14,7 @@ from view_clients import EngineClient, Received
 
 import clrender
 from clrender.errors import DeviceError
+from clrender.process.stages import STAGES
 from clrender.view import tracer
 from clrender.view.edited_scene import EditedScene
 
@@ -160,7 +161,7 @@ def test_a_newer_question_replaces_the_one_before_at_once(traced: Any) -> None:
     ask(made, viewer, 1)
     assert fake.begun.acquire(timeout=60)
     assert viewer.told == [
-        ("tracing", {"question": 1, "stage": stage, "text": tracer.STAGES[stage]}) for stage in ("opening", "compiling")
+        ("tracing", {"question": 1, "stage": stage, "text": STAGES[stage]}) for stage in ("opening", "compiling")
     ]
     ask(made, other, 5)
     ask(made, viewer, 2)

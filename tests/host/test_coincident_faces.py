@@ -169,10 +169,14 @@ def test_what_is_known_to_touch_is_what_would_be_found(monkeypatch: pytest.Monke
         first.with_checked(camera=first.camera.changed({"position": (0.0, 40.0, 400.0)})),
         first,
     ]
-    found = []
-    real = touching.moves
-    monkeypatch.setattr(touching, "moves", lambda *arguments: found.append(1) or real(*arguments))
-    known, counts = touching.KnownMoves(), []
+    found, real = list[int](), touching.moves
+
+    def counted(*arguments: Any) -> touching.Moves:
+        found.append(1)
+        return real(*arguments)
+
+    monkeypatch.setattr(touching, "moves", counted)
+    known, counts = touching.KnownMoves(), list[int]()
     for scene in scenes:
         before = len(found)
         a = flatten(scene, 8, 8, known=known)
