@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from clrender.errors import DeviceError, UsageError
 from clrender.process.driver_threads import driver_thread
@@ -23,12 +24,14 @@ from clrender.view.image_state import ImageState
 from clrender.view.inbox import Inbox
 from clrender.view.keep import table_text
 from clrender.view.priority import lower_priority
-from clrender.view.probe import probe, surroundings
+from clrender.view.probe import probe
 from clrender.view.progressive import Progressive
 from clrender.view.status import Problems, StatusReporter, sentence
-from clrender.view.tracer import Tracer, traced_job
 from clrender.view.viewer import Viewer
 from clrender.view.watch import Source, Watcher
+
+if TYPE_CHECKING:
+    from clrender.view.tracer import Tracer
 
 __all__ = ["Engine"]
 
@@ -83,7 +86,7 @@ class Engine:
         self._outputs = {str(path): Path(path) for path in outputs}
         self._inbox = Inbox()
         self._problems = Problems()
-        self._tracer = Tracer(background)
+        self._tracer: Tracer | None = None
         self._goodbye_sent = False
         self._background = background
         with ThreadPoolExecutor(1, initializer=lower_priority if background else None) as opener:
@@ -124,7 +127,8 @@ class Engine:
             self._watcher.close()
         self._inbox.close()
         self._status.first_frame.set()  # for the thread that waits for it
-        self._tracer.close(_PATIENCE)
+        if self._tracer is not None:
+            self._tracer.close(_PATIENCE)
         self._thread.join(_PATIENCE)
         self._broadcaster.end(reason)
         self.frames.release()
@@ -178,7 +182,7 @@ class Engine:
 
     def disconnect(self, viewer: Viewer) -> None:
         """Remove a viewer."""
-        self._tracer.stop(viewer)
+        self._stop_paths(viewer)
         self._broadcaster.disconnect(viewer)
 
     def post(self, viewer: Viewer, message: messages.Message) -> None:
@@ -301,13 +305,25 @@ class Engine:
                 about = {"object": message.object, "width": width, "height": height, "path": path}
                 viewer.reply("outline", message, about)
             case messages.Paths():
-                job, pixel = traced_job(edited.job, (message.x, message.y), message.samples)
-                device = self._progressive.session.devices[0].info.index
-                self._tracer.ask(viewer, message, job, pixel, device, surroundings(self._progressive, edited))
+                self._trace(viewer, message)
             case messages.StopPaths():
-                self._tracer.stop(viewer)
+                self._stop_paths(viewer)
             case messages.Save():
                 viewer.reply("saved", message, self._saved(message))
+
+    def _trace(self, viewer: Viewer, message: messages.Paths) -> None:
+        """Have the light paths of a pixel traced, of the scene as it is now."""
+        # Only here: a view starts a quarter of a second earlier without
+        from clrender.view.tracer import Tracer, surroundings, traced_job
+
+        job, pixel = traced_job(self._edited.job, (message.x, message.y), message.samples)
+        self._tracer = self._tracer or Tracer(self._background)
+        device = self._progressive.session.devices[0].info.index
+        self._tracer.ask(viewer, message, job, pixel, device, surroundings(self._progressive, self._edited))
+
+    def _stop_paths(self, viewer: Viewer) -> None:
+        if self._tracer is not None:
+            self._tracer.stop(viewer)
 
     def _read(self, work: Callable[[], EditedScene]) -> EditedScene:
         """Do what may read a file, which viewers are told of."""
@@ -398,6 +414,7 @@ class Engine:
         self._status.first_frame.wait()  # probing takes as long as a first picture, which comes first
         if self._inbox.closed:
             return
+        importlib.import_module("clrender.view.tracer")  # so that no image waits for it later
         devices = tables.devices()
         self._broadcaster.retain("hello", tables.hello(devices, list(self._outputs)))
         self._broadcaster.send("devices", {"devices": devices})

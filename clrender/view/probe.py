@@ -1,4 +1,4 @@
-"""The pixel probe: radiance with its error, the first hit of the pixel, and what its light paths are among."""
+"""The pixel probe: radiance with its error, and the first hit of the pixel."""
 
 from __future__ import annotations
 
@@ -10,17 +10,13 @@ import numpy as np
 
 from clrender.errors import UsageError
 from clrender.film.replicates import standard_error_of
-from clrender.image.exposure import photographic_stops
-from clrender.image.tone_map import to_display
-from clrender.inspection.page import sketched
-from clrender.inspection.surroundings import pose_of
 from clrender.view.parameters import parameters
 
 if TYPE_CHECKING:
     from clrender.view.edited_scene import EditedScene
     from clrender.view.progressive import Progressive
 
-__all__ = ["probe", "surroundings"]
+__all__ = ["probe"]
 
 
 def probe(progressive: Progressive, edited: EditedScene, x: int, y: int) -> dict[str, Any]:
@@ -86,27 +82,6 @@ def probe(progressive: Progressive, edited: EditedScene, x: int, y: int) -> dict
         along = float(np.dot(np.subtract(reply["position"], camera.position), view / np.linalg.norm(view)))
         reply["focus_distance"] = along if along > 0.0 else None
     return reply
-
-
-def surroundings(progressive: Progressive, edited: EditedScene) -> dict[str, Any]:
-    """What a page shows around the light paths of a pixel, as JSON values: ``revision``, ``crop`` and ``around``.
-
-    Parameters
-    ----------
-    progressive : Progressive
-        Which does not render meanwhile.
-    edited : EditedScene
-    """
-    state, camera, settings = progressive.image_state, edited.camera, edited.checked.settings
-    cloud = progressive.cloud()
-    points, linear, rows = cloud or (np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32), 1)
-    colors = to_display(linear[None], "srgb", photographic_stops(**(camera.exposure or {})))[0]
-    width, height = settings.film_size
-    return {
-        "revision": 0 if state is None else state.revision,
-        "crop": list(settings.crop or (0, 0, width, height)),
-        "around": sketched(points, colors, rows, pose_of(camera)),
-    }
 
 
 def _finite(numbers: Iterable[float]) -> list[float] | None:

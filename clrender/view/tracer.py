@@ -9,10 +9,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
 from clrender.errors import SceneError, UsageError
+from clrender.image.exposure import photographic_stops
+from clrender.image.tone_map import to_display
 from clrender.inspection.document import document
+from clrender.inspection.page import sketched
 from clrender.inspection.pipelines import check_integrator
 from clrender.inspection.pixel_paths import check_pixel
+from clrender.inspection.surroundings import pose_of
 from clrender.inspection.tracing import paths_in
 from clrender.process.driver_threads import driver_thread
 from clrender.process.stages import STAGES
@@ -22,10 +28,12 @@ from clrender.view.status import sentence
 
 if TYPE_CHECKING:
     from clrender.rendering.job import RenderJob
+    from clrender.view.edited_scene import EditedScene
     from clrender.view.messages import Paths
+    from clrender.view.progressive import Progressive
     from clrender.view.viewer import Viewer
 
-__all__ = ["Tracer", "traced_job"]
+__all__ = ["Tracer", "surroundings", "traced_job"]
 
 _KEPT: Final = 64
 """Samples whose vertices a page is sent, those that contribute most: a few hundred kilobytes."""
@@ -69,6 +77,27 @@ def traced_job(job: RenderJob, pixel: tuple[int, int], samples: int) -> tuple[Re
     count = min(samples, settings.spp)
     first = dataclasses.replace(job, settings=whole, first_sample=0, sample_count=count, aov=(), denoise=False)
     return first, (left + x, top + y)
+
+
+def surroundings(progressive: Progressive, edited: EditedScene) -> dict[str, Any]:
+    """What a page shows around the light paths of a pixel, as JSON values: ``revision``, ``crop`` and ``around``.
+
+    Parameters
+    ----------
+    progressive : Progressive
+        Which does not render meanwhile.
+    edited : EditedScene
+    """
+    state, camera, settings = progressive.image_state, edited.camera, edited.checked.settings
+    cloud = progressive.cloud()
+    points, linear, rows = cloud or (np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32), 1)
+    colors = to_display(linear[None], "srgb", photographic_stops(**(camera.exposure or {})))[0]
+    width, height = settings.film_size
+    return {
+        "revision": 0 if state is None else state.revision,
+        "crop": list(settings.crop or (0, 0, width, height)),
+        "around": sketched(points, colors, rows, pose_of(camera)),
+    }
 
 
 class Tracer:

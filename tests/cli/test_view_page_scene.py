@@ -123,7 +123,7 @@ def test_paths_follow_the_camera_and_edits_by_keyboard_too(browser: Any, server:
             "view.hub.send({ type: 'material', name: 'ball', values: { reflectance: [0.1, 0.1, 0.9] } }); return 0"
         )
         view.wait(f"{_TRACED} && {_DRAWN} >= 2 && {_STATUS}.startsWith('All') && {_STATUS} !== argument", second)
-        view.page.get_by_label("Samples", exact=True).last.fill("4")
+        view.page.get_by_label("Traced samples", exact=True).fill("4")
         view.page.keyboard.press("Enter")
         view.wait(f"{_STATUS}.startsWith('The first 4 of 16 samples')")
         assert view.page.locator(".lp-samples tbody tr").count() == 4

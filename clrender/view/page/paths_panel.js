@@ -13,7 +13,7 @@ const CHANGED = "The image has changed: its paths are traced when it rests.";
 /** A panel's content, `trace(x, y)`, `clear()`, and `open(isOpen)`. */
 export function createPathsPanel(hub, picture) {
   const samples = createField(
-    { label: "Samples", help: "The first samples of the pixel, which are traced; those that contribute most are listed", schema: { type: "integer", minimum: 1, maximum: MOST_SAMPLES } },
+    { label: "Traced samples", help: "The first samples of the pixel, which are traced; those that contribute most are listed", schema: { type: "integer", minimum: 1, maximum: MOST_SAMPLES } },
     (value) => {
       count = Math.min(Math.max(Math.round(value ?? 256), 1), MOST_SAMPLES);
       samples.show(count, false);
