@@ -218,8 +218,7 @@ def test_the_environment_is_a_file_beside_the_scene_or_a_sky(browser: Any, serve
         assert chosen.input_value() == "constant"
         view.wait("[...document.querySelectorAll('option')].some((each) => each.value === 'file:map.exr')")
         chosen.select_option("sky")
-        section = view.page.locator(".cv-section").filter(has_text="Turbidity").last
-        section.get_by_role("spinbutton", name="Turbidity").wait_for(state="visible")
+        view.page.get_by_label("Haze (turbidity)", exact=True).last.wait_for(state="visible")
         chosen.select_option("file:map.exr")
         view.wait("view.hub.newest('scene').environment.kind === 'file'")
         view.page.get_by_label("Strength: strength").fill("2.5")

@@ -5,7 +5,7 @@ import { createField } from "./fields.js";
 import { labelOf } from "./settings_panel.js";
 
 const KINDS = [["scene", "As in the scene file"], ["none", "None"], ["constant", "Constant"], ["sky", "Sun and sky"]];
-const PARAMETERS = { radiance: "Radiance", scale: "Strength", rotate_degrees: "Rotation", sun_direction: "Sun direction", turbidity: "Turbidity", visible_to_camera: "Visible" };
+const PARAMETERS = { radiance: "Uniform light", scale: "Strength", rotate_degrees: "Rotation", sun_direction: "Direction of sun", turbidity: "Haze (turbidity)", visible_to_camera: "Visible" };
 
 /** A panel's content, and `hide(hidden)`: whether the camera sees it. */
 export function createEnvironmentPanel(hub, say) {
