@@ -98,7 +98,7 @@ def test_an_added_light_makes_a_white_surface_below_it_white(kind: str) -> None:
     for camera, white in ((LIT["camera"], 1.0), ({**LIT["camera"], **exposure}, exposed)):
         start = EditedScene.of(clrender.Scene.model_validate({**plain, "camera": camera}), {"width": 8, "height": 8})
         edited, place = start.with_added_light(kind, (0.5, -0.5, 0.0))
-        light = edited.emitters[place]
+        light: Any = edited.emitters[place]
         height = 0.25 * float(np.linalg.norm([0.5, -0.5, -3.0]))
         if kind == "directional":
             irradiance = np.array(light.irradiance)
@@ -124,7 +124,7 @@ def test_lights_are_added_edited_and_removed(lit: EditedScene) -> None:
     assert [first, second, third] == ["lights[4]", "shapes[2]", "shapes[3]"]
     assert list(three.emitters) == [*(f"lights[{i}]" for i in range(5)), *(f"shapes[{i}]" for i in (1, 2, 3))]
     changed = three.with_light(third, {"radius": 0.25}).without_light(second)
-    scene = changed.job.scene
+    scene: Any = changed.job.scene
     assert [shape.type for shape in scene.shapes] == ["sphere"] * 3 and scene.shapes[2].radius == 0.25
     assert changed.place_of_shape(2) == third and changed.place_of_shape(1) == "shapes[1]"
     told = tables.scene(changed)["emitters"]
