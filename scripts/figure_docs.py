@@ -235,6 +235,7 @@ OTHERS: Final[Mapping[str, Sequence[str]]] = {
     "speed.jpg": ["speed_docs.py", "pictures"],
     "speed-growth.svg": ["speed_docs.py"],
     "report-*": ["report_docs"],
+    "view.jpg": ["view_page.py", "--documentation"],
 }
 """Commands of the scripts that make other files, by file pattern."""
 

@@ -1,13 +1,16 @@
 """Measure the page of `clrender view` in Chromium, and take pictures of it: `scripts/view_page.py -o DIR [SCENE]`.
 
 Needs `pip install playwright` and Debian's Chromium. Prints one JSON object: milliseconds from the page's first request
-to the first picture drawn, from a camera move in the page to the frame that shows it, and from an edit of a material
-and of a light to the first frame of the new image.
+to the first picture drawn, from a camera move in the page to the frame that shows it, from an edit of a material and of
+a light to the first frame of the new image, and from a question for the light paths of a pixel to its answer.
+
+`scripts/view_page.py --documentation` makes `docs/view.jpg`: the scene `product`, and light paths of the bottle.
 """
 
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import statistics
 import sys
@@ -16,6 +19,7 @@ from typing import Any, Final
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "cli"))
 
+from PIL import Image
 from view_browser import chromium, view_of
 from view_clients import Server
 
@@ -61,6 +65,24 @@ _EDITS: Final = """
     return times;
 """
 
+_PATHS: Final = """
+    const [width, height] = view.picture.size();
+    const times = [];
+    for (let i = 0; i < argument; i += 1) {
+        const begin = performance.now();
+        const place = { x: Math.floor(width * (0.3 + 0.03 * i)), y: Math.floor(height * 0.6) };
+        const ask = (answered) => view.hub.send({ type: "paths", ...place }, answered);
+        const reply = await new Promise((resolve) => ask((got) => (resolve(got), true)));
+        if (reply.type !== "paths") throw new Error(reply.message);
+        times.push(performance.now() - begin);
+    }
+    return times;
+"""
+
+_DOCUMENTATION: Final = Path(__file__).resolve().parents[1] / "docs" / "view.jpg"
+_PIXEL: Final = (0.545, 0.47)
+"""Where the documentation's picture has its paths: in the bottle."""
+
 
 def main() -> int:
     """Measure, and take screenshots."""
@@ -69,8 +91,15 @@ def main() -> int:
     parser.add_argument("--size", default="640x360")
     parser.add_argument("-d", "--device")
     parser.add_argument("--orbits", type=int, default=20)
-    parser.add_argument("-o", "--output", type=Path, required=True, help="folder for pictures")
+    parser.add_argument("-o", "--output", type=Path, help="folder for pictures")
+    parser.add_argument("--documentation", action="store_true", help="make the picture of docs/view.md instead")
+    parser.add_argument("--spp", type=int, default=64, help="of that picture, which is denoised (64)")
     chosen = parser.parse_args()
+    if chosen.documentation:
+        _documented(chosen.spp, chosen.output)
+        return 0
+    if chosen.output is None:
+        parser.error("name a folder for pictures with -o")
     chosen.output.mkdir(parents=True, exist_ok=True)
     with chromium() as browser:
         arguments = (
@@ -85,6 +114,7 @@ def main() -> int:
             firsts = [_first(browser, server) for _ in range(5)]
             orbits = _orbits(browser, server, chosen.orbits)
             edits = {kind: _edits(browser, server, kind, chosen.orbits) for kind in ("material", "light")}
+            paths = _traced(browser, server, 8)
             for scheme in ("dark", "light"):
                 for name, width, height in (("desktop", 1440, 900), ("phone", 390, 844)):
                     _pictures(browser, server, chosen.output, f"{name}-{scheme}", scheme, (width, height))
@@ -92,8 +122,30 @@ def main() -> int:
     told = {"scene": chosen.scene, "size": chosen.size, "first_ms": firsts, "orbit_ms": orbits}
     told |= {"first_median_ms": statistics.median(firsts), "orbit_median_ms": statistics.median(orbits)}
     told |= {f"{kind}_median_ms": round(statistics.median(times), 1) for kind, times in edits.items() if times}
+    told |= {"first_paths_ms": paths[0], "paths_median_ms": statistics.median(paths[1:])}
     print(json.dumps(told))
     return 0
+
+
+def _documented(spp: int, folder: Path | None) -> None:
+    """Write the picture of the documentation, and as PNG into a folder, if one is given."""
+    viewport = {"width": 1440, "height": 900}
+    with chromium() as browser, Server("product", "--size", "800x600", "--spp", str(spp)) as server:
+        with view_of(browser, server, "documentation", viewport=viewport, color_scheme="dark") as view:
+            page = view.page
+            view.wait("view.hub.newest('hello') !== undefined")
+            page.get_by_label("Layer", exact=True).select_option("denoised")
+            view.wait_until_done(1800)
+            page.get_by_role("tab", name="Light paths").click()
+            view.click(*_PIXEL)
+            view.wait("document.querySelector('.lp-samples') !== null")
+            page.wait_for_timeout(8000)  # until messages are gone
+            picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+        server.end()
+    picture.save(_DOCUMENTATION, quality=80, optimize=True)
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        picture.save(folder / "view.png")
 
 
 def _first(browser: Any, server: Server) -> float:
@@ -117,6 +169,13 @@ def _edits(browser: Any, server: Server, kind: str, count: int) -> list[float]:
     with view_of(browser, server, "edits") as view:
         view.wait("view.picture.frame() !== undefined && view.hub.newest('scene') !== undefined")
         return [float(each) for each in view.run(_EDITS, {"type": kind, "count": count})]
+
+
+def _traced(browser: Any, server: Server, count: int) -> list[float]:
+    """Milliseconds from each of some questions for light paths to its answer; the first with what is compiled."""
+    with view_of(browser, server, "paths") as view:
+        view.wait("view.picture.frame() !== undefined && view.hub.newest('state') !== undefined")
+        return [round(each, 1) for each in view.run(_PATHS, count)]
 
 
 def _pictures(browser: Any, server: Server, folder: Path, name: str, scheme: str, size: tuple[int, int]) -> None:

@@ -33,6 +33,7 @@ from clrender.flatten.spectral import SpectralPlace, disperses
 from clrender.flatten.surfaces import flat_surfaces
 from clrender.flatten.texture_rows import flat_textures
 from clrender.flatten.thin_films import thin_film_rows
+from clrender.flatten.touching import KnownMoves
 from clrender.scene.description import (
     Camera,
     DirectionalLight,
@@ -199,6 +200,7 @@ def flatten(
     light_sampler: str = "auto",
     origin: Vector | None = None,
     compensated: bool = False,
+    known: KnownMoves | None = None,
 ) -> FlatScene:
     """Convert a scene to arrays, for an image of `width` by `height` pixels.
 
@@ -214,6 +216,8 @@ def flatten(
     compensated : bool
         MIS compensation: light sampling of the environment leaves the parts darker than its mean to BSDF sampling; see
         `clrender.flatten.environment.environment_table`.
+    known : KnownMoves, optional
+        What touched in the scene before, which is not looked for again if shapes are where they were.
 
     Raises
     ------
@@ -228,7 +232,7 @@ def flatten(
     scene, camera, knots = _seen(scene, width, height, origin)
     assembly = assemble(scene)
     scene = assembly.scene
-    surfaces = flat_surfaces(scene, origin, assembly.own_shapes, assembly)
+    surfaces = flat_surfaces(scene, origin, assembly.own_shapes, assembly, known=known)
     instances = flat_instances(assembly, surfaces)
     media = scene_media(scene)
     around = flat_environment(scene, compensated)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -74,7 +74,8 @@ def fresnel(cosine: float, eta: float, k: float) -> float:
     return 0.5 * (t1 - t2) / (t1 + t2) * (1.0 + (t3 - t4) / (t3 + t4))
 
 
+@lru_cache(4096)
 def fresnel_average(eta: float, k: float) -> float:
-    """The mean of `fresnel` over cosine-distributed directions."""
+    """The mean of `fresnel` over cosine-distributed directions; kept, as a metal has hundreds with wavelengths."""
     middles = [(i + 0.5) / _STEPS for i in range(_STEPS)]
     return 2.0 * math.fsum(fresnel(x, eta, k) * x for x in middles) / _STEPS

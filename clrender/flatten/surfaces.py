@@ -28,7 +28,7 @@ from clrender.flatten.media import Solid, scene_media, solid_of
 from clrender.flatten.moved import moved
 from clrender.flatten.polyhedra import polyhedron
 from clrender.flatten.surface_arrays import FlatSurfaces
-from clrender.flatten.touching import moves, undecided
+from clrender.flatten.touching import KnownMoves, moves, undecided
 from clrender.meshes.data import COORDINATE_LIMIT, TRIANGLE_LIMIT, MeshData
 from clrender.scene.description import Scene
 from clrender.scene.shapes import Curves, Disk, Mesh, Shape, Sphere
@@ -56,6 +56,7 @@ def flat_surfaces(
     assembly: Assembly | None = None,
     *,
     all_attributes: bool = False,
+    known: KnownMoves | None = None,
 ) -> FlatSurfaces:
     """Arrays of all shapes of a scene, triangles first.
 
@@ -73,6 +74,8 @@ def flat_surfaces(
         Groups of those others, and where they are placed.
     all_attributes : bool
         Whether to give attributes to all shapes, as if they were textured.
+    known : KnownMoves, optional
+        What touched in the scene before.
 
     Raises
     ------
@@ -177,12 +180,14 @@ def flat_surfaces(
         attributes=attributes,
         first_vertex=first_vertex,
     )
-    return _apart(scene, flat, own, assembly)
+    return _apart(scene, flat, own, assembly, known)
 
 
-def _apart(scene: Scene, flat: FlatSurfaces, own: int, assembly: Assembly | None) -> FlatSurfaces:
+def _apart(
+    scene: Scene, flat: FlatSurfaces, own: int, assembly: Assembly | None, known: KnownMoves | None
+) -> FlatSurfaces:
     """The surfaces without any that coincide, as far as rules decide; warnings name those where none does."""
-    found = moves(scene, flat, own, assembly)
+    found = (moves if known is None else known.of)(scene, flat, own, assembly)
     warnings = [f"{scene.source}: {text}" for text in undecided(scene, found)]
     return replace(moved(flat, found), warnings=(*flat.warnings, *warnings), camera_free=found.camera_free)
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from clrender.scene.description import Scene
     from clrender.scene.values import Vector
 
-__all__ = ["Moves", "camera_reach", "moves", "undecided"]
+__all__ = ["KnownMoves", "Moves", "camera_reach", "moves", "undecided"]
 
 _CURE: Final = "give both a priority and let one reach a little into the other, or keep them apart"
 _CLEAR: Final = 16.0 * ROUNDING
@@ -65,6 +65,8 @@ _REACH: Final = 16.0
 _CAMERA: Final = 0.25
 """Part of the way that rays come from the camera, which `_CLEAR` leaves room for."""
 _MOST_SPHERES: Final = 2**18
+_MOST_KNOWN: Final = 2**20
+"""Primitives of a scene of which it is kept what touches."""
 _FEW: Final = 2**12
 """Most opaque faces of simple shapes that are searched for coincidences which nothing decides."""
 
@@ -157,6 +159,47 @@ def moves(scene: Scene, surfaces: FlatSurfaces, own: int, assembly: Assembly | N
         if result.any or camera == 0.0:
             result.camera_free = outer.camera_free
     return result
+
+
+class KnownMoves:
+    """What was found last, for scenes after each other whose shapes are in the same places, as while one is edited.
+
+    All that `moves` reads is compared, so that what is known is what would be found.
+    """
+
+    def __init__(self) -> None:
+        self._known: tuple[tuple[Any, ...], list[NDArray[Any]], Moves] | None = None
+
+    def of(self, scene: Scene, surfaces: FlatSurfaces, own: int, assembly: Assembly | None) -> Moves:
+        """As of `moves`; of scenes with groups, and of large ones, nothing is kept."""
+        if (assembly is not None and assembly.groups) or len(surfaces.primitive_shape) > _MOST_KNOWN:
+            self._known = None
+            return moves(scene, surfaces, own, assembly)
+        shapes = range(len(surfaces.shapes))
+        numbers = [(_kind(scene, index), isinstance(scene.plain_shapes[index], Mesh)) for index in shapes]
+        key = numbers, own, camera_reach(scene.camera, surfaces.origin)
+        arrays = [
+            surfaces.vertices,
+            surfaces.triangles,
+            surfaces.analytic_shapes,
+            surfaces.curve_rows,
+            surfaces.primitive_shape,
+            surfaces.first,
+            surfaces.count,
+            surfaces.first_vertex,
+            surfaces.shapes["material"].copy(),
+        ]
+        known = self._known
+        if known is None or known[0] != key or not all(map(_same, known[1], arrays)):
+            known = self._known = key, arrays, moves(scene, surfaces, own, assembly)
+        return known[2]
+
+
+def _same(a: NDArray[Any], b: NDArray[Any]) -> bool:
+    """Whether two arrays have the same bytes, so that two of the same not-a-number are equal."""
+    if a.shape != b.shape or a.dtype != b.dtype:
+        return False
+    return bool(np.array_equal(np.ascontiguousarray(a).view(np.uint8), np.ascontiguousarray(b).view(np.uint8)))
 
 
 def undecided(scene: Scene, found: Moves) -> list[str]:

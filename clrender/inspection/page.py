@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+from collections.abc import Mapping
 from html import escape
 from pathlib import Path
 from string import Template
@@ -12,15 +13,15 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from clrender.drawing.bundle import joined, style_sheet
 from clrender.image.display import png_bytes
 from clrender.image.tone_map import to_display
 from clrender.inspection.document import plain
-from clrender.view.bundle import PAGE, joined
 
 if TYPE_CHECKING:
     from clrender.inspection.surroundings import Surroundings
 
-__all__ = ["paths_page"]
+__all__ = ["paths_page", "sketched"]
 
 _FOLDER: Final = Path(__file__).parent / "page"
 
@@ -37,14 +38,12 @@ def paths_page(title: str, paths: str, around: Surroundings | None) -> str:
         Pictures and points of the scene.
     """
     template = Template((_FOLDER / "paths.html").read_text(encoding="utf-8"))
-    sheets = ((PAGE, "style.css"), (_FOLDER, "paths.css"))
-    styles = [(folder / name).read_text(encoding="utf-8") for folder, name in sheets]
     return template.substitute(
         title=escape(title),
-        style="\n".join(styles),
+        style=style_sheet(),
         paths=_in_script(paths),
         surroundings=_in_script(json.dumps(None if around is None else _pictured(around))),
-        script=joined("paths.js", _FOLDER),
+        script=joined("paths.js"),
     )
 
 
@@ -55,20 +54,40 @@ def _in_script(text: str) -> str:
 
 def _pictured(around: Surroundings) -> dict[str, Any]:
     """Pictures as data URLs, and points as base64 of little-endian numbers."""
-    colors = to_display(around.colors[None], around.tone_map, around.stops)[0]
-    points = around.points.astype("<f4")
-    position = np.asarray(around.camera["position"])
-    distances = np.linalg.norm(points - position, axis=1) if len(points) else np.ones(1)
     height, width = around.near.shape[:2]
+    colors = to_display(around.colors[None], around.tone_map, around.stops)[0]
     return {
         "image": _picture(around.image, around),
         "near": _picture(around.near, around),
         "near_corner": list(around.near_corner),
         "near_size": [width, height],
+        **sketched(around.points, colors, around.point_rows, around.camera),
+    }
+
+
+def sketched(
+    points: npt.NDArray[np.float32], colors: npt.NDArray[np.uint8], rows: int, camera: Mapping[str, Any]
+) -> dict[str, Any]:
+    """What the sketch of a scene in three dimensions is drawn from, as JSON values.
+
+    Parameters
+    ----------
+    points : (p, 3) float32
+        First hits of the camera, world space, metres.
+    colors : (p, 3) uint8
+        For display.
+    rows : int
+        Of the grid of rays that found them.
+    camera : mapping
+        As of `clrender.inspection.surroundings.pose_of`.
+    """
+    points = points.astype("<f4")
+    distances = np.linalg.norm(points - np.asarray(camera["position"]), axis=1) if len(points) else np.ones(1)
+    return {
         "points": base64.b64encode(points.tobytes()).decode(),
         "colors": base64.b64encode(np.ascontiguousarray(colors).tobytes()).decode(),
-        "rows": around.point_rows,
-        "camera": plain(around.camera),
+        "rows": rows,
+        "camera": plain(camera),
         # What is turned about, and how far rays that leave the scene are drawn
         "middle": max(float(np.median(distances)), 1e-6),
         "reach": max(float(np.quantile(distances, 0.95)), 1e-6),

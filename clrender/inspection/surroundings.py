@@ -14,9 +14,10 @@ if TYPE_CHECKING:
     from clrender.rendering.job import RenderJob
     from clrender.rendering.job_render import Recorded
     from clrender.rendering.session import Session
+    from clrender.scene.camera import Camera
     from clrender.settings import RenderSettings
 
-__all__ = ["Surroundings", "surroundings_of"]
+__all__ = ["Surroundings", "pose_of", "surroundings_of"]
 
 _IMAGE_SIDE: Final = 384
 _CLOUD_SIDE: Final = 192
@@ -102,19 +103,25 @@ def surroundings_of(
     columns = np.minimum(((np.arange(width) + 0.5) * across / width).astype(int), across - 1)
     hit = np.isfinite(layer).all(axis=2)
     colors = image.linear[rows][:, columns][hit]
-    camera = job.scene.camera.opened
-    right, up, forward = camera.axes
-    pose = {
-        "position": list(camera.position),
+    points = np.ascontiguousarray(layer[hit])
+    stops = image.camera_stops
+    return Surroundings(
+        image.linear, near.linear, (left, top), points, colors, height, pose_of(job.scene.camera), stops
+    )
+
+
+def pose_of(camera: Camera) -> dict[str, Any]:
+    """Where a camera is and how it looks, as `Surroundings.camera`."""
+    opened = camera.opened
+    right, up, forward = opened.axes
+    return {
+        "position": list(opened.position),
         "right": list(right),
         "up": list(up),
         "forward": list(forward),
-        "fov": float(camera.vertical_fov) if camera.type == "perspective" else 45.0,
-        "projects": camera.type == "perspective" and not any(camera.lens_shift) and not camera.mirrored,
+        "fov": float(opened.vertical_fov) if opened.type == "perspective" else 45.0,
+        "projects": opened.type == "perspective" and not any(opened.lens_shift) and not opened.mirrored,
     }
-    points = np.ascontiguousarray(layer[hit])
-    stops = image.camera_stops
-    return Surroundings(image.linear, near.linear, (left, top), points, colors, height, pose, stops)
 
 
 def _job(job: RenderJob, settings: RenderSettings, **more: Any) -> RenderJob:

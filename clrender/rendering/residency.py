@@ -23,7 +23,7 @@ from clrender.errors import DeviceError, UsageError
 from clrender.flatten.flat_scene import FlatScene, flatten, scene_origin, seen_by
 from clrender.flatten.light_groups import lit_by
 from clrender.flatten.plugin_rows import used_plugins
-from clrender.flatten.touching import camera_reach
+from clrender.flatten.touching import KnownMoves, camera_reach
 from clrender.integrators.descriptor import Pipeline
 from clrender.process.stages import Stages
 from clrender.rendering.job import RenderJob
@@ -76,6 +76,7 @@ class Residency:
         self._devices: list[Device] | None = None
         self._dismissed: set[Device] = set()
         self._flat: tuple[_Geometry, FlatScene] | None = None
+        self._known = KnownMoves()
         self._before: dict[Device, frozenset[Buffer]] = {}
         self._uploaded: dict[Device, tuple[FlatScene, SceneArrays]] = {}
         self._scratch: dict[Device, Scratch] = {}
@@ -137,7 +138,7 @@ class Residency:
         geometry = _Geometry.of(job)
         if self._flat is None or not self._flat[0].same(geometry, self._flat[1].camera_free):
             with self.stages.during("flattening"):
-                self._flat = geometry, _flattened(job)
+                self._flat = geometry, _flattened(job, self._known)
         settings = job.settings
         flat = seen_by(self._flat[1], job.scene, settings.width, settings.height)
         return self._seen_together(flat, job) if job.views else flat
@@ -295,7 +296,7 @@ def _compensated(job: RenderJob) -> bool:
     return bool(settings["light_samples"][0] and settings["bsdf_samples"][0])
 
 
-def _flattened(job: RenderJob) -> FlatScene:
+def _flattened(job: RenderJob, known: KnownMoves) -> FlatScene:
     settings = job.settings
     flat = flatten(
         job.scene,
@@ -303,6 +304,7 @@ def _flattened(job: RenderJob) -> FlatScene:
         settings.height,
         _light_sampler(job),
         compensated=_compensated(job),
+        known=known,
     )
     if job.lit_by is not None:
         flat = lit_by(flat, job.lit_by)

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from clrender.errors import UsageError
 from clrender.exporters.own import toml_text
+from clrender.image.exposure import photographic_stops
 from clrender.limits import nearest, shown
 from clrender.rendering.job import RenderJob
 from clrender.scene import Scene
@@ -18,7 +19,8 @@ from clrender.scene.camera import Camera
 from clrender.scene.former_keys import present_keys
 from clrender.scene.validation_errors import scene_error
 from clrender.settings import IMAGE, SETTINGS, present, settings_of
-from clrender.view.lights import emitter_keys, emitters, with_emitters
+from clrender.view.environments import environment_light, is_environment
+from clrender.view.lights import added_light, emitter_keys, emitters, free_place, place_of_shape, with_emitters
 from clrender.view.parameters import changeable, is_plain
 
 if TYPE_CHECKING:
@@ -54,7 +56,7 @@ class EditedScene:
     materials : mapping
         Those that were changed.
     lights : mapping
-        Lights and shining shapes that were changed, by their places.
+        Lights and shining shapes that were changed, added, or (None) removed, by their places; see `with_emitters`.
     settings : mapping
         Those that were changed.
     checked : RenderJob
@@ -65,7 +67,7 @@ class EditedScene:
     given: Mapping[str, Any]
     camera: Camera
     materials: Mapping[str, Material]
-    lights: Mapping[str, Emitter]
+    lights: Mapping[str, Emitter | None]
     settings: Mapping[str, Any]
     checked: RenderJob
 
@@ -87,7 +89,7 @@ class EditedScene:
         given: Mapping[str, Any],
         camera: Camera,
         materials: Mapping[str, Material],
-        lights: Mapping[str, Emitter],
+        lights: Mapping[str, Emitter | None],
         settings: Mapping[str, Any],
     ) -> EditedScene:
         changed = scene.changed({("materials", name): material for name, material in materials.items()})
@@ -171,12 +173,93 @@ class EditedScene:
         UsageError, SceneError
             There is no such light or key, or the value is not allowed.
         """
-        known = emitters(self.checked.scene)
+        known = self._emitter(name)
+        return self._lit({**self.lights, name: _with_values(known, values, emitter_keys(known), name)})
+
+    @property
+    def emitters(self) -> Mapping[str, Emitter]:
+        """Lights and shining shapes as they are now, by place."""
+        return emitters(self.scene, self.lights)
+
+    def _emitter(self, name: str) -> Emitter:
+        known = self.emitters
         if name not in known:
             raise UsageError(f"there is no light {shown(name)}{nearest(name, known)}")
-        other = _with_values(known[name], values, emitter_keys(known[name]), name)
-        lights = {**self.lights, name: other}
+        return known[name]
+
+    def _lit(self, lights: Mapping[str, Emitter | None]) -> EditedScene:
         return self._made(self.scene, self.given, self.camera, self.materials, lights, self.settings)
+
+    def is_own(self, name: str) -> bool:
+        """Whether a light or shining shape is of the scene file, and not added."""
+        return name in emitters(self.scene)
+
+    def place_of_shape(self, index: int) -> str:
+        """The place of a shape, by its index in the scene as it is rendered."""
+        return place_of_shape(self.scene, self.lights, index)
+
+    def with_added_light(self, kind: str, position: Sequence[float] | None) -> tuple[EditedScene, str]:
+        """With another light above a point (None: above what the camera looks at), and its place.
+
+        Parameters
+        ----------
+        kind : str
+            Of `clrender.view.lights.ADDED`.
+        position : (float, float, float), optional
+            Metres.
+        """
+        at = self.camera.target if position is None else position
+        try:
+            table, light = added_light(kind, at, self.camera, self._stops)
+        except ValidationError as error:
+            raise scene_error(error, Camera, "the light") from None
+        name = free_place(self.scene, self.lights, table)
+        return self._lit({**self.lights, name: light}), name
+
+    def without_light(self, name: str) -> EditedScene:
+        """Without a light, or an added lamp.
+
+        Raises
+        ------
+        UsageError
+            There is none of that name, or it is a shape of the scene file.
+        """
+        self._emitter(name)
+        if not self.is_own(name):
+            return self._lit({place: light for place, light in self.lights.items() if place != name})
+        if name.startswith("shapes"):
+            raise UsageError(f"{name} is a shape of the scene file; set its emission to 0 instead of removing it")
+        return self._lit({**self.lights, name: None})
+
+    @property
+    def environment(self) -> str | None:
+        """Place of the environment; None: there is none."""
+        return next((name for name, light in self.emitters.items() if is_environment(light)), None)
+
+    def with_environment(self, kind: str, file: str) -> EditedScene:
+        """With another environment; see `clrender.view.environments`.
+
+        Raises
+        ------
+        UsageError, SceneError
+            There is no such file, or it cannot be read.
+        """
+        own = next((name for name, light in emitters(self.scene).items() if is_environment(light)), None)
+        name = self.environment or own or free_place(self.scene, self.lights, "lights")
+        others = {place: light for place, light in self.lights.items() if place != name}
+        if kind == "scene":
+            return self._lit(others)
+        if kind == "none":
+            return self._lit(others if own is None else {**others, name: None})
+        before = self.emitters.get(name)
+        light = environment_light(kind, file, self.scene, before, self._stops)
+        edited = self._lit({**others, name: light})
+        edited.checked.scene.environment_picture()  # read now: it is refused where it cannot be
+        return edited
+
+    @property
+    def _stops(self) -> float:
+        return photographic_stops(**(self.camera.exposure or {}))
 
     def reset(self, what: str) -> EditedScene:
         """As in the scene and the command line again: ``camera``, ``settings``, ``materials`` or ``lights``."""

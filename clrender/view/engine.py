@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from clrender.errors import DeviceError, UsageError
 from clrender.process.driver_threads import driver_thread
@@ -16,6 +17,7 @@ from clrender.scene import Scene
 from clrender.view import messages, tables
 from clrender.view.broadcaster import Broadcaster
 from clrender.view.edited_scene import EditedScene
+from clrender.view.environments import environment_files
 from clrender.view.frames import Frames
 from clrender.view.history import History
 from clrender.view.image_state import ImageState
@@ -27,6 +29,9 @@ from clrender.view.progressive import Progressive
 from clrender.view.status import Problems, StatusReporter, sentence
 from clrender.view.viewer import Viewer
 from clrender.view.watch import Source, Watcher
+
+if TYPE_CHECKING:
+    from clrender.view.tracer import Tracer
 
 __all__ = ["Engine"]
 
@@ -81,6 +86,7 @@ class Engine:
         self._outputs = {str(path): Path(path) for path in outputs}
         self._inbox = Inbox()
         self._problems = Problems()
+        self._tracer: Tracer | None = None
         self._goodbye_sent = False
         self._background = background
         with ThreadPoolExecutor(1, initializer=lower_priority if background else None) as opener:
@@ -121,6 +127,8 @@ class Engine:
             self._watcher.close()
         self._inbox.close()
         self._status.first_frame.set()  # for the thread that waits for it
+        if self._tracer is not None:
+            self._tracer.close(_PATIENCE)
         self._thread.join(_PATIENCE)
         self._broadcaster.end(reason)
         self.frames.release()
@@ -174,6 +182,7 @@ class Engine:
 
     def disconnect(self, viewer: Viewer) -> None:
         """Remove a viewer."""
+        self._stop_paths(viewer)
         self._broadcaster.disconnect(viewer)
 
     def post(self, viewer: Viewer, message: messages.Message) -> None:
@@ -184,9 +193,15 @@ class Engine:
         """Have the render thread look which layers are wanted now."""
         self._inbox.wake()
 
-    def image(self) -> Future[RenderedImage | None]:
-        """The image so far, with its numbers; None: there is no sample yet. Later samples leave it as it is."""
-        return self._inbox.call(self._progressive.copied)
+    def image(self, alpha: bool = False) -> Future[RenderedImage | None]:
+        """The image so far, with its numbers; None: there is no sample yet. Later samples leave it as it is.
+
+        Parameters
+        ----------
+        alpha : bool
+            Whether with the layer ``alpha``.
+        """
+        return self._inbox.call(partial(self._progressive.copied, alpha))
 
     def scene_to_keep(self) -> Future[EditedScene]:
         """The scene after all edits that have arrived so far."""
@@ -253,6 +268,17 @@ class Engine:
                 label = f"{', '.join(names).replace('_', ' ')} of {message.name}"
                 changed = edited.with_light(message.name, message.values)
                 self._render_edited(changed, label, (viewer.number, "light", message.name, *names))
+            case messages.AddLight():
+                changed, name = edited.with_added_light(message.kind, message.position)
+                self._render_edited(changed, f"added {message.kind} light", None)
+                viewer.reply("added", message, {"name": name})
+            case messages.RemoveLight():
+                self._render_edited(edited.without_light(message.name), f"removed {message.name}", None)
+            case messages.SetEnvironment():
+                changed = self._read(lambda: edited.with_environment(message.kind, message.file))
+                self._render_edited(changed, "environment", None)
+            case messages.Environments():
+                viewer.reply("environments", message, {"files": environment_files(edited.scene)})
             case messages.Reset():
                 self._render_edited(edited.reset(message.what), f"reset of {message.what}", None)
             case messages.Undo() | messages.Redo():
@@ -278,8 +304,34 @@ class Engine:
                 width, height, path = self._progressive.outline(message.object)
                 about = {"object": message.object, "width": width, "height": height, "path": path}
                 viewer.reply("outline", message, about)
+            case messages.Paths():
+                self._trace(viewer, message)
+            case messages.StopPaths():
+                self._stop_paths(viewer)
             case messages.Save():
                 viewer.reply("saved", message, self._saved(message))
+
+    def _trace(self, viewer: Viewer, message: messages.Paths) -> None:
+        """Have the light paths of a pixel traced, of the scene as it is now."""
+        # Only here: a view starts a quarter of a second earlier without
+        from clrender.view.tracer import Tracer, surroundings, traced_job
+
+        job, pixel = traced_job(self._edited.job, (message.x, message.y), message.samples)
+        self._tracer = self._tracer or Tracer(self._background)
+        device = self._progressive.session.devices[0].info.index
+        self._tracer.ask(viewer, message, job, pixel, device, surroundings(self._progressive, self._edited))
+
+    def _stop_paths(self, viewer: Viewer) -> None:
+        if self._tracer is not None:
+            self._tracer.stop(viewer)
+
+    def _read(self, work: Callable[[], EditedScene]) -> EditedScene:
+        """Do what may read a file, which viewers are told of."""
+        self._broadcaster.stage("reading")
+        try:
+            return work()
+        finally:
+            self._broadcaster.stage("")
 
     def _render_edited(self, edited: EditedScene, label: str, key: Hashable) -> None:
         """Render the scene after an edit, which can be undone; label and key as of `History.record`."""
@@ -321,7 +373,7 @@ class Engine:
         if (path := self._outputs.get(message.name)) is None:
             known = ", ".join(self._outputs) or "none: name some with -o on the command line"
             raise UsageError(f"{message.name[:80]!r} is no file of the command line; there is {known}")
-        if (image := self._progressive.developed()) is None:
+        if (image := self._progressive.developed(message.alpha)) is None:
             raise UsageError("there is no sample yet, and so nothing to save")
         image.save(path, message.tone_map, message.exposure)
         return {"name": message.name, "bytes": path.stat().st_size}
@@ -362,6 +414,7 @@ class Engine:
         self._status.first_frame.wait()  # probing takes as long as a first picture, which comes first
         if self._inbox.closed:
             return
+        importlib.import_module("clrender.view.tracer")  # so that no image waits for it later
         devices = tables.devices()
         self._broadcaster.retain("hello", tables.hello(devices, list(self._outputs)))
         self._broadcaster.send("devices", {"devices": devices})

@@ -20,7 +20,7 @@ from clrender.image.denoise import Denoiser
 from clrender.image.tone_map import LUMINANCE
 from clrender.view.image_state import ImageState, Pixels
 
-__all__ = ["LAYERS", "Frame", "Frames", "encode", "first_hit_layers_of"]
+__all__ = ["LAYERS", "Frame", "Frames", "encode", "first_hit_layers_of", "shown_image"]
 
 
 LAYERS: Final[Mapping[str, tuple[str, str]]] = {
@@ -29,6 +29,7 @@ LAYERS: Final[Mapping[str, tuple[str, str]]] = {
     "stderr": ("Standard error", "scalar"),
     "error": ("Relative standard error", "scalar"),
     "samples": ("Samples", "scalar"),
+    "alpha": ("Alpha", "scalar"),
     "albedo": ("Albedo", "color"),
     "emission": ("Emission", "radiance"),
     "normal": ("Normal", "vector"),
@@ -155,7 +156,7 @@ class Frames:
         film = state.film
         coarse = False
         if layer == "image" or (layer == "denoised" and not self._can_denoise(state)):
-            pixels, coarse = _image(state, step)
+            pixels, coarse = shown_image(state, step)
         elif layer == "denoised":
             assert film is not None
             whole = Film.snapshot(film, max(state.width, state.height))
@@ -191,8 +192,8 @@ def first_hit_layers_of(layer: str) -> tuple[str, ...]:
     return (layer,) if layer in LAYER_KINDS or layer in ("object", "material") else ()
 
 
-def _image(state: ImageState, step: int) -> tuple[Pixels | None, bool]:
-    """The image, with the preview where there is no sample yet."""
+def shown_image(state: ImageState, step: int) -> tuple[Pixels | None, bool]:
+    """The image, or every so many pixels of it, with the preview where there is no sample yet; whether it is coarse."""
     film, preview = state.film, state.preview
     if film is None or not film.changes:
         return preview, preview is not None

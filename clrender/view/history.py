@@ -60,12 +60,12 @@ class History:
         label : str
             What is edited, in words.
         key : hashable
-            Who edits what: edits with the same one that follow each other soon are one step.
+            Who edits what: edits with the same one that follow each other soon are one step. None: one of its own.
         """
         now = self._clock()
         last, when = self._last
         self._last = key, now
-        if self._done and not self._undone and last == key and now - when < _TOGETHER_SECONDS:
+        if key is not None and self._done and not self._undone and last == key and now - when < _TOGETHER_SECONDS:
             return
         self._undone.clear()
         self._done = [*self._done[1 - _MOST :], _Step(before, label)]

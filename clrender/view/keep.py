@@ -15,7 +15,6 @@ from clrender.scene.defaults import Image, Render
 from clrender.settings import SETTINGS, WORK
 from clrender.version import __version__
 from clrender.view.edited_scene import EditedScene, camera_toml
-from clrender.view.lights import emitters
 
 if TYPE_CHECKING:
     from clrender.scene import Scene
@@ -97,7 +96,7 @@ def table_text(edited: EditedScene, what: str, name: str) -> str:
         return camera_toml(edited.camera)
     if what == "settings":
         return command_line(edited, edited.scene.source, whole=True) + "\n"
-    known: Mapping[str, Any] = scene.materials if what == "material" else emitters(scene)
+    known: Mapping[str, Any] = scene.materials if what == "material" else edited.emitters
     if name not in known:
         raise UsageError(f"there is no {what} {shown(name)}{nearest(name, known)}")
     table = known[name].model_dump(mode="json", exclude_none=True, exclude_unset=True)

@@ -9,26 +9,35 @@ from pydantic import BaseModel, ConfigDict, Field, Strict, TypeAdapter, Validati
 
 from clrender.errors import UsageError
 from clrender.image.tone_map import TONE_MAPS
+from clrender.meshes.data import COORDINATE_LIMIT
+from clrender.view.environments import KINDS
+from clrender.view.lights import ADDED
 
 __all__ = [
     "MESSAGE_BYTES",
     "PROTOCOL",
     "Ack",
+    "AddLight",
     "CopyTable",
     "DeviceChoice",
+    "Environments",
     "Message",
     "MoveCamera",
     "Outline",
+    "Paths",
     "Probe",
     "Redo",
+    "RemoveLight",
     "Reset",
     "Restart",
     "Run",
     "Save",
+    "SetEnvironment",
     "SetLight",
     "SetMaterial",
     "SetSettings",
     "Show",
+    "StopPaths",
     "Undo",
     "parse",
 ]
@@ -43,6 +52,11 @@ _Whole = Annotated[int, Strict(), Field(ge=0, le=2**53)]
 _Text = Annotated[str, Strict(), Field(max_length=200)]
 _Exposure = Annotated[float, Strict(), Field(ge=-128.0, le=128.0, allow_inf_nan=False)]
 _ToneMap: TypeAlias = Literal[tuple(TONE_MAPS)]  # type: ignore[valid-type]  # the table of tone maps
+
+
+_Metres = Annotated[float, Field(ge=-COORDINATE_LIMIT, le=COORDINATE_LIMIT, allow_inf_nan=False)]
+_LightKind: TypeAlias = Literal[tuple(ADDED)]  # type: ignore[valid-type]  # the list of kinds
+_EnvironmentKind: TypeAlias = Literal[tuple(KINDS)]  # type: ignore[valid-type]  # as above
 
 
 class Message(BaseModel):
@@ -88,6 +102,35 @@ class SetLight(Message):
     type: Literal["light"]
     name: _Text
     values: Annotated[dict[_Text, Any], Field(max_length=64)]
+
+
+class AddLight(Message):
+    """Add a light above a point."""
+
+    type: Literal["add_light"]
+    kind: _LightKind
+    position: Annotated[tuple[_Metres, _Metres, _Metres], Field()] | None = None
+
+
+class RemoveLight(Message):
+    """Remove a light, or an added lamp."""
+
+    type: Literal["remove_light"]
+    name: _Text
+
+
+class SetEnvironment(Message):
+    """Replace the environment."""
+
+    type: Literal["environment"]
+    kind: _EnvironmentKind
+    file: _Text = ""
+
+
+class Environments(Message):
+    """Tell which files there are to choose an environment from."""
+
+    type: Literal["environments"]
 
 
 class Reset(Message):
@@ -138,6 +181,21 @@ class Probe(Message):
     y: _Whole
 
 
+class Paths(Message):
+    """Trace the light paths of a pixel."""
+
+    type: Literal["paths"]
+    x: _Whole
+    y: _Whole
+    samples: Annotated[int, Strict(), Field(ge=1, le=4096)] = 256
+
+
+class StopPaths(Message):
+    """Trace no more."""
+
+    type: Literal["stop_paths"]
+
+
 class Outline(Message):
     """Tell where an object is seen."""
 
@@ -149,7 +207,7 @@ class Show(Message):
     """What frames hold."""
 
     type: Literal["show"]
-    layers: Annotated[tuple[_Text, ...], Field(min_length=1, max_length=2)]
+    layers: Annotated[tuple[_Text, ...], Field(min_length=1, max_length=3)]
     format: Literal["float16", "float32"] = "float16"
     max_side: Annotated[int, Strict(), Field(ge=16, le=8192)] = 2048
 
@@ -168,6 +226,7 @@ class Save(Message):
     name: _Text
     tone_map: _ToneMap = "srgb"
     exposure: _Exposure = 0.0
+    alpha: Annotated[bool, Strict()] = False
 
 
 _Any: TypeAlias = (
@@ -176,6 +235,10 @@ _Any: TypeAlias = (
     | DeviceChoice
     | SetMaterial
     | SetLight
+    | AddLight
+    | RemoveLight
+    | SetEnvironment
+    | Environments
     | Reset
     | Undo
     | Redo
@@ -184,6 +247,8 @@ _Any: TypeAlias = (
     | Restart
     | Probe
     | Outline
+    | Paths
+    | StopPaths
     | Show
     | Ack
     | Save

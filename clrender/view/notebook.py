@@ -15,10 +15,10 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from clrender.drawing.bundle import style_sheet, widget_module
 from clrender.errors import RenderError, UsageError
 from clrender.extras import missing_extra
 from clrender.image.files import check_output
-from clrender.view.bundle import PAGE, widget_module
 from clrender.view.displays import Displays
 from clrender.view.engine import Engine
 
@@ -228,7 +228,7 @@ def _widget_class() -> Any:
         ) from None
     parts = {
         "_esm": widget_module(),
-        "_css": (PAGE / "style.css").read_text(encoding="utf-8"),
+        "_css": style_sheet(),
         "still": traitlets.Unicode().tag(sync=True),
         "height": traitlets.Int().tag(sync=True),
     }

@@ -67,7 +67,8 @@ def probe(progressive: Progressive, edited: EditedScene, x: int, y: int) -> dict
     scene = edited.checked.scene
     number = int(seen["object"][0])
     shape = scene.shapes[number]
-    reply["object"] = {"index": number, "name": getattr(shape, "name", None), "type": shape.type}
+    name = getattr(shape, "name", None)
+    reply["object"] = {"index": number, "name": name, "type": shape.type, "place": edited.place_of_shape(number)}
     if (place := int(seen["material"][0])) >= 0:
         name = list(scene.materials)[place]
         reply["material"], reply["parameters"] = name, parameters(scene.materials[name])

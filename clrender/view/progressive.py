@@ -14,6 +14,7 @@ from clrender.film.replicates import relative_error
 from clrender.film.running import RunningFilm
 from clrender.image.files import image_sha256
 from clrender.rendering.session import Session
+from clrender.view.frames import shown_image
 from clrender.view.image_state import ImageState, Pixels
 from clrender.view.outline import outline
 
@@ -31,8 +32,13 @@ _FIRST_RATE: Final = 3e5
 """Pixels a second of a preview, before it is measured."""
 _LAYER_SAMPLES: Final = 4
 """Samples per pixel of first-hit layers."""
+_SHOWN_ALPHA_SAMPLES: Final = 16
+_ALPHA_SAMPLES: Final = 64
+"""Of alpha that is shown, and that is saved. The image waits meanwhile, and 64 are nearly as fine as eight bits."""
 _PROBE_PIXELS: Final = 1 << 20
 """Pixels of the layers that the probe reads, at most."""
+_CLOUD_SIDE: Final = 192
+"""Longer side of the grid of points of a sketch of the scene."""
 PROBED: Final = ("object", "material", "depth", "position", "normal")
 
 
@@ -154,16 +160,27 @@ class Progressive:
             self.image_state.idle = True
             self._publish(self.image_state)
 
-    def developed(self) -> RenderedImage | None:
-        """The image so far with its numbers, if there is a sample. It shares the film to which samples are added."""
+    def developed(self, alpha: bool = False) -> RenderedImage | None:
+        """The image so far with its numbers, if there is a sample. It shares the film to which samples are added.
+
+        Parameters
+        ----------
+        alpha : bool
+            Whether with the layer ``alpha``, of as many samples, but at most `_ALPHA_SAMPLES`.
+        """
         job, state = self._job, self.image_state
         if job is None or state is None or state.film is None or not state.film.ledger.samples:
             return None
-        return self._session.develop(job, state.film)
+        image = self._session.develop(job, state.film)
+        if alpha:
+            samples = min(max(int(state.film.ledger.taken().max(initial=1)), 1), _ALPHA_SAMPLES)
+            layers = self._session.layers(_smaller(job, 1, samples, ("alpha",)))
+            image.aovs |= _cropped(job, 1, layers)
+        return image
 
-    def copied(self) -> RenderedImage | None:
+    def copied(self, alpha: bool = False) -> RenderedImage | None:
         """The same with a copy of the film, for other threads: later samples do not change it."""
-        image = self.developed()
+        image = self.developed(alpha)
         if image is None:
             return None
         film = RunningFilm(image.film.width, image.film.height, image.film.request)
@@ -183,6 +200,24 @@ class Progressive:
         height, width = layers["depth"].shape[:2]
         row, column = min(y // step, height - 1), min(x // step, width - 1)
         return {name: layer[row, column] for name, layer in layers.items()}
+
+    def cloud(self) -> tuple[Pixels, Pixels, int] | None:
+        """Points that the camera sees, their radiance, and the rows of the grid of pixels that they are of."""
+        self.probed(0, 0)
+        state, layers = self.image_state, self._probed[2]
+        if state is None or not layers or self._probed[0] != state.revision:
+            return None
+        pixels, _ = shown_image(state, -(-max(state.width, state.height) // _CLOUD_SIDE))
+        step = -(-max(layers["position"].shape[:2]) // _CLOUD_SIDE)
+        points = layers["position"][::step, ::step]
+        (height, width), hit = points.shape[:2], np.isfinite(points).all(axis=2)
+        if pixels is None:
+            return points[hit], np.ones_like(points[hit]), height
+        rows, columns = (
+            np.minimum(((np.arange(side) + 0.5) * whole / side).astype(int), whole - 1)
+            for side, whole in zip((height, width), pixels.shape[:2], strict=True)
+        )
+        return points[hit], pixels[rows][:, columns][hit], height
 
     def outline(self, number: int) -> tuple[int, int, str]:
         """Where an object is seen, as of `clrender.view.outline.outline`."""
@@ -239,7 +274,10 @@ class Progressive:
 
     def _layers(self, job: RenderJob, state: ImageState, names: list[str], should_stop: Callable[[], bool]) -> None:
         stopped = _StopRequest(should_stop)
-        layers = self._session.layers(_smaller(job, 1, _LAYER_SAMPLES, tuple(names)), stopped)
+        # Edges of alpha are seen, where those of other layers are not
+        names = [name for name in names if name != "alpha"] or names
+        samples = _SHOWN_ALPHA_SAMPLES if names == ["alpha"] else _LAYER_SAMPLES
+        layers = self._session.layers(_smaller(job, 1, samples, tuple(names)), stopped)
         if not stopped.yes:
             state.layers |= _cropped(job, 1, layers)
             self._publish(state)

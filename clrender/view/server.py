@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import importlib.resources
 import logging
 import secrets
 import socket
@@ -13,6 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any, Final
 
+from clrender.drawing.bundle import page_file
 from clrender.errors import ClrenderError, UsageError
 from clrender.extras import missing_extra
 from clrender.rendering.rendered_image import RenderedImage
@@ -224,13 +224,11 @@ async def _page_file(request: Request) -> Response:
 
 
 def _package_file(name: str) -> Response:
-    """A file of the page: one of those that are there, by its name alone."""
-    folder = importlib.resources.files("clrender.view") / "page"
-    found = {each.name: each for each in folder.iterdir()} if folder.is_dir() else {}
-    kind = _TYPES.get(Path(name).suffix)
-    if name not in found or kind is None or not found[name].is_file():
+    """A file of the page."""
+    kind, found = _TYPES.get(Path(name).suffix), page_file(name)
+    if found is None or kind is None or not found.is_file():
         return PlainTextResponse("404: there is no such file\n", 404)
-    return Response(found[name].read_bytes(), media_type=kind)
+    return Response(found.read_bytes(), media_type=kind)
 
 
 async def _download(request: Request) -> Response:
@@ -245,7 +243,7 @@ async def _download(request: Request) -> Response:
     try:
         exposure = float(request.query_params.get("exposure", "0"))
         # Awaited here: threads that wait for the renderer would be missing where frames are made for viewers.
-        image = await asyncio.wrap_future(engine.image())
+        image = await asyncio.wrap_future(engine.image(request.query_params.get("alpha") == "1"))
         if image is None:
             raise UsageError("there is no sample yet, and so nothing to save")
         data = await asyncio.to_thread(_saved, image, name, request.query_params.get("tone_map", "srgb"), exposure)

@@ -14,8 +14,9 @@ from clrender.integrators import INTEGRATORS
 from clrender.settings import IMAGE, SETTINGS
 from clrender.version import __version__
 from clrender.view.edited_scene import NOT_LIVE, EditedScene, camera_toml
+from clrender.view.environments import environment_told
 from clrender.view.frames import LAYERS
-from clrender.view.lights import emitter_parameters, emitters, label_of
+from clrender.view.lights import ADDED, emitter_parameters, label_of
 from clrender.view.messages import MESSAGE_BYTES, PROTOCOL
 from clrender.view.parameters import parameters
 
@@ -75,6 +76,7 @@ def hello(known: Sequence[dict[str, Any]], saves: Sequence[str]) -> dict[str, An
         "install_denoiser": install_command("denoise") if no_denoiser else "",
         "tone_maps": list(TONE_MAPS),
         "saves": list(saves),
+        "light_kinds": list(ADDED),
         "limits": {"message_bytes": MESSAGE_BYTES},
     }
 
@@ -95,7 +97,7 @@ def scene(edited: EditedScene) -> dict[str, Any]:
     """What is in a scene, with the materials and lights as they are now."""
     now = edited.checked.scene
     listed = list(now.materials.items())[:MOST_MATERIALS]
-    shining = emitters(now)
+    shining, around = edited.emitters, edited.environment
     return {
         "title": now.title,
         "source": now.source,
@@ -104,10 +106,16 @@ def scene(edited: EditedScene) -> dict[str, Any]:
         "materials": {name: {"type": each.type, "parameters": parameters(each)} for name, each in listed},
         "names": len(now.materials) > MOST_MATERIALS,
         "emitters": {
-            place: {"label": label_of(place, each), "type": each.type, "parameters": emitter_parameters(each)}
+            place: {
+                "label": label_of(place, each),
+                "type": each.type,
+                "parameters": emitter_parameters(each),
+                "removable": place.startswith("lights") or not edited.is_own(place),
+            }
             for place, each in list(shining.items())[:_MOST_LIGHTS]
         },
         "more_emitters": len(shining) > _MOST_LIGHTS,
+        "environment": None if around is None else {"place": around, **environment_told(shining[around])},
     }
 
 

@@ -7,16 +7,19 @@ import time
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import pytest
 from cli_support import call
+from PIL import Image
 from view_clients import EngineClient, Page, Server
 
 import clrender
 from clrender.device import Device
 from clrender.film import Film
+from clrender.view.keep import write_archive
 
 pytestmark = pytest.mark.usefixtures("only_driver")
 
@@ -42,6 +45,74 @@ def test_a_changed_light_gives_the_image_of_that_scene(opened: Callable[..., Any
     assert digest == rendered(device, scene).stats["image_sha256"] != before
     page.say("reset", what="lights")
     assert page.until_done() == before
+
+
+@pytest.mark.long
+def test_lights_and_environments_that_are_added_are_those_of_the_scene(
+    opened: Callable[..., Any], device: Device
+) -> None:
+    """And of the scene that is kept: a file beside it, and lamps that later ones are numbered after."""
+    engine, page = opened()
+    first = page.until_done()
+    page.say("add_light", position=[0.2, 0.0, 0.3], id=1, kind="sphere")
+    page.until_kind("added", id=1, name="shapes[13]")
+    one = page.until_done()
+    page.say("add_light", position=None, id=2, kind="point")
+    page.until_kind("added", id=2, name="lights[0]")
+    page.until_done()
+    page.say("environments", id=3)
+    assert page.until_kind("environments", id=3).content["files"] == ["sky.hdr"]
+    page.say("environment", file="sky.hdr", kind="file")
+    page.until_done()
+    page.say("light", name="lights[1]", values={"rotate_degrees": 40.0, "visible_to_camera": False})
+    digest = page.until_done()
+    scene = engine.edited_scene.job.scene
+    assert [light.type for light in scene.lights] == ["point", "environment"] and len(scene.shapes) == 14
+    assert rendered(device, scene).stats["image_sha256"] == digest
+    archive = io.BytesIO()
+    write_archive(engine.scene_to_keep().result(60), archive)
+    folder = Path(engine.edited_scene.scene.base_folder)
+    assert not (folder / "scene.zip").exists()
+    with TemporaryDirectory() as kept, zipfile.ZipFile(archive) as packed:
+        packed.extractall(kept)
+        again = clrender.load(Path(kept) / "scene.toml")
+        assert rendered(device, again).stats["image_sha256"] == digest
+    for _ in range(3):
+        page.say("undo")
+    page.say("undo", id=9)
+    page.until_kind("undone", id=9)
+    assert page.until_done() == first
+    page.say("redo")
+    assert page.until_done() == one
+    page.say("remove_light", name="shapes[13]")
+    assert page.until_done() == first
+
+
+@pytest.mark.thorough
+def test_alpha_is_that_of_a_render_and_is_in_what_is_saved(
+    opened: Callable[..., Any], device: Device, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.png"
+    engine, page = opened("sky", outputs=[path])
+    page.say("light", name="lights[0]", values={"visible_to_camera": False})
+    digest = page.until_done(2)
+    page.say("show", layers=["image", "alpha"], format="float32")
+    image = rendered(device, clrender.load("sky").with_hidden_environment(), aov=("alpha",))
+    assert image.stats["image_sha256"] == digest
+    shown = page.until(lambda m: m.kind == "frame" and m.content["layer"] == "alpha" and not m.content["coarse"])
+    # Of 16 samples where the image has four
+    assert np.abs(shown.pixels - image.alpha[..., None]).max() <= 0.8
+    assert np.abs(shown.pixels - image.alpha[..., None]).mean() < 0.02
+    page.say("save", name=str(path), alpha=True)
+    page.until_kind("saved")
+    image.save(tmp_path / "b.png")
+    with Image.open(path) as saved, Image.open(tmp_path / "b.png") as expected:
+        assert saved.mode == "RGBA" and np.array_equal(np.asarray(saved), np.asarray(expected))
+    page.say("save", name=str(path))
+    page.until_kind("saved")
+    with Image.open(path) as saved:
+        assert saved.mode == "RGB"
+    assert engine.image(alpha=True).result(60).alpha.shape == (64, 96)
 
 
 def test_undo_and_redo_give_the_images_of_before_and_after(opened: Callable[..., Any]) -> None:

@@ -21,10 +21,10 @@ from view_browser import SCENE, view_of
 from view_clients import Server
 
 import clrender
+from clrender.drawing.bundle import joined, style_sheet
 from clrender.film import Film
 from clrender.film.replicates import standard_error
 from clrender.image.tone_map import TONE_MAPS, to_display
-from clrender.view.bundle import PAGE, joined
 
 pytestmark = pytest.mark.usefixtures("only_driver")
 
@@ -480,7 +480,7 @@ def test_the_viewer_is_one_module_for_notebooks(browser: Any) -> None:
     page.on("console", lambda line: said.append(line.text))
     page.on("pageerror", lambda error: said.append(str(error)))
     page.set_content("<input id='other'><div id='view'></div>")
-    page.add_style_tag(path=PAGE / "style.css")
+    page.add_style_tag(content=style_sheet())
     page.add_script_tag(content=f"{joined('viewer.js')}\nwindow.mount = module_viewer.mount;", type="module")
     page.wait_for_function("window.mount !== undefined")
     before = page.evaluate(

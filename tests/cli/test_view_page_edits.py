@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_support import call
-from view_browser import SCENE, view_of
+from view_browser import BEYOND, CONTRAST, CONTROLS, NAMELESS, SCENE, view_of
 from view_clients import Server
 
 import clrender
@@ -41,23 +41,6 @@ def server(browser: Any, scene: Path, only_driver: None) -> Iterator[Server]:
         assert started.end()[0] == 0
 
 
-def _open(view: view_of, *names: str) -> None:
-    """Open sections of the panel."""
-    for name in names:
-        heading = view.page.locator(".cv-section > summary").filter(has_text=name)
-        heading.evaluate("each => (each.closest('details').open = true)")
-
-
-def _click(view: view_of, x: float, y: float) -> None:
-    """Click on the image, at shares of its width and height."""
-    box = view.page.locator(".cv-canvas").bounding_box()
-    view.page.mouse.click(box["x"] + box["width"] * x, box["y"] + box["height"] * y)
-
-
-def _toast(view: view_of, text: str) -> None:
-    view.wait("document.querySelector('.cv-toast').textContent.includes(argument)", text)
-
-
 def test_what_was_edited_is_downloaded_and_renders_to_the_same_image(
     browser: Any, server: Server, tmp_path: Path
 ) -> None:
@@ -66,11 +49,11 @@ def test_what_was_edited_is_downloaded_and_renders_to_the_same_image(
         before = view.newest("progress")["sha256"]
         view.page.get_by_label("Samples", exact=True).fill("6")
         view.page.keyboard.press("Enter")
-        _click(view, 0.5, 0.5)
+        view.click(0.5, 0.5)
         view.page.get_by_label("Material", exact=True).wait_for(state="visible")
         view.page.get_by_label("Reflectance: blue").fill("0.9")
         view.page.keyboard.press("Enter")
-        _open(view, "Light", "Save")
+        view.open("Light", "Save")
         view.page.get_by_label("Light", exact=True).select_option("lights[0]")
         view.page.get_by_label("Radiance: strength").fill("2.5")
         view.page.keyboard.press("Enter")
@@ -98,7 +81,7 @@ def test_each_panel_is_copied(browser: Any, server: Server, scene: Path, tmp_pat
         view.page.get_by_label("Max depth", exact=True).fill("5")
         view.page.keyboard.press("Enter")
         view.wait("view.hub.newest('state').changed.includes('max_depth')")
-        _open(view, "View", "Render", "Material", "Light", "Camera")
+        view.open("View", "Render", "Material", "Light", "Camera")
         copied = {}
         for button, words in (
             ("Copy as options", "Options copied"),
@@ -108,7 +91,7 @@ def test_each_panel_is_copied(browser: Any, server: Server, scene: Path, tmp_pat
             ("Copy as TOML", "Camera copied"),
         ):
             view.page.get_by_role("button", name=button, exact=True).click()
-            _toast(view, words)
+            view.toast(words)
             copied[button] = view.page.evaluate("navigator.clipboard.readText()")
         view.wait_until_done()
         digest = view.newest("progress")["sha256"]
@@ -128,9 +111,9 @@ def test_without_a_clipboard_the_text_is_selected(browser: Any, server: Server) 
     with view_of(browser, server, "selected", permissions=[]) as view:
         view.wait("view.picture.frame() !== undefined")
         view.run("navigator.clipboard.writeText = () => Promise.reject(new Error('no')); return 0")
-        _open(view, "Material")
+        view.open("Material")
         view.page.get_by_role("button", name="Copy material as TOML").click()
-        _toast(view, "copy it manually")
+        view.toast("copy it manually")
         assert tomllib.loads(view.page.evaluate("getSelection().toString()"))["materials"]
 
 
@@ -147,11 +130,11 @@ def test_edits_are_undone_and_redone_by_buttons_and_keys(browser: Any, server: S
         assert redo.get_attribute("aria-disabled") == "true"
         undo.click()
         view.wait("view.hub.newest('state').settings.spp === 16")
-        _toast(view, "Undone: spp")  # which screen readers are told
+        view.toast("Undone: spp")  # which screen readers are told
         assert page.locator(".cv-toast").get_attribute("aria-live") == "polite"
         redo.click()
         view.wait("view.hub.newest('state').settings.spp === 8")
-        _toast(view, "Redone: spp")
+        view.toast("Redone: spp")
         page.locator(".cv-stage").focus()
         page.keyboard.press("ArrowLeft")
         view.wait("view.hub.newest('state').changed.includes('camera')")
@@ -174,7 +157,7 @@ def test_edits_are_undone_and_redone_by_buttons_and_keys(browser: Any, server: S
 def test_a_light_is_edited_where_it_is_picked(browser: Any, server: Server) -> None:
     with view_of(browser, server, "light") as view:
         view.wait_until_done()
-        _open(view, "Light")
+        view.open("Light")
         view.page.get_by_label("Light", exact=True).select_option("shapes[2]")
         view.page.get_by_label("Emission: strength").fill("30")
         view.page.keyboard.press("Enter")
@@ -210,7 +193,7 @@ def test_what_is_picked_has_an_outline_that_follows_it(browser: Any, server: Ser
     shown = "document.querySelector('.cv-outline-line').getAttribute('d')"
     with view_of(browser, server, "outline") as view:
         view.wait_until_done()
-        _click(view, 0.5, 0.5)
+        view.click(0.5, 0.5)
         view.wait(f"({shown} ?? '') !== ''")
         box = view.run("""
             const [line, canvas] = ['.cv-outline-line', '.cv-canvas'].map((name) => document.querySelector(name));
@@ -242,7 +225,7 @@ def test_messages_do_not_cover_the_probe(browser: Any, server: Server, scene: Pa
     for width, height in ((1280, 720), (390, 740), (320, 640)):
         with view_of(browser, server, "covers", viewport={"width": width, "height": height}) as view:
             view.wait_until_done()
-            _click(view, 0.5, 0.5)
+            view.click(0.5, 0.5)
             view.wait("document.querySelector('.cv-probe').checkVisibility()")
             view.page.keyboard.press("l")  # with a legend
             scene.write_text(SCENE.replace("radius = 0.6", "radius = -1"))
@@ -295,48 +278,19 @@ def test_the_plot_of_the_error_has_axes(browser: Any, server: Server) -> None:
         assert view.page.locator(".cv-chart").get_attribute("aria-label") == "Error over time: 2 % after 1:40"
 
 
-_CONTRAST = """
-    const parsed = (text) => (text.match(/[\\d.]+/g) ?? []).map(Number);
-    const channel = (x) => (x / 255 <= 0.04045 ? x / 255 / 12.92 : ((x / 255 + 0.055) / 1.055) ** 2.4);
-    const luminance = ([r, g, b]) => 0.2126 * channel(r) + 0.7152 * channel(g) + 0.0722 * channel(b);
-    const behind = (element) => {
-        for (let each = element; each !== null; each = each.parentElement) {
-            const color = parsed(getComputedStyle(each).backgroundColor);
-            if (color.length === 3 || (color.length === 4 && color[3] > 0.8)) return color.slice(0, 3);
-        }
-        return [255, 255, 255];
-    };
-    const faded = (element) => {
-        for (let each = element; each !== null; each = each.parentElement) {
-            if (Number(getComputedStyle(each).opacity) < 1) return true;
-        }
-        return false;
-    };
-    const seen = [...document.querySelectorAll('.cv *')].filter((each) => each.checkVisibility() && !faded(each)
-        && [...each.childNodes].some((child) => child.nodeType === 3 && child.textContent.trim() !== ''));
-    return seen.map((each) => {
-        const [a, b] = [parsed(getComputedStyle(each).color), behind(each)].map(luminance).sort((x, y) => y - x);
-        return [(a + 0.05) / (b + 0.05), `${each.className} ${each.textContent.slice(0, 40)}`];
-    }).filter(([ratio]) => ratio < 4.5);
-"""
-
-
 @pytest.mark.parametrize("scheme", ["dark", "light"])
 def test_texts_have_contrast_and_fields_have_labels(browser: Any, server: Server, scheme: str) -> None:
     """At least 4.5 to 1, as of WCAG 2.2 AA, with all sections open and a probe, a legend and a message shown."""
     with view_of(browser, server, f"contrast-{scheme}", color_scheme=scheme) as view:
         view.wait_until_done()
-        _click(view, 0.5, 0.5)
+        view.click(0.5, 0.5)
         view.page.keyboard.press("l")
         view.page.keyboard.press("Control+y")
         view.page.locator("details").evaluate_all("all => all.forEach((each) => each.open = true)")
-        _open(view, "Light")
+        view.open("Light")
         view.run("await new Promise((resolve) => setTimeout(resolve, 300)); return 0")
-        assert view.run(_CONTRAST) == []
-        nameless = view.page.locator(".cv button, .cv input, .cv select, .cv a, .cv [role=group]").evaluate_all(
-            """all => all.filter((each) => !each.getAttribute("aria-label") && !each.labels?.length)
-                .filter((each) => !each.textContent.trim()).map((each) => each.outerHTML)"""
-        )
+        assert view.run(CONTRAST) == []
+        nameless = view.page.locator(CONTROLS).evaluate_all(NAMELESS)
         assert nameless == []
         twice = view.run("""
             const ids = [...document.querySelectorAll('.cv [id]')].map((each) => each.id);
@@ -356,13 +310,7 @@ def test_it_fits_phones_and_wide_screens(browser: Any, server: Server, scheme: s
             for name in ("lights[0]", "shapes[2]"):
                 view.page.get_by_label("Light", exact=True).select_option(name)
                 assert view.run("document.documentElement.scrollWidth") <= width
-                over = view.page.locator(".cv *").evaluate_all(
-                    """(all, width) => all.filter((each) => each.checkVisibility() && !each.closest('pre, .cv-hidden'))
-                        .filter((each) => each.getBoundingClientRect().right > width + 0.5)
-                        .map((each) => each.outerHTML.slice(0, 200))""",
-                    width,
-                )
-                assert over == [], width
+                assert view.page.locator(".cv *").evaluate_all(BEYOND, width) == [], width
             assert view.page.locator(".cv-canvas").bounding_box()["width"] > 0.7 * min(width, 900)
             long = "No connection, reconnecting"
             view.page.locator(".cv-status").evaluate("(each, text) => (each.textContent = text)", long)

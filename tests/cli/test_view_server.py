@@ -398,7 +398,7 @@ def test_downloads_that_wait_take_no_thread_from_viewers() -> None:
     class Busy:
         ended = False
 
-        def image(self) -> Future[Any]:
+        def image(self, alpha: bool = False) -> Future[Any]:
             pending.append(Future())
             return pending[-1]
 

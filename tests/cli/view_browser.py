@@ -12,7 +12,7 @@ from typing import Any, Final
 import pytest
 from view_clients import Server
 
-__all__ = ["FAILURES", "SCENE", "chromium", "view_of"]
+__all__ = ["BEYOND", "CONTRAST", "CONTROLS", "FAILURES", "NAMELESS", "SCENE", "chromium", "view_of"]
 
 FAILURES: Final = Path(__file__).parents[2] / "test-artifacts"
 """Where screenshots of failed tests go."""
@@ -137,9 +137,24 @@ class view_of:
             assert time.monotonic() < end, f"still not: {condition}"
             time.sleep(0.05)
 
-    def wait_until_done(self) -> None:
+    def wait_until_done(self, seconds: float = 300) -> None:
         """All samples are there, and drawn."""
-        self.wait(_DONE, seconds=300)
+        self.wait(_DONE, seconds=seconds)
+
+    def open(self, *names: str) -> None:
+        """Open sections of the panel."""
+        for name in names:
+            heading = self.page.locator(".cv-section > summary").filter(has_text=name)
+            heading.evaluate("each => (each.closest('details').open = true)")
+
+    def click(self, x: float, y: float) -> None:
+        """Click on the image, at shares of its width and height."""
+        box = self.page.locator(".cv-canvas").bounding_box()
+        self.page.mouse.click(box["x"] + box["width"] * x, box["y"] + box["height"] * y)
+
+    def toast(self, text: str) -> None:
+        """Wait for a message to people."""
+        self.wait("document.querySelector('.cv-toast').textContent.includes(argument)", text)
 
     def pixels(self) -> list[int]:
         """What the canvas shows: RGBA bytes, rows from the top."""
@@ -159,3 +174,41 @@ _PIXELS: Final = """
     context.drawImage(image, 0, 0);
     return [...context.getImageData(0, 0, image.width, image.height).data];
 """
+
+CONTRAST: Final = """
+    const parsed = (text) => (text.match(/[\\d.]+/g) ?? []).map(Number);
+    const channel = (x) => (x / 255 <= 0.04045 ? x / 255 / 12.92 : ((x / 255 + 0.055) / 1.055) ** 2.4);
+    const luminance = ([r, g, b]) => 0.2126 * channel(r) + 0.7152 * channel(g) + 0.0722 * channel(b);
+    const behind = (element) => {
+        for (let each = element; each !== null; each = each.parentElement) {
+            const color = parsed(getComputedStyle(each).backgroundColor);
+            if (color.length === 3 || (color.length === 4 && color[3] > 0.8)) return color.slice(0, 3);
+        }
+        return [255, 255, 255];
+    };
+    const faded = (element) => {
+        for (let each = element; each !== null; each = each.parentElement) {
+            if (Number(getComputedStyle(each).opacity) < 1) return true;
+        }
+        return false;
+    };
+    const seen = [...document.querySelectorAll('.cv *')].filter((each) => each.checkVisibility() && !faded(each)
+        && [...each.childNodes].some((child) => child.nodeType === 3 && child.textContent.trim() !== ''));
+    return seen.map((each) => {
+        const [a, b] = [parsed(getComputedStyle(each).color), behind(each)].map(luminance).sort((x, y) => y - x);
+        return [(a + 0.05) / (b + 0.05), `${each.className} ${each.textContent.slice(0, 40)}`];
+    }).filter(([ratio]) => ratio < 4.5);
+"""
+"""Texts whose contrast is below 4.5 to 1, as of WCAG 2.2 AA, as the body of a function for `view_of.run`."""
+
+CONTROLS: Final = (
+    ".cv button, .cv input, .cv select, .cv a, .cv [role=group], .cv [role=region], .cv [role=application]"
+)
+NAMELESS: Final = """all => all.filter((each) => !each.getAttribute("aria-label") && !each.labels?.length)
+    .filter((each) => !each.textContent.trim()).map((each) => each.outerHTML)"""
+"""Controls without a name."""
+
+BEYOND: Final = """(all, width) => all.filter((each) => each.checkVisibility())
+    .filter((each) => !each.closest('pre, .cv-hidden, .lp-scroll, .cv-paths'))
+    .filter((each) => each.getBoundingClientRect().right > width + 0.5).map((each) => each.outerHTML.slice(0, 200))"""
+"""Elements that reach beyond the width of the page, but for those in parts that scroll."""

@@ -67,7 +67,7 @@ class _Client:
         self.newest: dict[str, Received] = {}
         self._done = (0, 0)
 
-    def say(self, kind: str, **content: Any) -> None:
+    def say(self, type_: str, /, **content: Any) -> None:
         raise NotImplementedError
 
     def next(self, seconds: float) -> Received:
@@ -114,8 +114,8 @@ class EngineClient(_Client):
         self._awake = threading.Event()
         self.viewer = engine.connect(self._awake.set)
 
-    def say(self, kind: str, **content: Any) -> None:
-        self.viewer.receive(json.dumps({"type": kind, **content}))
+    def say(self, type_: str, /, **content: Any) -> None:
+        self.viewer.receive(json.dumps({"type": type_, **content}))
 
     def next(self, seconds: float) -> Received:
         end = time.monotonic() + seconds
@@ -146,8 +146,8 @@ class Page(_Client):
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self._open.close()
 
-    def say(self, kind: str, **content: Any) -> None:
-        self.socket.send(json.dumps({"type": kind, **content}))
+    def say(self, type_: str, /, **content: Any) -> None:
+        self.socket.send(json.dumps({"type": type_, **content}))
 
     def next(self, seconds: float) -> Received:
         return Received.of(self.socket.recv(timeout=max(0.0, seconds)))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import clrender
-from clrender.flatten import shape_faces
+from clrender.flatten import shape_faces, touching
 from clrender.flatten.attributes import COLORS
 from clrender.flatten.flat_scene import flatten
 from clrender.flatten.near_pairs import near_pairs
@@ -140,3 +140,48 @@ def test_of_many_triangles_those_that_touch_are_chosen(monkeypatch: pytest.Monke
             vertices.append(flat_of(*shapes).arrays["vertices"])
         for other in vertices[1:]:
             np.testing.assert_array_equal(vertices[0], other)
+
+
+def test_what_is_known_to_touch_is_what_would_be_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of scenes after each other as an editor makes them, bit for bit; it is looked for only where it may differ."""
+    camera = {"position": [0, 1, 4], "target": [0, 0, 0]}
+    materials: dict[str, Any] = {name: {"type": "lambert", "reflectance": [0.5] * 3} for name in ("white", "grey")}
+    quad = {"type": "quad", "edge_u": [1, 0, 0], "edge_v": [0, 0, -1]}
+    described: dict[str, Any] = {
+        "camera": camera,
+        "materials": {**materials, "glass": {"type": "dielectric", "ior": 1.5}},
+        "shapes": [
+            {**quad, "origin": [0, 0, 0], "material": "white"},
+            {**quad, "origin": [0.2, 0, 0.2], "emission": [1, 1, 1]},
+            {**CUBE, "material": "glass"},
+            {"type": "sphere", "center": [3, 0, 0], "radius": 0.5, "material": "grey"},
+        ],
+    }
+    first = clrender.Scene.model_validate(described)
+    scenes = [
+        first,
+        first.changed({"materials.white.reflectance": (0.1, 0.2, 0.3)}),
+        first.changed({"shapes[1].emission": (2.0, 3.0, 4.0)}),
+        first.changed({"shapes[1].emission": (0.0, 0.0, 0.0)}),  # it is a lamp no more
+        first.changed({"shapes[3].radius": 0.4}),
+        first.changed({"shapes[0].material": "grey"}),
+        first.changed({"materials.white": {"type": "dielectric", "ior": 1.3}}),
+        first.with_checked(camera=first.camera.changed({"position": (0.0, 40.0, 400.0)})),
+        first,
+    ]
+    found, real = list[int](), touching.moves
+
+    def counted(*arguments: Any) -> touching.Moves:
+        found.append(1)
+        return real(*arguments)
+
+    monkeypatch.setattr(touching, "moves", counted)
+    known, counts = touching.KnownMoves(), list[int]()
+    for scene in scenes:
+        before = len(found)
+        a = flatten(scene, 8, 8, known=known)
+        counts.append(len(found) - before)
+        b = flatten(scene, 8, 8)
+        assert a.camera_free == b.camera_free and a.warnings == b.warnings
+        assert all(array.tobytes() == b.arrays[name].tobytes() for name, array in a.arrays.items())
+    assert counts == [1, 0, 0, 1, 1, 1, 1, 1, 1]

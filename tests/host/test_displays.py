@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 import clrender
+from clrender.drawing.bundle import widget_module
 from clrender.errors import UsageError
 from clrender.view import displays as module
 from clrender.view.broadcaster import Broadcaster
-from clrender.view.bundle import widget_module
 from clrender.view.displays import Displays
 from clrender.view.image_state import ImageState
 from clrender.view.viewer import Viewer

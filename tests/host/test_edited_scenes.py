@@ -21,12 +21,15 @@ from PIL import Image
 import clrender
 from clrender.cli.render import render
 from clrender.errors import ClrenderError, UsageError
+from clrender.image.exposure import photographic_stops
+from clrender.image.files import write_image
 from clrender.rendering.job import RenderJob
 from clrender.view import tables
 from clrender.view.edited_scene import EditedScene
+from clrender.view.environments import environment_files
 from clrender.view.history import History
 from clrender.view.keep import command_line, kept_scene, table_text, write_archive
-from clrender.view.lights import emitter_keys, emitter_parameters, emitters
+from clrender.view.lights import ADDED, emitter_keys, emitter_parameters, emitters
 from clrender.view.outline import outline
 
 if sys.version_info >= (3, 11):
@@ -83,6 +86,105 @@ def pictured(tmp_path: Path) -> EditedScene:
 
 
 # --- lights ---
+
+
+@pytest.mark.parametrize("kind", ADDED)
+def test_an_added_light_makes_a_white_surface_below_it_white(kind: str) -> None:
+    """Irradiance pi at the picked point, which a white surface reflects as radiance 1, or what the exposure needs."""
+    plain = {**LIT, "lights": [], "shapes": LIT["shapes"][:1]}
+    exposure = {"f_stop": 4.0, "shutter": 0.01, "iso": 400.0}
+    exposed = 2.0 ** -photographic_stops(**exposure)
+    assert abs(exposed - 1.0) > 0.1
+    for camera, white in ((LIT["camera"], 1.0), ({**LIT["camera"], **exposure}, exposed)):
+        start = EditedScene.of(clrender.Scene.model_validate({**plain, "camera": camera}), {"width": 8, "height": 8})
+        edited, place = start.with_added_light(kind, (0.5, -0.5, 0.0))
+        light: Any = edited.emitters[place]
+        height = 0.25 * float(np.linalg.norm([0.5, -0.5, -3.0]))
+        if kind == "directional":
+            irradiance = np.array(light.irradiance)
+        elif kind in ("point", "spot"):
+            assert np.allclose(light.position, [0.5, -0.5 + height, 0.0], atol=1e-3)
+            irradiance = np.array(light.intensity) / height**2
+        elif kind == "sphere":
+            assert np.allclose(light.center, [0.5, -0.5 + height, 0.0], atol=1e-3)
+            irradiance = np.pi * np.array(light.emission) * (light.radius / height) ** 2
+        else:
+            middle = np.array(light.origin) + 0.5 * (np.array(light.edge_u) + np.array(light.edge_v))
+            assert np.allclose(middle, [0.5, -0.5 + height, 0.0], atol=1e-3)
+            front = np.cross(light.edge_u, light.edge_v)
+            assert np.allclose(front / np.linalg.norm(front), [0.0, -1.0, 0.0], atol=1e-3)  # it shines down
+            irradiance = np.array(light.emission) * np.linalg.norm(front) / height**2
+        assert np.allclose(irradiance, np.pi * white, rtol=2e-3)
+
+
+def test_lights_are_added_edited_and_removed(lit: EditedScene) -> None:
+    one, first = lit.with_added_light("point", (0.0, 0.0, 0.0))
+    two, second = one.with_added_light("sphere", None)
+    three, third = two.with_added_light("sphere", (1.0, 0.0, 0.0))
+    assert [first, second, third] == ["lights[4]", "shapes[2]", "shapes[3]"]
+    assert list(three.emitters) == [*(f"lights[{i}]" for i in range(5)), *(f"shapes[{i}]" for i in (1, 2, 3))]
+    changed = three.with_light(third, {"radius": 0.25}).without_light(second)
+    scene: Any = changed.job.scene
+    assert [shape.type for shape in scene.shapes] == ["sphere"] * 3 and scene.shapes[2].radius == 0.25
+    assert changed.place_of_shape(2) == third and changed.place_of_shape(1) == "shapes[1]"
+    told = tables.scene(changed)["emitters"]
+    assert {name: each["removable"] for name, each in told.items()} == {
+        **{f"lights[{i}]": True for i in range(5)}, "shapes[1]": False, third: True,
+    }  # fmt: skip
+    again, another = changed.without_light("lights[0]").with_added_light("sphere", (0.0, 0.0, 1.0))
+    assert another == "shapes[4]"
+    assert [light.type for light in again.job.scene.lights] == ["spot", "directional", "sun_sky", "point"]
+    with pytest.raises(UsageError, match="is a shape of the scene file; set its emission to 0"):
+        lit.without_light("shapes[1]")
+    with pytest.raises(UsageError, match="no light 'lights\\[0\\]'"):
+        again.without_light("lights[0]")
+    assert again.reset("lights").job.scene.sha256() == lit.scene.sha256()
+
+
+def test_an_environment_is_replaced_by_what_is_offered_and_nothing_else(pictured: EditedScene, tmp_path: Path) -> None:
+    folder = pictured.scene.base_folder
+    pixels = np.full((2, 4, 3), 0.5, np.float32)
+    (folder / "maps").mkdir()
+    for name in ("b.exr", "maps/a.hdr"):
+        write_image(folder / name, pixels)
+    write_image(tmp_path / "outside.exr", pixels)
+    (folder / "link.exr").symlink_to(tmp_path / "outside.exr")
+    (folder / "elsewhere").symlink_to(tmp_path)
+    (folder / ".hidden").mkdir()
+    write_image(folder / ".hidden" / "c.exr", pixels)
+    (folder / "broken.exr").write_bytes(b"no image")
+    assert environment_files(pictured.scene) == ["b.exr", "broken.exr", "maps/a.hdr"]
+    start = pictured.with_light("lights[0]", {"visible_to_camera": False, "rotate_degrees": 20.0})
+    mapped = start.with_environment("file", "maps/a.hdr")
+    light = mapped.job.scene.environment
+    assert light is not None and (light.file, light.visible_to_camera, light.rotate_degrees) == (
+        "maps/a.hdr",
+        False,
+        20.0,
+    )
+    assert tables.scene(mapped)["environment"] == {"place": "lights[0]", "kind": "file", "file": "maps/a.hdr"}
+    sky = mapped.with_environment("sky", "")
+    assert sky.job.scene.environment is None and sky.job.scene.sky is not None
+    assert sky.with_environment("none", "").environment is None
+    constant = sky.with_environment("none", "").with_environment("constant", "")
+    assert constant.environment == "lights[0]" and constant.job.scene.environment is not None
+    assert constant.with_environment("scene", "").job.scene.sha256() == pictured.scene.sha256()
+    for name in ("link.exr", "../outside.exr", str(tmp_path / "outside.exr"), "elsewhere/outside.exr", "sky.png", ""):
+        with pytest.raises(UsageError, match="no environment map"):
+            pictured.with_environment("file", name)
+    with pytest.raises(ClrenderError, match=r"broken\.exr"):
+        pictured.with_environment("file", "broken.exr")
+
+
+def test_a_scene_without_an_environment_gets_one_and_loses_it(lit: EditedScene) -> None:
+    none = EditedScene.of(clrender.Scene.model_validate({**LIT, "lights": []}), {})
+    added = none.with_environment("constant", "")
+    assert added.environment == "lights[0]" and tables.state(added)["changed"] == ["lights[0]"]
+    assert added.with_environment("none", "").lights == added.with_environment("scene", "").lights == {}
+    assert none.with_environment("none", "").job.scene.sha256() == none.scene.sha256()
+    beside = lit.with_environment("none", "").with_added_light("point", (0.0, 0.0, 0.0))[0]
+    assert [light.type for light in beside.job.scene.lights] == ["point", "spot", "directional", "point"]
+    assert beside.with_environment("sky", "").environment == "lights[3]"
 
 
 def test_every_number_of_a_light_can_be_given_back(lit: EditedScene) -> None:
@@ -192,6 +294,18 @@ def test_a_drag_is_one_step_and_two_drags_are_two(lit: EditedScene) -> None:
     history.record(cameras[29], "camera", "camera")  # at once, but after an undo: a step of its own
     assert history.undo(cameras[3]) == (cameras[29], "camera")
     assert history.undo(cameras[29]) == (lit, "camera")
+
+
+def test_edits_that_are_no_part_of_a_drag_are_steps_of_their_own(lit: EditedScene) -> None:
+    history, now = History(lambda: 0.0), lit
+    for _ in range(3):
+        history.record(now, "added point light", None)
+        now, _ = now.with_added_light("point", None)
+    for count in (2, 1, 0):
+        found = history.undo(now)
+        assert found is not None
+        now = found[0]
+        assert len(now.lights) == count
 
 
 def test_other_edits_soon_after_are_steps_of_their_own_and_not_all_are_kept(lit: EditedScene) -> None:

@@ -86,7 +86,7 @@ def of_materials() -> EditedScene:
         ('{"type": "probe", "x": 1, "y": 0, "z": 0}', "z: "),
         ('{"type": "probe", "x": 1, "y": 0, "id": {}}', "id"),
         ('{"type": "show", "layers": []}', "layers"),
-        ('{"type": "show", "layers": ["image", "depth", "normal"]}', "layers"),
+        ('{"type": "show", "layers": ["image", "depth", "normal", "uv"]}', "layers"),
         ('{"type": "show", "layers": ["image"], "max_side": 100000}', "max_side"),
         ('{"type": "save", "name": "a.png", "tone_map": "film"}', "tone_map"),
         ('{"type": "save", "name": "a.png", "exposure": NaN}', "exposure"),

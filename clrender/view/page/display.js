@@ -16,6 +16,11 @@ import { TONE_MAPS, TONE_MAP_GLSL, displayValues, luminanceOf, srgbEncode } from
 
 const KINDS = ["radiance", "luminance", "scalar", "reflectance", "direction", "label"];
 
+/** The chequerboard behind transparent pixels: side of its squares, pixels of the image, and their greys. */
+const SQUARE = 8;
+const LIGHT_SQUARE = 0.6;
+const DARK_SQUARE = 0.45;
+
 const VERTEX = `#version 300 es
 void main() {
   gl_Position = vec4(vec2(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0), 0.0, 1.0);
@@ -25,7 +30,8 @@ const FRAGMENT = `#version 300 es
 precision highp float;
 precision highp int;
 precision highp sampler2D;
-uniform sampler2D image;
+uniform sampler2D image, alpha_image;
+uniform bool has_alpha;
 uniform ivec2 canvas_size;
 uniform int kind, tone_map;
 uniform float scale, low, high;
@@ -55,9 +61,31 @@ vec3 texel(ivec2 place, ivec2 size) {
   return texelFetch(image, clamp(place, ivec2(0), size - 1), 0).rgb;
 }
 
+float alpha_at(vec2 pixel) {
+  ivec2 size = textureSize(alpha_image, 0);
+  ivec2 place = ivec2(pixel * vec2(size) / vec2(canvas_size));
+  return clamp(texelFetch(alpha_image, clamp(place, ivec2(0), size - 1), 0).r, 0.0, 1.0);
+}
+
+vec3 chequered(vec2 pixel) {
+  ivec2 square = ivec2(pixel) / ${SQUARE};
+  return vec3((square.x + square.y) % 2 == 0 ? ${LIGHT_SQUARE} : ${DARK_SQUARE});
+}
+
+// Colours of the image are multiplied by alpha already, those that are shown are not: as files with alpha have them.
+vec3 covered(vec2 pixel, vec3 value) {
+  float alpha = alpha_at(pixel);
+  return mix(chequered(pixel), alpha > 0.0 ? shown(value / alpha) : vec3(0.0), alpha);
+}
+
 void main() {
   ivec2 size = textureSize(image, 0);
   vec2 pixel = vec2(gl_FragCoord.x, float(canvas_size.y) - gl_FragCoord.y);
+  if (has_alpha && kind == 0) {
+    ivec2 near = ivec2(pixel * vec2(size) / vec2(canvas_size));
+    color = vec4(covered(pixel, texel(near, size)), 1.0);
+    return;
+  }
   if (size == canvas_size) {
     color = vec4(shown(texel(ivec2(pixel), size)), 1.0);
     return;
@@ -135,9 +163,15 @@ function shaderDisplay(canvas, gl) {
     for (const side of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, side, gl.NEAREST);
   }
 
-  function drawOne(name, look) {
+  function drawOne(name, look, alpha) {
     const place = (uniform) => gl.getUniformLocation(program, uniform);
+    gl.activeTexture(gl.TEXTURE1);
+    gl.bindTexture(gl.TEXTURE_2D, textures.get(alpha ?? name));
+    gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, textures.get(name));
+    gl.uniform1i(place("image"), 0);
+    gl.uniform1i(place("alpha_image"), 1);
+    gl.uniform1i(place("has_alpha"), alpha === null ? 0 : 1);
     gl.uniform2i(place("canvas_size"), canvas.width, canvas.height);
     gl.uniform1i(place("kind"), KINDS.indexOf(look.kind));
     gl.uniform1i(place("tone_map"), TONE_MAPS.indexOf(look.toneMap));
@@ -148,18 +182,18 @@ function shaderDisplay(canvas, gl) {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  function draw(name, look, compared = null) {
-    last = [name, look, compared];
+  function draw(name, look, compared = null, alpha = null) {
+    last = [name, look, compared, alpha];
     if (gl.isContextLost() || !textures.has(name)) return;
     gl.viewport(0, 0, canvas.width, canvas.height);
     gl.useProgram(program);
     gl.disable(gl.SCISSOR_TEST);
-    drawOne(name, look);
+    drawOne(name, look, alpha);
     if (compared !== null && textures.has(compared.name)) {
       const first = Math.round(canvas.width * compared.from);
       gl.enable(gl.SCISSOR_TEST);
       gl.scissor(first, 0, canvas.width - first, canvas.height);
-      drawOne(compared.name, compared.look);
+      drawOne(compared.name, compared.look, alpha);
     }
   }
 
@@ -202,16 +236,31 @@ function compiled(gl) {
   return program;
 }
 
+/** The grey of the chequerboard at a pixel of the canvas. */
+function chequered(x, y) {
+  return (Math.floor(x / SQUARE) + Math.floor(y / SQUARE)) % 2 === 0 ? LIGHT_SQUARE : DARK_SQUARE;
+}
+
 function plainDisplay(canvas) {
   const context = canvas.getContext("2d", { alpha: false });
   const images = new Map();
 
-  function picture(name, look) {
+  const numbersOf = (data) => (data instanceof Uint16Array ? Float32Array.from(data, halfToNumber) : data);
+
+  function picture(name, look, over) {
     const { width, height, channels, data } = images.get(name);
-    const values = data instanceof Uint16Array ? Float32Array.from(data, halfToNumber) : data;
+    const values = numbersOf(data);
+    const layer = over === null || look.kind !== "radiance" ? null : images.get(over);
+    const alphas = layer === null ? null : numbersOf(layer.data);
     const pixels = new ImageData(width, height);
     for (let i = 0, j = 0; i < values.length; i += channels, j += 4) {
-      const [r, g, b] = shownValues(look, values[i], channels > 1 ? values[i + 1] : 0, channels > 2 ? values[i + 2] : 0);
+      const at = j / 4;
+      const [x, y] = [at % width, Math.floor(at / width)];
+      const part = alphas === null ? 1 : Math.min(Math.max(alphas[Math.floor((y * layer.height) / height) * layer.width + Math.floor((x * layer.width) / width)], 0), 1);
+      const divided = (value) => (part > 0 ? value / part : 0);
+      const straight = [values[i], channels > 1 ? values[i + 1] : 0, channels > 2 ? values[i + 2] : 0].map(divided);
+      const grey = part < 1 ? chequered((x * canvas.width) / width, (y * canvas.height) / height) : 0;
+      const [r, g, b] = shownValues(look, ...straight).map((value) => grey + part * ((part > 0 ? value : 0) - grey));
       pixels.data[j] = r * 255; // rounded by the array
       pixels.data[j + 1] = g * 255;
       pixels.data[j + 2] = b * 255;
@@ -222,12 +271,12 @@ function plainDisplay(canvas) {
     return drawn;
   }
 
-  function drawOne(name, look, from) {
+  function drawOne(name, look, from, alpha) {
     context.save();
     context.beginPath();
     context.rect(from, 0, canvas.width - from, canvas.height);
     context.clip();
-    context.drawImage(picture(name, look), 0, 0, canvas.width, canvas.height);
+    context.drawImage(picture(name, look, alpha), 0, 0, canvas.width, canvas.height);
     context.restore();
   }
 
@@ -240,11 +289,11 @@ function plainDisplay(canvas) {
     removeImage(name) {
       images.delete(name);
     },
-    draw(name, look, compared = null) {
+    draw(name, look, compared = null, alpha = null) {
       if (!images.has(name)) return;
-      drawOne(name, look, 0);
+      drawOne(name, look, 0, alpha);
       if (compared !== null && images.has(compared.name)) {
-        drawOne(compared.name, compared.look, Math.round(canvas.width * compared.from));
+        drawOne(compared.name, compared.look, Math.round(canvas.width * compared.from), alpha);
       }
     },
   };

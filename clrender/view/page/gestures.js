@@ -3,7 +3,7 @@
 const CLICK_DISTANCE = 4; // pixels: a pointer that moved less was held still
 const KEY_STEP = 0.04; // of the image's height, for each press of an arrow key
 const WHEEL_RATE = 0.0012;
-const OF_ITS_OWN = "button, input, select, textarea, a, summary, pre, dialog"; // what does something else with keys
+const OF_ITS_OWN = "button, input, select, textarea, a, summary, pre, dialog, [role=region]"; // what does something else with keys
 const FLY_KEYS = { w: [1, 0, 0], s: [-1, 0, 0], d: [0, 1, 0], a: [0, -1, 0], e: [0, 0, 1], q: [0, 0, -1] };
 
 /**
@@ -107,7 +107,7 @@ function listenToKeys(target, actions) {
   }
 
   target.addEventListener("keydown", (event) => {
-    if (event.target.closest(OF_ITS_OWN) || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.defaultPrevented || event.target.closest(OF_ITS_OWN) || event.ctrlKey || event.metaKey || event.altKey) return;
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     const taken = actions.key(key, event.shiftKey) || moved(key, event.shiftKey) || flown(key);
     if (taken) event.preventDefault();

@@ -13,6 +13,7 @@ const LINES = [
   ["W A S D, Q E", "fly; down, up"],
   ["F", "focus: then click on an object, or press Enter with an active probe"],
   ["P", "probe by keyboard; Enter selects the material, Esc ends"],
+  ["T", "light paths of a pixel, or the controls again"],
   ["R", "reset the camera to the scene file"],
   ["C", "copy the camera as TOML"],
   ["Space", "stop, continue"],

@@ -9,7 +9,8 @@ const PIXELATED_FROM = 4; // times: from there pixels are shown as squares
 
 /**
  * @param {Object} hub
- * @param {Object} choice what is shown: `layer`, `compared` (a layer or null), `toneMap`, `exposure` (of the slider), `falseColor`
+ * @param {Object} choice what is shown: `layer`, `compared` (a layer or null), `toneMap`, `exposure` (of the slider), `falseColor`,
+ *   `alpha` (whether transparent pixels are)
  * @param {boolean} plain without WebGL
  */
 export function createPicture(hub, choice, plain) {
@@ -36,11 +37,13 @@ export function createPicture(hub, choice, plain) {
     return lookOf(layerNamed(name), { ...choice, exposure: choice.exposure + stops }, frames.get(name));
   };
 
+  const streamed = () => [...new Set([choice.layer, choice.compared, choice.alpha ? "alpha" : null])].filter((name) => name !== null);
+
   function draw() {
     scheduled = false;
     if (layerNamed(choice.layer) !== undefined && frames.has(choice.layer)) {
       const compared = choice.compared === null || !frames.has(choice.compared) ? null : { name: choice.compared, look: lookAt(choice.compared), from: Number(split.value) };
-      display.draw(choice.layer, lookAt(choice.layer), compared);
+      display.draw(choice.layer, lookAt(choice.layer), compared, choice.alpha && frames.has("alpha") ? "alpha" : null);
       drawnListeners.forEach((listener) => listener(frames.get(choice.layer)));
       if (first) performance.mark("clrender-first-image");
       first = false;
@@ -57,8 +60,8 @@ export function createPicture(hub, choice, plain) {
 
   function show() {
     const layers = [choice.layer, choice.compared].filter((name) => name !== null);
-    hub.send({ type: "show", layers, max_side: LARGEST_SIDE });
-    for (const name of [...frames.keys()].filter((each) => !layers.includes(each))) {
+    hub.send({ type: "show", layers: streamed(), max_side: LARGEST_SIDE });
+    for (const name of [...frames.keys()].filter((each) => !streamed().includes(each))) {
       frames.delete(name);
       display.removeImage(name);
     }
@@ -81,7 +84,7 @@ export function createPicture(hub, choice, plain) {
 
   hub.on("frame", (frame) => {
     unanswered.add(frame.frame);
-    if (frame.layer === choice.layer || frame.layer === choice.compared) {
+    if (streamed().includes(frame.layer)) {
       frames.set(frame.layer, frame);
       display.setImage(frame.layer, frame);
       fitCanvas(frame);

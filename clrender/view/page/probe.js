@@ -5,8 +5,11 @@ import { make, readable, setText } from "./elements.js";
 const LEAST_WAIT = 100; // milliseconds between two questions
 const QUIET = 500; // milliseconds that the probe must rest before it is read aloud
 
-/** The probe: its card, and what gestures tell it. `picked` gets the answer of a pixel that was picked. */
-export function createProbe(hub, picture, outline, picked) {
+/**
+ * The probe: its card, and what gestures tell it. `picking` is told at once of a pixel that is picked, and `picked` gets
+ * the answer.
+ */
+export function createProbe(hub, picture, outline, picking, picked) {
   const rows = new Map(
     ["pixel", "depth", "object", "material", "radiance", "error"].map((name) => [name, make("dd", { class: `cv-${name}` })]),
   );
@@ -75,6 +78,11 @@ export function createProbe(hub, picture, outline, picked) {
     }, QUIET);
   }
 
+  function pick() {
+    picking(...pixel);
+    ask(chosen);
+  }
+
   function release() {
     pinned = false;
     pixel = null;
@@ -111,9 +119,9 @@ export function createProbe(hub, picture, outline, picked) {
     /** A click: the pixel is kept, and what is seen there picked. */
     pick(place) {
       pin(pixelAt(place));
-      ask(chosen);
+      pick();
     },
-    pickPinned: () => pinned && ask(chosen),
+    pickPinned: () => pinned && pick(),
     /** Begins in the middle of the image, or moves on by some pixels. */
     step(across, down) {
       const size = picture.size();
@@ -121,6 +129,11 @@ export function createProbe(hub, picture, outline, picked) {
       pin([across, down].map((by, i) => Math.min(Math.max(from[i] + by, 0), size[i] - 1)));
       ask();
       aloud();
+    },
+    /** The position of what is seen at a place (null: at the probe) to a function; null: nothing is there. */
+    positionAt(place, answered) {
+      if (place !== null) pin(pixelAt(place));
+      ask((reply) => answered(reply.position));
     },
     /** The focus distance of what is seen at a place (null: at the probe) to a function; null: nothing is there. */
     focusAt(place, answered) {

@@ -18,8 +18,10 @@ export function createSavePanel(hub, choice, picture, say, address) {
 
   function aim() {
     links.forEach((link, i) => {
-      const query = DOWNLOADS[i][0].endsWith(".png") ? `?tone_map=${choice.toneMap}&exposure=${choice.exposure}` : "";
-      link.href = address + DOWNLOADS[i][0] + query;
+      const name = DOWNLOADS[i][0];
+      const query = new URLSearchParams(name.endsWith(".png") ? { tone_map: choice.toneMap, exposure: choice.exposure } : {});
+      if (choice.alpha && !name.endsWith(".film")) query.set("alpha", "1");
+      link.href = `${address}${name}?${query}`;
     });
   }
   // The choice may have changed since: the address is made when it is used.
@@ -42,7 +44,7 @@ export function createSavePanel(hub, choice, picture, say, address) {
   });
 
   function save(name) {
-    const message = { type: "save", name, tone_map: choice.toneMap, exposure: choice.exposure };
+    const message = { type: "save", name, tone_map: choice.toneMap, exposure: choice.exposure, alpha: choice.alpha };
     hub.send(message, (reply) => {
       if (reply.type !== "saved") return false;
       say(`Saved ${reply.name}: ${(reply.bytes / 1e6).toFixed(2)} MB.`);

@@ -27,8 +27,9 @@ export const LIGHTS = {
  * @param {Object} hub
  * @param {Function} say
  * @param {Object} about `MATERIALS` or `LIGHTS`
+ * @param {HTMLElement | null} adding controls that make another one
  */
-export function createTablePanel(hub, say, about) {
+export function createTablePanel(hub, say, about, adding = null) {
   const id = freshId(about.message);
   const select = make("select", { id, onchange: () => choose(select.value) });
   const kind = make("p", { class: "cv-note" });
@@ -39,6 +40,7 @@ export function createTablePanel(hub, say, about) {
     { label: `Copy ${about.message} as TOML`, what: about.label, where: "Paste it into the scene file." },
     tableOf(hub, () => ({ what: about.message, name: chosen })),
   );
+  const remove = make("button", { type: "button", hidden: about !== LIGHTS, onclick: removeChosen }, "Remove light");
   const picked = {}; // name -> table, of those that the scene has too many to list
   let chosen = null;
   let shown = ""; // table and names of the parameters that the fields are made for
@@ -61,6 +63,13 @@ export function createTablePanel(hub, say, about) {
     });
   }
 
+  function removeChosen() {
+    hub.send({ type: "remove_light", name: chosen }, (reply) => {
+      if (reply.type === "refused") say(reply.message);
+      return true;
+    });
+  }
+
   function choose(name, parameters) {
     const isListed = name in about.listed(hub.newest("scene"));
     if (!isListed && parameters) picked[name] = { type: "", parameters };
@@ -80,6 +89,8 @@ export function createTablePanel(hub, say, about) {
     select.value = chosen ?? "";
     select.disabled = copying.button.disabled = names.length === 0;
     const table = tables[chosen];
+    remove.disabled = !table?.removable;
+    remove.title = table && !table.removable ? "A shape of the scene file; set its emission to 0 instead" : "";
     kind.textContent = table === undefined ? about.none : table.type.replaceAll("_", " ");
     const parameters = table?.parameters ?? [];
     const key = JSON.stringify([chosen, parameters.map((each) => [each.name, each.kind])]);
@@ -112,11 +123,12 @@ export function createTablePanel(hub, say, about) {
     choose,
     has: (name) => name in about.listed(hub.newest("scene")),
     content: [
+      ...(adding === null ? [] : [adding]),
       make("p", { class: "cv-note" }, about.hint),
       make("div", { class: "cv-field" }, make("label", { for: id }, about.label), select),
       kind,
       values,
-      make("div", { class: "cv-row" }, copying.button, reset),
+      make("div", { class: "cv-row" }, copying.button, remove, reset),
       copying.shown,
     ],
   };

@@ -19,14 +19,17 @@ function labelled(label, control, title, row = control) {
  * @param {Object} choice as `createPicture` takes it; changed here
  * @param {Object} picture
  * @param {Function} say
+ * @param {Object} environment as `createEnvironmentPanel` returns it
  */
-export function createViewPanel(hub, choice, picture, say) {
+export function createViewPanel(hub, choice, picture, say, environment) {
   const layer = make("select", { onchange: () => chooseLayer(layer.value) });
   const compared = make("select", { onchange: () => chooseCompared(compared.value) });
   const toneMap = make("select", { onchange: () => set("toneMap", toneMap.value) }, ...TONE_MAPS.map((name) => make("option", { value: name }, TONE_MAP_WORDS[name])));
   const slider = make("input", { type: "range", min: -MOST_STOPS, max: MOST_STOPS, step: 0.1, "aria-label": "Exposure, stops" });
   const stops = make("input", { type: "number", min: -MOST_STOPS, max: MOST_STOPS, step: "any" });
   const falseColor = make("input", { type: "checkbox", onchange: () => set("falseColor", falseColor.checked) });
+  const alpha = make("input", { type: "checkbox", onchange: chooseAlpha });
+  const hidden = make("input", { type: "checkbox", onchange: () => environment.show(!hidden.checked) });
   const hint = make("p", { class: "cv-note", hidden: true });
   const turnOn = make("button", { type: "button", hidden: true, onclick: measure }, "Estimate errors");
 
@@ -48,6 +51,13 @@ export function createViewPanel(hub, choice, picture, say) {
     slider.value = String(kept);
     stops.value = String(Number(kept.toFixed(2)));
     set("exposure", kept);
+  }
+
+  /** With alpha the environment is hidden, as by --alpha, and seen again without. */
+  function chooseAlpha() {
+    choice.alpha = alpha.checked;
+    if (environment.isVisible() !== null) environment.show(!alpha.checked);
+    picture.show();
   }
 
   function measure() {
@@ -100,6 +110,11 @@ export function createViewPanel(hub, choice, picture, say) {
     update();
   });
   hub.on("state", update);
+  hub.on("scene", () => {
+    const visible = environment.isVisible();
+    hidden.disabled = visible === null;
+    hidden.checked = visible === false;
+  });
   return {
     changeExposure: (by) => setStops(choice.exposure + by),
     toggleFalseColor() {
@@ -119,6 +134,8 @@ export function createViewPanel(hub, choice, picture, say) {
       labelled("False colour", falseColor, "False colours of the luminance"),
       labelled("Layer", layer),
       labelled("Compare with", compared, "Shows both layers with a divider between them"),
+      labelled("Hide environment", hidden, "The environment lights the scene, and the camera does not see it"),
+      labelled("Alpha", alpha, "Shows what is transparent over a chequerboard, and hides the environment; .png and .exr files get alpha"),
       hint,
       turnOn,
       make("div", { class: "cv-row" }, copying.button),

@@ -2,18 +2,22 @@
 
 import { createCamera, createCameraPanel } from "./camera_panel.js";
 import { make, setText } from "./elements.js";
+import { createEnvironmentPanel } from "./environment_panel.js";
 import { listenToGestures } from "./gestures.js";
 import { createHelp } from "./help.js";
 import { createHistory } from "./history.js";
 import { createHub } from "./hub.js";
 import { icon } from "./icons.js";
+import { createLightAdding } from "./light_adding.js";
 import { createOutline } from "./outline.js";
+import { createPathsPanel } from "./paths_panel.js";
 import { createPicture } from "./picture.js";
 import { createProbe } from "./probe.js";
 import { createSavePanel } from "./save_panel.js";
 import { createSettingsPanel } from "./settings_panel.js";
 import { createStatus, createStrip } from "./status.js";
 import { LIGHTS, MATERIALS, createTablePanel } from "./table_panel.js";
+import { createTabs } from "./tabs.js";
 import { createViewPanel } from "./view_panel.js";
 
 /**
@@ -26,37 +30,56 @@ import { createViewPanel } from "./view_panel.js";
  */
 export function mount(root, transport, { shared = false, downloads = null, plain = false } = {}) {
   const hub = createHub(transport);
-  const choice = { layer: "image", compared: null, toneMap: "srgb", exposure: 0, falseColor: false };
+  const choice = { layer: "image", compared: null, toneMap: "srgb", exposure: 0, falseColor: false, alpha: false };
   const status = createStatus(hub);
   const picture = createPicture(hub, choice, plain);
   const camera = createCamera(hub);
-  const viewPanel = createViewPanel(hub, choice, picture, status.say);
+  const environmentPanel = createEnvironmentPanel(hub, status.say);
+  const viewPanel = createViewPanel(hub, choice, picture, status.say, environmentPanel);
   const materialPanel = createTablePanel(hub, status.say, MATERIALS);
-  const lightPanel = createTablePanel(hub, status.say, LIGHTS);
+  const adding = createLightAdding(hub, status.say, (name) => awaitLight(name));
+  const lightPanel = createTablePanel(hub, status.say, LIGHTS, adding.content);
   const history = createHistory(hub, status.say);
   const outline = createOutline(hub);
   picture.overlay(outline.element);
   const help = createHelp();
   const focus = createFocus(hub, status.say);
-  const probe = createProbe(hub, picture, outline, (reply) => {
-    const light = `shapes[${reply.object?.index}]`;
-    if (lightPanel.has(light)) {
-      lightPanel.choose(light);
-      sections.light.open = true;
-    }
+  const pathsPanel = createPathsPanel(hub, picture);
+  const probe = createProbe(hub, picture, outline, pathsPanel.trace, (reply) => {
+    if (lightPanel.has(reply.object?.place)) chooseLight(reply.object.place);
     if (reply.material === null) return;
     materialPanel.choose(reply.material, reply.parameters);
     sections.material.open = true;
   });
+  function chooseLight(name) {
+    lightPanel.choose(name);
+    sections.light.open = true;
+  }
+  let awaited = null; // a light that was added, until the scene has it
+  function awaitLight(name) {
+    awaited = name;
+    if (!lightPanel.has(name)) return;
+    chooseLight(name);
+    awaited = null;
+  }
   const cameraPanel = createCameraPanel(hub, status.say, focus.button, camera);
   const sections = {
     view: section("View", true, viewPanel.content),
     render: section("Render", true, createSettingsPanel(hub, status.say)),
     material: section("Material", false, materialPanel.content),
     light: section("Light", false, lightPanel.content),
+    environment: section("Environment", false, environmentPanel.content),
     camera: section("Camera", false, cameraPanel.content),
     save: section("Save", false, createSavePanel(hub, choice, picture, status.say, downloads)),
   };
+
+  const tabs = createTabs("Panel", [
+    { name: "Controls", content: Object.values(sections) },
+    { name: "Light paths", content: pathsPanel.content, class: "lp" },
+  ], (index) => {
+    root.classList.toggle("cv-wide", index === 1);
+    pathsPanel.open(index === 1);
+  });
 
   const commands = {
     " ": () => !status.button.disabled && status.toggle(),
@@ -66,6 +89,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
     p: () => (probe.isPinned() ? probe.release() : probe.step(0, 0)),
     l: viewPanel.toggleFalseColor,
     b: () => viewPanel.toggleDenoised() || status.say(`The denoiser is not installed. Install it with: ${hub.newest("hello")?.install_denoiser}`),
+    t: () => tabs.choose(root.classList.contains("cv-wide") ? 0 : 1),
     h: () => root.classList.toggle("cv-bare"),
     "[": () => viewPanel.changeExposure(-1 / 3),
     "]": () => viewPanel.changeExposure(1 / 3),
@@ -82,6 +106,7 @@ export function mount(root, transport, { shared = false, downloads = null, plain
     { class: "cv-tools", role: "toolbar", "aria-label": "Tools" },
     tool("focus", "Focus by click", "f"),
     tool("probe", "Probe by keyboard", "p"),
+    tool("paths", "Light paths of a pixel", "t"),
     tool("compare", "Compare before and after denoising", "b"),
     tool("palette", "False colour of luminance", "l"),
     tool("reset", "Reset the camera", "r"),
@@ -98,6 +123,11 @@ export function mount(root, transport, { shared = false, downloads = null, plain
     tools,
     status.toast,
   );
+  hub.on("scene", () => {
+    if (awaited === null || !lightPanel.has(awaited)) return;
+    chooseLight(awaited);
+    awaited = null;
+  });
   const title = make("h1", {}, "clrender");
   const about = make("span", { class: "cv-about" });
   hub.on("scene", (scene) => {
@@ -115,22 +145,26 @@ export function mount(root, transport, { shared = false, downloads = null, plain
       make("header", { class: "cv-bar" }, title, about, history.buttons, status.pill, status.button),
       stage,
       createStrip(hub),
-      make("aside", { class: "cv-panel", "aria-label": "Controls" }, ...Object.values(sections)),
+      make("aside", { class: "cv-panel", "aria-label": "Controls" }, tabs.list, ...tabs.panels),
     ),
     probe.spoken,
     help,
   );
 
-  listenToGestures(stage, picture.box, { ...camera, ...picks(probe, focus), key: pressed }, shared);
+  tabs.choose(0);
+  listenToGestures(stage, picture.box, { ...camera, ...picks(probe, [focus, adding]), key: pressed }, shared);
   history.listen(shared ? root : document);
+  const armed = () => [focus, adding].find((each) => each.isArmed());
   function pressed(key, shifted) {
     const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
     if (probe.isPinned() && key in arrows) probe.step(...arrows[key].map((by) => by * (shifted ? 10 : 1)));
-    else if (key === "Enter" && focus.isArmed() && probe.isPinned()) focus.at(probe, null);
+    else if (key === "Enter" && armed() !== undefined && probe.isPinned()) armed().at(probe, null);
     else if (key === "Enter" && probe.isPinned()) probe.pickPinned();
     else if (key === "Escape") {
       probe.release();
+      pathsPanel.clear();
       focus.disarm();
+      adding.disarm();
     } else if (key in commands) commands[key]();
     else return false;
     return true;
@@ -155,11 +189,12 @@ function section(title, open, content) {
 }
 
 /** What hovering and clicking do. */
-function picks(probe, focus) {
+function picks(probe, tools) {
   return {
     hover: probe.hover,
     click(place) {
-      if (focus.isArmed()) focus.at(probe, place);
+      const armed = tools.find((each) => each.isArmed());
+      if (armed !== undefined) armed.at(probe, place);
       else probe.pick(place);
     },
   };

@@ -1,0 +1,52 @@
+// The vertices of one sample: events, throughput, densities, weights and contributions.
+
+import { make, readable } from "./elements.js";
+import { color, named, number, percent, sentence, swatch, triple } from "./path_rows.js";
+
+const NAMES = ["Vertex", "Event", "At", "Position, m", "Throughput before", "Throughput after", "pdf, 1/sr", "f cos / pdf", "Roulette", "Contribution"];
+const WORDS = ["Event", "At"];
+
+/** A cell. Where there is little room rows become cards, whose lines begin with the name. */
+const cell = (name, attributes, ...children) =>
+  make("td", { role: "cell", "data-name": name, class: WORDS.includes(name) && "lp-words", ...attributes }, ...children);
+
+function vertexRow(vertex, place, mark) {
+  const { roulette, guiding } = vertex;
+  const played = roulette?.survival === 1 ? "survives" : roulette ? `${readable(roulette.random)} ${roulette.survived ? "<" : "≥"} ${readable(roulette.survival)}: ${roulette.survived ? "goes on" : "ends"}` : "–";
+  const what = vertex.again ? `${vertex.event}, next ray` : vertex.event;
+  const kind = vertex.material_type ? `${vertex.object ?? ""} ${vertex.material ? `(${vertex.material}, ${vertex.material_type})` : `(${vertex.material_type})`}`.trim() : vertex.object ?? "–";
+  const pdf = vertex.pdf === null ? "–" : vertex.pdf === 0 ? "delta" : number(vertex.pdf);
+  const by = guiding && guiding.share > 0 ? `, ${guiding.by_field ? "by field" : "by BSDF"} (${percent(guiding.share)} by field)` : "";
+  const contents = [String(place + 1), what + by, kind, triple(vertex.position), color(vertex.throughput_in),
+    vertex.ended ? `– (${vertex.ended})` : color(vertex.throughput), pdf, color(vertex.weight), played];
+  return make("tr", { role: "row", class: "lp-vertex", onpointerenter: () => mark(place), onpointerleave: () => mark(null) },
+    ...contents.map((content, at) => cell(NAMES[at], {}, content)), cell("Contribution", {}, swatch(vertex.contribution), color(vertex.contribution)));
+}
+
+function additionRow(addition, isMost) {
+  const where = `${addition.strategy} ${named(addition)}${addition.light_group ? ` [${addition.light_group}]` : ""}`;
+  const result = addition.order ? "arrives" : addition.shadow_ray ? "blocked" : "nothing to arrive";
+  const known = addition.light !== null;
+  const densities = !known ? "" : `pdf light ${number(addition.light_pdf)}${addition.light_probability ? ` (choice ${number(addition.light_probability)})` : ""}, BSDF ${addition.in_full ? "–" : number(addition.bsdf_pdf)}`;
+  const weights = !known ? "" : `MIS light ${number(addition.light_weight)}, BSDF ${number(addition.bsdf_weight)}`;
+  return make("tr", { role: "row", class: isMost ? "lp-addition lp-most" : "lp-addition" }, cell("", {}),
+    cell("Light", { class: "lp-words", colspan: 2 }, where), cell("At", { class: null }, addition.position ? triple(addition.position) : addition.direction ? `towards ${triple(addition.direction)}` : ""),
+    cell("Emitted", { colspan: 2 }, known ? `radiance ${color(addition.emitted)}` : ""), cell("Weights", { class: "lp-words", colspan: 2 }, `${densities}; ${weights}`.replace(/^; $/, "")),
+    cell("Shadow ray", {}, result), cell("Contribution", {}, addition.order ? color(addition.contribution) : "0"));
+}
+
+/** The contents of the part about a row's sample; `mark(place)` is told which vertex is pointed at, or null. */
+export function vertexParts(row, mark) {
+  const { sample, most } = row;
+  const fact = (name, value) => make("div", {}, make("dt", {}, name), make("dd", {}, value));
+  const facts = make("dl", { class: "lp-facts" }, fact("Value", triple(sample.value, 5)), fact("Of the pixel", percent(sample.share)),
+    fact("Vertices", String(row.size)), sample.wavelengths ? fact("Wavelengths, nm", triple(sample.wavelengths, 5)) : null,
+    sample.filter_weight !== 1 ? fact("Filter weight", number(sample.filter_weight)) : null,
+    sample.rows_left_out ? fact("Not recorded", `${sample.rows_left_out} rows, radiance ${triple(sample.rest)}`) : null);
+  const lines = sample.vertices.flatMap((vertex, place) => [vertexRow(vertex, place, mark),
+    ...vertex.additions.map((addition) => additionRow(addition, most !== null && addition === most.addition))]);
+  const headings = NAMES.map((name, at) => make("th", { scope: "col", role: "columnheader", class: WORDS.includes(name) && "lp-words" }, at === 0 ? "" : name));
+  return [make("h2", {}, `Sample ${sample.index}`), make("p", { class: "lp-sentence" }, sentence(row)), facts,
+    make("div", { class: "lp-scroll lp-vertices", tabindex: 0, role: "region", "aria-label": `Vertices of sample ${sample.index}` },
+      make("table", { role: "table" }, make("thead", { role: "rowgroup" }, make("tr", { role: "row" }, ...headings)), make("tbody", { role: "rowgroup" }, ...lines)))];
+}
