@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 if TYPE_CHECKING:
     from view_clients import EngineClient
@@ -28,6 +29,10 @@ __all__: list[str] = []
 
 PARTS = ("::test_many_mixed_scenes",)
 """Tests of minutes, which would leave one process with the last file."""
+
+# No test depends on the load of the machine.
+settings.register_profile("unhurried", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("unhurried")
 
 # A shell that starts the tests in the background has them ignore Ctrl-C, and so would the programs they send it to.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
