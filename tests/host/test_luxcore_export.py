@@ -21,7 +21,6 @@ from clrender.image.files import read_image
 from clrender.meshes.read import read_mesh
 from clrender.scene import Sphere
 
-
 SENSOR = {"wavelengths": [400.0, 700.0], "red": [0.1, 1.0], "green": [1.0, 1.0], "blue": [1.0, 0.1]}
 
 
