@@ -372,7 +372,12 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("texture", "uint", "number of the texture that it shines as, plus 1; 0: none, it is the same all over"),
         ("table", "uint", "IES, projector: row of lamp_tables where its own begins"),
         ("offset", "uint", "of a moving light: number of its primitive, less the row"),
-        ("unused", "uint[3]", ""),
+        (
+            "knots",
+            "uint",
+            "of a moving light that is no surface: 1 plus the row of motion_rows where its motion begins",
+        ),
+        ("unused", "uint[2]", ""),
     ),
     "Camera": (
         ("origin", "float4", "xyz, metres"),
@@ -574,7 +579,7 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("STRETCH", 7, 6, "symmetric matrix, before the rotation: xx, yy, zz, xy, xz, yz"),
         ("TIME", 13, 1, "share of the interval, from 0 on"),
         ("INVERSE_SPAN", 14, 1, "one over the time to the next knot"),
-        ("MOTION_SPARE", 15, 1, ""),
+        ("SEGMENTS", 15, 1, "bits: of the first knot of a light's motion, the ways between its knots"),
     ),
     "PRIMITIVE": (
         ("A", 0, 3, "triangle: its vertices"),
@@ -746,7 +751,7 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("KIND", 3, 1, "bits: LIGHT_*, and from bit LIGHT_TEXTURE on, which texture"),
         ("PROBABILITY", 4, 1, "with which the alias table picks it"),
         ("PLACE", 4, 1, "bits: its leaf in the light BVH, where there is one"),
-        ("PRIMITIVE", 5, 1, "bits: the primitive that shines, or NONE"),
+        ("PRIMITIVE", 5, 1, "bits: the primitive that shines, or where the motion of another light begins, or NONE"),
         ("A", 6, 3, "triangle: vertex A"),
         ("AB", 9, 3, "B - A"),
         ("AC", 12, 3, "C - A"),

@@ -12,6 +12,7 @@ from clrender.errors import SceneError
 from clrender.exporters.files import NamedFiles
 from clrender.files.access import atomic_write
 from clrender.scene import PluginMaterial, Scene
+from clrender.scene.light_kinds import MOVING_LIGHTS
 from clrender.scene.motion import rests
 from clrender.scene.posed import deforms
 from clrender.scene.resting import opened
@@ -139,6 +140,10 @@ class Target:
                 self.leave_out(sentence, "shapes", index, "motion")
             if isinstance(shape, Mesh) and deforms(shape, begin, end):
                 self.leave_out("a change of form: it is as the shutter finds it", "shapes", index, "poses")
+        for index, light in enumerate(moving.lights):
+            keys = light.motion if isinstance(light, MOVING_LIGHTS) else ()
+            if keys and rests(keys, begin, end) is None:
+                self.leave_out(sentence, "lights", index, "motion")
         if moving.camera.rolling_shutter > 0.0:
             self.leave_out("a rolling shutter", "camera", "rolling_shutter")
         for name, material in self.scene.materials.items():

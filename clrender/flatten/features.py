@@ -26,6 +26,7 @@ _CALIBRATED: Final = (layout.CAMERA_BROWN_CONRADY, layout.CAMERA_KANNALA_BRANDT)
 
 _RARE: Final = (
     "motion",
+    "moving_lights",
     "deformation",
     "grids",
     "glowing_media",
@@ -76,6 +77,8 @@ class Features:
         Some shape's shadow terminator is moved.
     motion : bool
         Something moves while the shutter is open, or rows of the image are exposed one after the other.
+    moving_lights : bool
+        So do lights at a point, or in a direction.
     deformation : bool
         Some meshes change their form while the shutter is open.
     grids : bool
@@ -117,6 +120,7 @@ class Features:
     emission_textures: bool = False
     terminator_offset: bool = False
     motion: bool = False
+    moving_lights: bool = False
     deformation: bool = False
     grids: bool = False
     glowing_media: bool = False
@@ -233,6 +237,7 @@ class Features:
             holes=opacity and len(arrays["hole_rows"]) > 1,
             hidden_shapes=bool((flags & (layout.SHAPE_HIDDEN | layout.SHAPE_HELD_OUT)).any()),
             hidden_environment=hidden_environment,
+            moving_lights=bool(lights["knots"].any()),
             deformation=bool(instances.poses),
             grids=interiors and bool(media.grids),
             glowing_media=interiors and media.glows,
@@ -246,7 +251,7 @@ class Features:
             iridescence=len(arrays["thin_film_rows"]) > 1,
             plugins=tuple(kernel_files(plugins).items()) if plugins else (),
         )
-        return found.seen_by(camera, instances.moves)
+        return found.seen_by(camera, instances.moves or found.moving_lights)
 
 
 def _kinds(arrays: Mapping[str, NDArray[Any]]) -> NDArray[np.uint32]:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from clrender.scene.description import Scene
     from clrender.scene.motion import Track
 
-__all__ = ["NO_MOTION", "Knots", "camera_knots", "knot_rows", "knots_of", "swept_boxes"]
+__all__ = ["NO_MOTION", "Knots", "camera_knots", "knot_rows", "light_knot_rows", "knots_of", "swept_boxes"]
 
 _Floats = NDArray[np.float64]
 _TURN: Final = math.radians(5.0)
@@ -114,7 +114,7 @@ def _moments(track: _Turning, begin: float, end: float) -> _Floats:
     return np.array(moments)
 
 
-def knots_of(track: Track, scene: Scene, index: int) -> Knots:
+def knots_of(track: Track, scene: Scene, index: int, table: str = "shapes") -> Knots:
     """Knots of a motion, over the interval of the scene's camera.
 
     Parameters
@@ -122,7 +122,9 @@ def knots_of(track: Track, scene: Scene, index: int) -> Knots:
     track : Track
     scene : Scene
     index : int
-        Of the shape, for messages.
+        Of the shape or light, for messages.
+    table : str
+        Which of both.
 
     Raises
     ------
@@ -133,7 +135,7 @@ def knots_of(track: Track, scene: Scene, index: int) -> Knots:
     try:
         moments = _moments(track, begin, end)
     except ValueError as error:
-        raise SceneError(f"{scene.source}: {place(('shapes', index, 'motion'))} {error}; close it sooner") from None
+        raise SceneError(f"{scene.source}: {place((table, index, 'motion'))} {error}; close it sooner") from None
     path = track.at(moments)
     shares = np.clip((moments - begin) / (end - begin), 0.0, 1.0)
     before = np.concatenate([track.sign * np.eye(3), np.zeros((3, 1))], axis=1)[None]
@@ -221,6 +223,30 @@ def knot_rows(
     if not rows:
         return np.zeros((1, 16), np.float32), np.zeros((0, 2), np.uint32)
     return np.concatenate(rows).astype(np.float32), np.array(places, np.uint32)
+
+
+def light_knot_rows(
+    motions: Sequence[Knots], origin: tuple[float, float, float]
+) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    """Rows of knots of lights, the first of each with the number of ways between them.
+
+    Parameters
+    ----------
+    motions : sequence of Knots
+    origin : (3,) float
+        See `knot_rows`.
+
+    Returns
+    -------
+    rows : (K, 16) float32
+        Of no motion, none.
+    firsts : (n,) uint32
+        Of each motion, its first row.
+    """
+    rows, places = knot_rows(motions, origin)
+    rows = rows[: len(rows) if motions else 0]
+    rows.view(np.uint32)[places[:, 0], _COLUMNS["SEGMENTS"]] = places[:, 1]
+    return rows, places[:, 0]
 
 
 def _without_errors(values: _Floats) -> _Floats:

@@ -8,6 +8,7 @@ from clrender.flatten.material_rows import has_row
 from clrender.flatten.plugin_rows import used_plugins
 from clrender.integrators import INTEGRATORS
 from clrender.scene.description import Scene
+from clrender.scene.light_kinds import MOVING_LIGHTS
 from clrender.scene.materials import Dielectric, Principled, Subsurface, material_parts, material_textures
 from clrender.scene.motion import rests
 from clrender.scene.shapes import Curves, Mesh
@@ -133,6 +134,8 @@ def check_motion(scene: Scene, integrator: str) -> None:
         begin, end = camera.interval
         keyed = ((index, shape.motion) for index, shape in enumerate(scene.shapes) if shape.motion)
         moving += [place(("shapes", index, "motion")) for index, keys in keyed if rests(keys, begin, end) is None]
+        lamps = ((i, each.motion) for i, each in enumerate(scene.lights) if isinstance(each, MOVING_LIGHTS))
+        moving += [place(("lights", i, "motion")) for i, keys in lamps if keys and rests(keys, begin, end) is None]
     if moving and not times:
         raise SceneError(
             f"{scene.source}: {moving[0]}: the integrator {integrator} takes nothing that moves while the shutter is "

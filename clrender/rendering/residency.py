@@ -168,7 +168,7 @@ class Residency:
         media = cameras[["interior_first", "interior_last", "cuts_media"]]
         if (media != media[0]).any() or cameras["cuts_media"].any():
             raise ApartError
-        features = flat.features.seen_by(cameras, flat.instances.moves)
+        features = flat.features.seen_by(cameras, flat.moves)
         return dataclasses.replace(flat, camera=cameras, camera_knots=np.concatenate(knots), features=features)
 
     def worker(

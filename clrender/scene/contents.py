@@ -23,6 +23,7 @@ from clrender.scene.frozen import FrozenDict
 from clrender.scene.groups import Group, Instance, ShapeOrInstance, TransformArray
 from clrender.scene.ies import IesProfile
 from clrender.scene.light_kinds import (
+    MOVING_LIGHTS,
     EnvironmentLight,
     IesLight,
     Light,
@@ -127,10 +128,14 @@ class SceneContents(Head):
 
     @property
     def has_motion(self) -> bool:
-        """Whether any shape or instance has keys of a motion, or poses, whenever they are."""
-        return self.of_contents(
-            "has motion", lambda: any(each.motion or (isinstance(each, Mesh) and each.poses) for each in self.shapes)
-        )
+        """Whether any shape, instance or light has keys of a motion, or poses, whenever they are."""
+
+        def found() -> bool:
+            if any(isinstance(light, MOVING_LIGHTS) and light.motion for light in self.lights):
+                return True
+            return any(each.motion or (isinstance(each, Mesh) and each.poses) for each in self.shapes)
+
+        return self.of_contents("has motion", found)
 
     @property
     def has_shadow_catchers(self) -> bool:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from clrender.scene.groups import Instance, ShapeOrInstance
+from clrender.scene.light_kinds import MOVING_LIGHTS, DirectionalLight, IesLight, Light, PointLight, ProjectorLight
 from clrender.scene.motion import rests
 from clrender.scene.posed import deforms, standing
 from clrender.scene.poses import Transform
@@ -17,10 +18,11 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from clrender.scene.description import Scene
+    from clrender.scene.light_kinds import MovingLight
     from clrender.scene.shapes import AnyShape
     from clrender.scene.transforms import Affine
 
-__all__ = ["carried", "is_identity", "opened", "placements", "resting"]
+__all__ = ["carried", "is_identity", "lit_from", "opened", "placements", "resting"]
 
 
 def is_identity(map_: Affine) -> bool:
@@ -37,8 +39,32 @@ def carried(shape: AnyShape, outer: Affine) -> AnyShape:
     return shape.with_checked(transform=Transform(matrix=(*rows, (0.0, 0.0, 0.0, 1.0))))
 
 
+def lit_from(light: MovingLight, outer: Affine) -> MovingLight:
+    """A light that a rigid motion has moved, without keys of its own."""
+    if is_identity(outer):
+        return light.with_checked(motion=()) if light.motion else light
+    moved: dict[str, Any] = {"motion": ()}
+    if not isinstance(light, DirectionalLight):
+        moved["position"] = outer.point(light.position)
+    if not isinstance(light, PointLight):
+        moved["direction"] = outer.vector(light.direction)
+    if isinstance(light, ProjectorLight):
+        moved["up"] = outer.vector(light.up)
+    if isinstance(light, IesLight):
+        moved["horizontal_zero"] = outer.vector(light.zero)
+    return light.with_checked(**moved)
+
+
+def _resting_light(light: Light, begin: float, end: float) -> Light:
+    """A light; without its motion and where it is then, if it rests between two times."""
+    if not isinstance(light, MOVING_LIGHTS) or not light.motion:
+        return light
+    still = rests(light.motion, begin, end)
+    return light if still is None else lit_from(light, still)
+
+
 def resting(scene: Scene) -> Scene:
-    """The scene with shapes that do not move while the shutter is open where they are then, without their motions.
+    """The scene with shapes and lights that do not move while the shutter is open where they are then, without their motions.
 
     Instances keep theirs; `placements` has where they are. Meshes that change their form keep their poses, and have the
     form in which the shutter finds them.
@@ -62,7 +88,9 @@ def resting(scene: Scene) -> Scene:
     for shape in scene.shapes:
         still = rests(shape.motion, begin, end) if shape.motion and not isinstance(shape, Instance) else None
         shapes.append(shape if still is None else carried(shape, still).with_checked(motion=()))  # type: ignore[arg-type]
-    return scene.with_checked(shapes=tuple(shapes))
+    lights = tuple(_resting_light(light, begin, end) for light in scene.lights)
+    kept = {} if all(a is b for a, b in zip(lights, scene.lights, strict=True)) else {"lights": lights}
+    return scene.with_checked(shapes=tuple(shapes), **kept)
 
 
 def placements(scene: Scene, index: int) -> npt.NDArray[np.float64]:

@@ -124,12 +124,24 @@ def _moving(mixed: Mixed) -> None:
         if _may_move(mixed, shape) and draw.chance(0.6):
             shape["motion"] = _keys(draw, middle)
     _deforming(mixed, middle)
+    _lamps_moving(mixed, middle)
     # Of a camera in a ball of its own the ball would stay behind
     if "position" in camera and "lens" not in content.get("materials", {}) and draw.chance(0.6):
         near = _plus(camera["position"], draw.point(0.1))
         keys = [{"position": camera["position"]}, {"position": near, "target": draw.point(0.3)}]
         keys[1] |= {"up": camera["up"]} if draw.chance(0.5) else {}
         camera["motion"] = [{"time": middle + at, **key} for at, key in zip((-0.3, 0.4), keys, strict=True)]
+
+
+def _lamps_moving(mixed: Mixed, middle: float) -> None:
+    """Let lights turn and move that are no surfaces; by random numbers of their own."""
+    draw = Draw(f"moving lamps of {mixed.name}", white=False)
+    for light in mixed.content["lights"]:
+        # Those of black scenes are in boxes of their own, and would come out
+        if light["type"] not in ("point", "spot", "ies", "projector", "directional") or mixed.exact is not None:
+            continue
+        if draw.chance(0.6):
+            light["motion"] = [{**key, **({"scale": 1.0} if "scale" in key else {})} for key in _keys(draw, middle)]
 
 
 def _deforming(mixed: Mixed, middle: float) -> None:
