@@ -135,11 +135,13 @@ class Target:
         sentence = "motion: it is where it is when the shutter opens"
         if moving.camera.track is not None:
             self.leave_out(sentence, "camera", "motion")
-        for index, shape in enumerate(moving.shapes if moving.has_motion else ()):
+        placed = [(("shapes", index), shape) for index, shape in enumerate(moving.shapes if moving.has_motion else ())]
+        inside = (each for each in moving.all_shapes() if each[0][0] == "groups")
+        for at, shape in (*placed, *inside):
             if shape.motion and rests(shape.motion, begin, end) is None:
-                self.leave_out(sentence, "shapes", index, "motion")
+                self.leave_out(sentence, *at, "motion")
             if isinstance(shape, Mesh) and deforms(shape, begin, end):
-                self.leave_out("a change of form: it is as the shutter finds it", "shapes", index, "poses")
+                self.leave_out("a change of form: it is as the shutter finds it", *at, "poses")
         for index, light in enumerate(moving.lights):
             keys = light.motion if isinstance(light, MOVING_LIGHTS) else ()
             if keys and rests(keys, begin, end) is None:

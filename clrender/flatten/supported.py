@@ -132,8 +132,9 @@ def check_motion(scene: Scene, integrator: str) -> None:
     moving = [] if camera.track is None else ["camera.motion"]
     if scene.has_motion:
         begin, end = camera.interval
-        keyed = ((index, shape.motion) for index, shape in enumerate(scene.shapes) if shape.motion)
-        moving += [place(("shapes", index, "motion")) for index, keys in keyed if rests(keys, begin, end) is None]
+        keyed = [(("shapes", index), shape.motion) for index, shape in enumerate(scene.shapes)]
+        keyed += [(at, shape.motion) for at, shape in scene.all_shapes() if at[0] == "groups"]
+        moving += [place((*at, "motion")) for at, keys in keyed if keys and rests(keys, begin, end) is None]
         lamps = ((i, each.motion) for i, each in enumerate(scene.lights) if isinstance(each, MOVING_LIGHTS))
         moving += [place(("lights", i, "motion")) for i, keys in lamps if keys and rests(keys, begin, end) is None]
     if moving and not times:

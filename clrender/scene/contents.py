@@ -133,7 +133,9 @@ class SceneContents(Head):
         def found() -> bool:
             if any(isinstance(light, MOVING_LIGHTS) and light.motion for light in self.lights):
                 return True
-            return any(each.motion or (isinstance(each, Mesh) and each.poses) for each in self.shapes)
+            if any(isinstance(each, Instance) and each.motion for each in self.shapes):
+                return True
+            return any(each.motion or (isinstance(each, Mesh) and each.poses) for _, each in self.all_shapes())
 
         return self.of_contents("has motion", found)
 

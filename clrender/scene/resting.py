@@ -15,6 +15,8 @@ from clrender.scene.shapes import Mesh
 from clrender.scene.transforms import affine, combined
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     import numpy.typing as npt
 
     from clrender.scene.description import Scene
@@ -72,25 +74,37 @@ def resting(scene: Scene) -> Scene:
     if not scene.has_motion:
         return scene
     begin, end = scene.camera.interval
-    posed = {
-        index: (scene.place_of(index), mesh)
-        for index, mesh in enumerate(scene.shapes)
-        if isinstance(mesh, Mesh) and mesh.poses
-    }
+    lists: dict[str | None, Sequence[ShapeOrInstance]] = {None: scene.shapes}
+    lists |= {name: group.shapes for name, group in scene.groups.items()}
+    places = {None: scene.place_of} | {name: _place_in_group(name) for name in scene.groups}
+    every = [((name, i), shape) for name, shapes in lists.items() for i, shape in enumerate(shapes)]
+    forms: dict[tuple[str | None, int], Mesh] = {}
+    posed = [(key, mesh) for key, mesh in every if isinstance(mesh, Mesh) and mesh.poses]
     if posed:
-        stand, other = standing(scene, list(posed.values()))
-        forms = dict(zip(posed, stand, strict=True))
-        for index, (_, mesh) in posed.items():
-            if deforms(mesh, begin, end):
-                forms[index] = forms[index].with_checked(poses=mesh.poses)
-        scene = other.with_checked(shapes=tuple(forms.get(i, each) for i, each in enumerate(scene.shapes)))
-    shapes: list[ShapeOrInstance] = []
-    for shape in scene.shapes:
+        stand, scene = standing(scene, [(places[name](i), mesh) for (name, i), mesh in posed])
+        for (key, mesh), form in zip(posed, stand, strict=True):
+            forms[key] = form.with_checked(poses=mesh.poses) if deforms(mesh, begin, end) else form
+    made: dict[str | None, list[Any]] = {name: [] for name in lists}
+    for key, shape in every:
+        shape = forms.get(key, shape)
         still = rests(shape.motion, begin, end) if shape.motion and not isinstance(shape, Instance) else None
-        shapes.append(shape if still is None else carried(shape, still).with_checked(motion=()))  # type: ignore[arg-type]
+        made[key[0]].append(shape if still is None else carried(shape, still).with_checked(motion=()))  # type: ignore[arg-type]
+    kept: dict[str, Any] = {"shapes": tuple(made.pop(None))}
+    moved = {
+        name: scene.groups[name].with_checked(shapes=tuple(now))
+        for name, now in made.items()
+        if name is not None and any(a is not b for a, b in zip(now, lists[name], strict=True))
+    }
+    if moved:
+        kept["groups"] = {**scene.groups, **moved}
     lights = tuple(_resting_light(light, begin, end) for light in scene.lights)
-    kept = {} if all(a is b for a, b in zip(lights, scene.lights, strict=True)) else {"lights": lights}
-    return scene.with_checked(shapes=tuple(shapes), **kept)
+    if any(a is not b for a, b in zip(lights, scene.lights, strict=True)):
+        kept["lights"] = lights
+    return scene.with_checked(**kept)
+
+
+def _place_in_group(name: str) -> Callable[[int], tuple[str | int, ...]]:
+    return lambda index: ("groups", name, "shapes", index)
 
 
 def placements(scene: Scene, index: int) -> npt.NDArray[np.float64]:
