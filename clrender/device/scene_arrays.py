@@ -153,7 +153,7 @@ class SceneArrays:
     apart : (S,) bool, optional
         Shapes whose triangles are each by itself in the BVH, also where two are a parallelogram.
     earlier : SceneTrees, optional
-        BVHs of another scene, which the caller owns: groups that are the same go on with theirs.
+        BVHs of another scene, which the caller owns: what is the same goes on with them.
 
     Attributes
     ----------
@@ -286,7 +286,7 @@ class SceneArrays:
                 return False
             if self._built_cost is None:
                 self._built_cost = sum(bvh.cost(device, tree) for tree in self._trees)
-            self._own_trees.forget_groups()
+            self._own_trees.forget()
             for tree in self._trees:
                 bvh.refit(device, source, tree, scene.instances.boxes)
             if not sum(bvh.cost(device, tree) for tree in self._trees) <= _MOST_COST * self._built_cost:
@@ -411,8 +411,8 @@ class SceneArrays:
             self._device.release(held)
 
     def trees_for(self, scene: FlatScene) -> SceneTrees | None:
-        """The BVHs, if groups of another scene can go on with theirs; the caller owns them from then on."""
-        if self._own_trees is None or not self._own_trees.shares_groups(scene):
+        """The BVHs, if another scene can go on with some of them; the caller owns them from then on."""
+        if self._own_trees is None or not self._own_trees.shares(scene):
             return None
         trees, self._own_trees = self._own_trees, None
         return trees

@@ -143,6 +143,41 @@ def test_groups_keep_trees_of_the_same_bits(device: Device, second: Scene, kept:
     assert device.buffers == held, "all memory is given back"
 
 
+NEST: _Table = {"type": "box", "size": [0.5, 0.5, 0.5], "material": "grey"}
+INSIDE: _Table = {"type": "box", "size": [0.2, 0.2, 0.2], "material": "grey"}
+BALL: _Table = {"type": "sphere", "center": [1.5, -0.5, 1.0], "radius": 0.3, "material": "grey"}
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "built"),
+    [
+        (scene_of(), scene_of().changed({"materials.grey.reflectance": [0.1, 0.2, 0.3]}), 0),
+        (scene_of(*FIRST), scene_of(*FIRST).changed({"materials.grey.reflectance": [0.1, 0.2, 0.3]}), 0),
+        (scene_of(), scene_of(own=2), 1),
+        # The ball's number is other where a group has more triangles; its box is the same
+        (
+            scene_of("nest", nest=[NEST]).changed({"shapes": [BALL, *scene_of("nest", nest=[NEST]).shapes]}),
+            scene_of("nest", nest=[NEST, INSIDE]).changed({"shapes": [BALL, *scene_of("nest", nest=[NEST]).shapes]}),
+            1,
+        ),
+    ],
+    ids=["a material", "a material, with groups", "more shapes", "more in a group"],
+)
+def test_shapes_outside_of_groups_keep_their_tree(device: Device, first: Scene, second: Scene, built: int) -> None:
+    """With the bits of a new one, where these shapes and the places of instances are the same."""
+    with on(device, second) as arrays:
+        anew = told(device, arrays)
+    held = device.buffers
+    with on(device, first) as arrays:
+        trees = arrays.trees_for(flatten(second, 32, 24))
+    with patch.object(bvh, "build_over", wraps=bvh.build_over) as build, on(device, second, trees) as arrays:
+        assert told(device, arrays) == anew
+    assert build.call_count == built
+    if trees is not None:
+        trees.release()
+    assert device.buffers == held, "all memory is given back"
+
+
 def test_sessions_keep_them(device: Device) -> None:
     scenes = [scene_of(*FIRST, turn=10.0 * k, own=1 + k % 2) for k in range(3)]
     with clrender.Session(device) as session:
