@@ -29,8 +29,8 @@ __all__ = [
     "Knots",
     "camera_knots",
     "knot_rows",
-    "light_knot_rows",
     "knots_of",
+    "light_knot_rows",
     "placed_knots",
     "swept_boxes",
 ]

@@ -214,6 +214,7 @@ class Residency:
     def _moved(self, device: Device, arrays: SceneArrays | None, flat: FlatScene) -> SceneArrays:
         """The arrays of another scene: those that are there, if they can be refitted; else they are released."""
         apart = trees = None
+        lent: dict[str, Buffer] = {}
         if arrays is not None:
             del self._uploaded[device]
             with ExitStack() as spent:
@@ -223,10 +224,15 @@ class Residency:
                     return arrays
                 apart = arrays.apart if self.refits and len(arrays.apart) == len(flat.arrays["shapes"]) else None
                 trees = arrays.trees_for(flat)
-        with self.stages.during("building"), ExitStack() as spent:
+                lent = arrays.lent_to(flat)
+        with self.stages.during("building"), ExitStack() as spent, ExitStack() as failed:
             if trees is not None:
                 spent.callback(trees.release)
-            return SceneArrays(device, flat, apart=apart, earlier=trees)
+            for buffer in lent.values():
+                failed.callback(device.release, buffer)
+            made = SceneArrays(device, flat, apart=apart, earlier=trees, lent=lent)
+            failed.pop_all()
+            return made
 
     def _forget(self, device: Device, before: frozenset[Buffer]) -> None:
         """Release everything that was allocated on a device since `before`, after a worker could not be made."""

@@ -66,7 +66,7 @@ def _resting_light(light: Light, begin: float, end: float) -> Light:
 
 
 def resting(scene: Scene) -> Scene:
-    """The scene with shapes and lights that do not move while the shutter is open where they are then, without their motions.
+    """The scene with what does not move while the shutter is open where it is then, without its motion.
 
     Instances keep theirs; `placements` has where they are. Meshes that change their form keep their poses, and have the
     form in which the shutter finds them.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,8 +24,11 @@ if TYPE_CHECKING:
     from clrender.flatten.motion import Knots
 
 BOX: dict[str, Any] = {"type": "box", "size": [0.5, 0.4, 0.1], "material": "grey"}
-WHEEL = {**BOX, "motion": [{"time": 0.0, "translate": [-0.4, 0.0, 0.0]},
-                           {"time": 1.0, "translate": [-0.3, 0.2, 0.0], "rotate_degrees": [0.0, 0.0, 200.0]}]}  # fmt: skip
+ROLLS: list[dict[str, Any]] = [
+    {"time": 0.0, "translate": [-0.4, 0.0, 0.0]},
+    {"time": 1.0, "translate": [-0.3, 0.2, 0.0], "rotate_degrees": [0.0, 0.0, 200.0]},
+]
+WHEEL = {**BOX, "motion": ROLLS}
 LAMP = {"type": "disk", "center": [0.0, 0.5, 0.3], "normal": [0.0, 0.0, 1.0], "radius": 0.1, "emission": [9, 8, 7],
         "motion": [{"time": 0.0}, {"time": 1.0, "translate": [0.4, 0.0, 0.1]}]}  # fmt: skip
 FLAG = {"type": "mesh", "vertices": [[0, 0, 0], [0.4, 0, 0], [0, 0.4, 0]], "faces": [[0, 1, 2]], "material": "grey",
@@ -86,7 +90,7 @@ def test_ways_are_those_of_both_motions(place: dict[str, Any], drives: bool, mos
 def test_where_a_group_is_moved_its_shapes_have_other_keys() -> None:
     """To the last bit: those that say where it is moved to."""
     by = [0.25, -0.5, 0.125]
-    keys = [{**key, "translate": [a + b for a, b in zip(key["translate"], by, strict=True)]} for key in WHEEL["motion"]]
+    keys = [{**key, "translate": [a + b for a, b in zip(key["translate"], by, strict=True)]} for key in ROLLS]
     grouped = scene([{"transform": {"translate": by}}], WHEEL, shutter=[0.0, 1.0])
     alone = grouped.changed({"groups": {}, "shapes": [{**WHEEL, "motion": keys}]})
     first, second = (assemble(each).motions[0] for each in (grouped, alone))
@@ -118,9 +122,7 @@ def test_numbers_of_instances_are_those_of_their_places() -> None:
     """Labels tell places apart and not the parts that move in them."""
     places = [{"transform": {"translate": [x, 0.0, 0.0]}} for x in (-1.0, 1.0)]
     assembly = assemble(scene([{}, {"transforms": [SHEAR, SHEAR]}, *places], WHEEL, FLAG, shutter=[0.0, 1.0]))
-    found = {(entry, turn): 0 for entry, turn in assembly.placed.tolist()}
-    for entry, turn in assembly.placed.tolist():
-        found[entry, turn] += 1
+    found = Counter(map(tuple, assembly.placed.tolist()))
     assert found == {(0, 0): 3, (1, 0): 3, (1, 1): 3, (2, 0): 3, (3, 0): 3}  # body, wheel and flag
     assert set(assembly.seen_place.tolist()) == {0, 1, 2, 3}
 

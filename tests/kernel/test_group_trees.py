@@ -178,6 +178,35 @@ def test_shapes_outside_of_groups_keep_their_tree(device: Device, first: Scene, 
     assert device.buffers == held, "all memory is given back"
 
 
+def test_large_arrays_stay_on_the_device(device: Device) -> None:
+    """Only lights differ: what is large is not uploaded again, and the image is that of a new session."""
+    grid = np.stack(np.meshgrid(np.arange(50.0), [0.0], np.arange(50.0)), -1).reshape(-1, 3) / 25.0 - 1.0
+    grid[:, 1] = np.random.default_rng(2).uniform(-0.1, 0.1, len(grid)) - 0.9
+    corner = np.arange(2500).reshape(50, 50)
+    a, b, c, d = (corner[i : i + 49, j : j + 49].reshape(-1) for i in (0, 1) for j in (0, 1))
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([b, d, c], 1)])
+    textured = {"type": "lambert", "reflectance": {"texture": "t.png"}}
+    mesh = {"type": "mesh", "file": "m.ply", "material": "m"}
+    scene = scene_of("block").changed({"materials": {**MATERIALS, "m": textured}})
+    scene = scene.changed({"shapes": [mesh, *scene.shapes]}).with_arrays(
+        meshes={"m.ply": {"vertices": grid, "faces": faces, "uvs": grid[:, [0, 2]]}},
+        textures={"t.png": np.random.default_rng(4).integers(0, 255, (200, 200, 3), np.uint8)},
+    )
+    lamps = [{"type": "point", "position": [0.0, 1.0, 2.0 + x], "intensity": [9.0] * 3} for x in range(3)]
+    scenes = [scene.changed({"lights": [lamp]}) for lamp in lamps]
+    apart = [image_of(each, device) for each in scenes]
+    held = device.buffers
+    kept = []
+    with clrender.Session(device) as session:
+        found = []
+        for each in scenes:
+            found.append(session.render(each, size=(48, 32), spp=2).stats["image_sha256"])
+            kept.append({id(buffer) for buffer in device.buffers if buffer.nbytes >= 1 << 16})
+    assert found == apart and len(set(found)) == 3
+    assert len(kept[0] & kept[1] & kept[2]) >= 3, "rows of primitives, attributes and texels"
+    assert device.buffers == held
+
+
 def test_sessions_keep_them(device: Device) -> None:
     scenes = [scene_of(*FIRST, turn=10.0 * k, own=1 + k % 2) for k in range(3)]
     with clrender.Session(device) as session:
