@@ -8,6 +8,7 @@ and arrays of these only, in natural order with explicit padding to a multiple o
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -897,6 +898,7 @@ def columns(table: str) -> dict[str, int]:
     return {name: first for name, first, _, _ in ROWS[table]}
 
 
+@cache
 def dtype(struct: str) -> np.dtype[np.void]:
     """NumPy dtype of a shared struct, little-endian, in OpenCL's memory layout.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, TypeVar
 
@@ -483,5 +484,10 @@ class SceneContents(Head):
         return (
             self._files,
             self._plugins,
-            *(getattr(self, name) for name in sorted(type(self).model_fields.keys() - HEAD)),
+            *(self.__dict__[name] for name in _content_names(type(self))),
         )
+
+
+@cache
+def _content_names(kind: type[SceneContents]) -> tuple[str, ...]:
+    return tuple(sorted(kind.model_fields.keys() - HEAD))
