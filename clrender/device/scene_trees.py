@@ -154,7 +154,7 @@ class SceneTrees:
             made.append(bvh.build_over(device, source, *own, places))
             first = bvh.Part.of(made[0]), 0, 0
             if not len(numbers):
-                self._own[column] = _OwnTree(first[0], *(each.copy() for each in own), places)
+                self._own[column] = _OwnTree(first[0], own[0].copy(), own[1].copy(), places)
                 return made[0]
         try:
             for group in np.flatnonzero(filled).tolist():
@@ -172,7 +172,7 @@ class SceneTrees:
         finally:
             for each in made:
                 each.release(device)
-        self._own[column] = _OwnTree(parts[0], *(each.copy() for each in own), places)
+        self._own[column] = _OwnTree(parts[0], own[0].copy(), own[1].copy(), places)
         of_group = np.zeros(len(over), np.uint32)
         for group, part in zip(below, parts[1:], strict=True):
             of_group[group] = part.firsts[0]

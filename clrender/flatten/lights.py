@@ -187,7 +187,7 @@ def flat_lights(
         total += count
     radius = _bounding_radius(surfaces, instances)
     lamps: dict[int, Lamp] = {}
-    moving: list[tuple[int, Knots]] = []
+    carried: list[tuple[int, Knots]] = []
     for index, light in enumerate(scene.lights):
         row = np.zeros(1, dtype=layout.dtype("Light"))
         row["primitive"] = layout.NONE
@@ -232,7 +232,7 @@ def flat_lights(
         if kind == layout.LIGHT_ENVIRONMENT:
             environment = total
         if knots is not None:
-            moving.append((total, knots))
+            carried.append((total, knots))
             if kind != layout.LIGHT_DIRECTIONAL:
                 ways.append((slice(total, total + 1), knots))
         spectral += _spectral(range(total, total + 1), said, color)
@@ -245,8 +245,8 @@ def flat_lights(
         groups.append(last)
         spectral += _spectral(range(total, total + 1), *of_unsampled)
     lights = np.concatenate([np.zeros(0, dtype=layout.dtype("Light")), *rows, *unsampled])
-    knot_rows, firsts = light_knot_rows([knots for _, knots in moving], surfaces.origin)
-    lights["knots"][[number for number, _ in moving]] = 1 + len(instances.motion_rows) + firsts
+    knot_rows, firsts = light_knot_rows([knots for _, knots in carried], surfaces.origin)
+    lights["knots"][[number for number, _ in carried]] = 1 + len(instances.motion_rows) + firsts
     of_groups = tuple(np.concatenate([np.zeros(0, "U1"), *groups]).tolist())
     if total == 0:
         return FlatLights(lights, 0, environment, None, of_groups, tuple(spectral), knot_rows)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from clrender.errors import SceneError
 from clrender.flatten.emission import emits
 from clrender.flatten.material_rows import has_row
@@ -11,6 +13,7 @@ from clrender.scene.description import Scene
 from clrender.scene.light_kinds import MOVING_LIGHTS
 from clrender.scene.materials import Dielectric, Principled, Subsurface, material_parts, material_textures
 from clrender.scene.motion import rests
+from clrender.scene.poses import MotionKey
 from clrender.scene.shapes import Curves, Mesh
 from clrender.scene.textures import Checker, ImageTexture, PluginTexture, Ramp
 from clrender.wording import place
@@ -132,6 +135,7 @@ def check_motion(scene: Scene, integrator: str) -> None:
     moving = [] if camera.track is None else ["camera.motion"]
     if scene.has_motion:
         begin, end = camera.interval
+        keyed: list[tuple[tuple[str | int, ...], Sequence[MotionKey]]]
         keyed = [(("shapes", index), shape.motion) for index, shape in enumerate(scene.shapes)]
         keyed += [(at, shape.motion) for at, shape in scene.all_shapes() if at[0] == "groups"]
         moving += [place((*at, "motion")) for at, keys in keyed if keys and rests(keys, begin, end) is None]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from cases import for_each
@@ -109,8 +110,9 @@ def test_lights_move(tmp_path: Path) -> None:
     point = f'<emitter type="point"><point name="position" y="1"/>{keys}</emitter>'
     sun = f'<emitter type="directional">{keys}</emitter>'
     scene = mitsuba(tmp_path, f'<shape type="sphere"/>{spot}{point}{sun}')
-    assert [len(light.motion) for light in scene.lights] == [2, 2, 2] and scene.camera.shutter == (0.25, 0.75)
-    found = [
+    lights: Any = scene.lights
+    assert [len(light.motion) for light in lights] == [2, 2, 2] and scene.camera.shutter == (0.25, 0.75)
+    found: Any = [
         opened(scene.changed({"camera.shutter": [0.0, 0.0], "camera.time": time})).lights for time in (0.0, 0.5, 1.0)
     ]
     assert found[1][0].position == pytest.approx((1.0, 0.0, 0.0))

@@ -131,7 +131,7 @@ def test_numbers_of_instances_are_those_of_their_places() -> None:
 @pytest.mark.parametrize("integrator", ["path", "bdpt"])
 def test_blur_is_the_mean_of_moments(device: Device, integrator: str) -> None:
     """Blocks of pixels, within five standard errors of twelve seeds, and what 32 moments miss of edges."""
-    places = [
+    places: list[dict[str, Any]] = [
         {"transforms": [[[1, 0, 0, -0.8], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], SHEAR]},
         {"transform": {"translate": [0.0, -0.7, 0.0], "scale": [-1.0, 1.0, 1.0]}, "motion": DRIVES},
     ]

@@ -26,7 +26,10 @@ if TYPE_CHECKING:
 SHARE, HEIGHT = 0.6, 1.5
 FLOOR: dict[str, Any] = {"type": "quad", "origin": [-50, 0, 50], "edge_u": [100, 0, 0], "edge_v": [0, 0, -100],
                          "material": "white"}  # fmt: skip
-TURN = [{"time": 0.0}, {"time": 1.0, "translate": [0.5, 0.3, -0.4], "rotate_degrees": [10.0, 80.0, -10.0]}]
+TURN: list[dict[str, Any]] = [
+    {"time": 0.0},
+    {"time": 1.0, "translate": [0.5, 0.3, -0.4], "rotate_degrees": [10.0, 80.0, -10.0]},
+]
 LAMP = """IESNA:LM-63-1995
 TILT=NONE
 1 -1 1 3 3 1 2 0 0 0
@@ -121,8 +124,11 @@ def test_a_motion_of_zero_length_changes_no_bit(tmp_path: Path) -> None:
 
 def test_a_moment_is_the_scene_there(tmp_path: Path) -> None:
     """A light is turned and moved as a shape is, and the marks of a lamp turn with it."""
-    keys = [{"time": 0.0}, {"time": 1.0, "rotate_degrees": [0.0, 90.0, 0.0], "translate": [0.0, 1.0, 0.0]}]
-    moved = opened(placed(tmp_path, keys, time=1.0)).lights
+    keys: list[dict[str, Any]] = [
+        {"time": 0.0},
+        {"time": 1.0, "rotate_degrees": [0.0, 90.0, 0.0], "translate": [0.0, 1.0, 0.0]},
+    ]
+    moved: Any = opened(placed(tmp_path, keys, time=1.0)).lights
     assert moved[0].position == pytest.approx((0.4, 2.2, -0.3))
     assert moved[2].direction == pytest.approx((0.1, -1.0, -0.2))
     assert moved[2].horizontal_zero == pytest.approx((0.4, 0.0, -1.0))
@@ -140,7 +146,7 @@ def test_cones_of_the_light_tree_hold_all_directions_of_a_motion(tmp_path: Path)
     scale = float(rows[0, 0])
     seen = 0
     for time in np.linspace(0.0, 1.0, 23):
-        there = opened(scene.changed({"camera.shutter": None, "camera.time": float(time)})).lights
+        there: Any = opened(scene.changed({"camera.shutter": None, "camera.time": float(time)})).lights
         for place, number in enumerate(order.tolist()):
             child = len(order) + place
             node, side = divmod(child, 2)
@@ -171,7 +177,7 @@ def test_the_bits_do_not_depend_on_how_the_work_is_done(device: Device, tmp_path
 def test_blur_is_the_mean_of_moments(device: Device, tmp_path: Path, integrator: str) -> None:
     """Blocks of pixels within five standard errors of sixteen seeds; moments of a grid are off by much less."""
     guided: dict[str, Any] = {"integrator": "path", "guiding": "on"} if integrator == "guided" else {}
-    settings = {"size": (32, 8), "spp": 32, "integrator": integrator} | guided
+    settings: dict[str, Any] = {"size": (32, 8), "spp": 32, "integrator": integrator, **guided}
     blurred = placed(tmp_path, TURN, more=20 if integrator in ("path", "guided") else 0, shutter=[0.0, 1.0])
 
     def blocks(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
