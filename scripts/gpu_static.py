@@ -116,7 +116,6 @@ _TIERS: Final[Mapping[str, Mapping[str, int | str]]] = {
 }
 _RARE: Final[Mapping[str, tuple[str, ...]]] = {
     "motion": ("motion", "deformation"),
-    "moving lights": ("motion", "deformation", "moving_lights"),
     "grids": ("grids", "glowing_media"),
     "curves": ("curves",),
     "hair": ("curves", "hair"),
