@@ -154,6 +154,7 @@ BALL: _Table = {"type": "sphere", "center": [1.5, -0.5, 1.0], "radius": 0.3, "ma
         (scene_of(), scene_of().changed({"materials.grey.reflectance": [0.1, 0.2, 0.3]}), 0),
         (scene_of(*FIRST), scene_of(*FIRST).changed({"materials.grey.reflectance": [0.1, 0.2, 0.3]}), 0),
         (scene_of(), scene_of(own=2), 1),
+        (scene_of(), scene_of().changed({("shapes", 0, "center"): [0.0, -1.2, 0.0]}), 1),
         # The ball's number is other where a group has more triangles; its box is the same
         (
             scene_of("nest", nest=[NEST]).changed({"shapes": [BALL, *scene_of("nest", nest=[NEST]).shapes]}),
@@ -161,7 +162,7 @@ BALL: _Table = {"type": "sphere", "center": [1.5, -0.5, 1.0], "radius": 0.3, "ma
             1,
         ),
     ],
-    ids=["a material", "a material, with groups", "more shapes", "more in a group"],
+    ids=["a material", "a material, with groups", "more shapes", "moved", "more in a group"],
 )
 def test_shapes_outside_of_groups_keep_their_tree(device: Device, first: Scene, second: Scene, built: int) -> None:
     """With the bits of a new one, where these shapes and the places of instances are the same."""
