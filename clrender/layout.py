@@ -365,7 +365,7 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
             "unit; IES: horizontal angle 0, projector: right; spot: w one over what the cosine gains in its fall",
         ),
         ("kind", "uint", "LIGHT_*"),
-        ("primitive", "uint", "area lights: row of the primitive that shines"),
+        ("primitive", "uint", "area lights: row of the primitive that shines; others that move: first knot; or NONE"),
         ("probability", "float", "with which the alias table picks this light"),
         ("alias_threshold", "float", "Vose: keep this entry when the rescaled number is below it"),
         ("alias", "uint", "otherwise take this one"),
@@ -373,12 +373,7 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
         ("texture", "uint", "number of the texture that it shines as, plus 1; 0: none, it is the same all over"),
         ("table", "uint", "IES, projector: row of lamp_tables where its own begins"),
         ("offset", "uint", "of a moving light: number of its primitive, less the row"),
-        (
-            "knots",
-            "uint",
-            "of a moving light that is no surface: 1 plus the row of motion_rows where its motion begins",
-        ),
-        ("unused", "uint[2]", ""),
+        ("unused", "uint[3]", ""),
     ),
     "Camera": (
         ("origin", "float4", "xyz, metres"),

@@ -240,7 +240,7 @@ typedef struct {
     float4 axis;                // lamp: unit, middle of its light; spot: w 1 - cosine of half its cone
     float4 zero;                // unit; IES: horizontal angle 0, projector: right; spot: w one over what the cosine gains in its fall
     uint kind;                  // LIGHT_*
-    uint primitive;             // area lights: row of the primitive that shines
+    uint primitive;             // area lights: row of the primitive that shines; others that move: first knot; or NONE
     float probability;          // with which the alias table picks this light
     float alias_threshold;      // Vose: keep this entry when the rescaled number is below it
     uint alias;                 // otherwise take this one
@@ -248,8 +248,7 @@ typedef struct {
     uint texture;               // number of the texture that it shines as, plus 1; 0: none, it is the same all over
     uint table;                 // IES, projector: row of lamp_tables where its own begins
     uint offset;                // of a moving light: number of its primitive, less the row
-    uint knots;                 // of a moving light that is no surface: 1 plus the row of motion_rows where its motion begins
-    uint unused[2];
+    uint unused[3];
 } Light;
 
 typedef struct {

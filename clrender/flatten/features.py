@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from clrender import layout
-from clrender.flatten.lamps import LAMP_KINDS
+from clrender.flatten.lamps import LAMP_KINDS, POINT_KINDS
 from clrender.plugins import kernel_files
 
 if TYPE_CHECKING:
@@ -24,6 +24,8 @@ __all__ = ["Features"]
 _CALIBRATED: Final = (layout.CAMERA_BROWN_CONRADY, layout.CAMERA_KANNALA_BRANDT)
 
 
+_CARRIED: Final = (*POINT_KINDS, layout.LIGHT_DIRECTIONAL)
+"""Kinds of lights that are no surfaces and may move."""
 _RARE: Final = (
     "motion",
     "moving_lights",
@@ -237,7 +239,7 @@ class Features:
             holes=opacity and len(arrays["hole_rows"]) > 1,
             hidden_shapes=bool((flags & (layout.SHAPE_HIDDEN | layout.SHAPE_HELD_OUT)).any()),
             hidden_environment=hidden_environment,
-            moving_lights=bool(lights["knots"].any()),
+            moving_lights=_carries(lights),
             deformation=bool(instances.poses),
             grids=interiors and bool(media.grids),
             glowing_media=interiors and media.glows,
@@ -252,6 +254,12 @@ class Features:
             plugins=tuple(kernel_files(plugins).items()) if plugins else (),
         )
         return found.seen_by(camera, instances.moves or found.moving_lights)
+
+
+def _carries(lights: NDArray[np.void]) -> bool:
+    """Whether any light that is no surface has a motion; a row of zeros stands for no lights."""
+    there = np.isin(lights["kind"], _CARRIED) & lights["radiance"].any(axis=1)
+    return bool((lights["primitive"][there] != layout.NONE).any())
 
 
 def _kinds(arrays: Mapping[str, NDArray[Any]]) -> NDArray[np.uint32]:

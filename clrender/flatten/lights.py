@@ -246,7 +246,7 @@ def flat_lights(
         spectral += _spectral(range(total, total + 1), *of_unsampled)
     lights = np.concatenate([np.zeros(0, dtype=layout.dtype("Light")), *rows, *unsampled])
     knot_rows, firsts = light_knot_rows([knots for _, knots in carried], surfaces.origin)
-    lights["knots"][[number for number, _ in carried]] = 1 + len(instances.motion_rows) + firsts
+    lights["primitive"][[number for number, _ in carried]] = len(instances.motion_rows) + firsts
     of_groups = tuple(np.concatenate([np.zeros(0, "U1"), *groups]).tolist())
     if total == 0:
         return FlatLights(lights, 0, environment, None, of_groups, tuple(spectral), knot_rows)

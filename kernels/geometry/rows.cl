@@ -71,7 +71,7 @@ __kernel void rows_lights(__global const Light* lights, __global const float* ve
     row[LIGHT_ROW_KIND] = as_float(l.kind | (l.texture << LIGHT_TEXTURE));
     row[LIGHT_ROW_PROBABILITY] = l.probability;
     if (l.place != NONE) row[LIGHT_ROW_PLACE] = as_float(l.place);
-    row[LIGHT_ROW_PRIMITIVE] = as_float(l.primitive == NONE ? l.knots - 1u : l.primitive + l.offset);
+    row[LIGHT_ROW_PRIMITIVE] = as_float(l.primitive == NONE ? NONE : l.primitive + l.offset);
     if (l.kind == LIGHT_AREA_TRIANGLE || l.kind == LIGHT_AREA_SPHERE || l.kind == LIGHT_AREA_DISK) {
         float g[9] = {0.0f};
         rows_geometry(g, l.primitive, triangle_count, vertices, triangles, analytic_shapes);

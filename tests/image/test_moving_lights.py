@@ -214,6 +214,12 @@ def test_lights_that_do_not_move_have_none(tmp_path: Path) -> None:
         lit(around)
 
 
+def test_programs_without_moving_lights_know_none(tmp_path: Path) -> None:
+    """Nor do those of scenes without any light."""
+    assert not flatten(lit(), 8, 8).features.moving_lights
+    assert not flatten(placed(tmp_path, []), 8, 8).features.moving_lights
+
+
 def test_radiosity_takes_none(tmp_path: Path) -> None:
     scene = placed(tmp_path, TURN, shutter=[0.0, 1.0])
     with pytest.raises(SceneError, match=r"lights\[0\]\.motion: the integrator radiosity takes nothing that moves"):
