@@ -8,6 +8,7 @@ and arrays of these only, in natural order with explicit padding to a multiple o
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -364,7 +365,7 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
             "unit; IES: horizontal angle 0, projector: right; spot: w one over what the cosine gains in its fall",
         ),
         ("kind", "uint", "LIGHT_*"),
-        ("primitive", "uint", "area lights: row of the primitive that shines"),
+        ("primitive", "uint", "area lights: row of the primitive that shines; others that move: first knot; or NONE"),
         ("probability", "float", "with which the alias table picks this light"),
         ("alias_threshold", "float", "Vose: keep this entry when the rescaled number is below it"),
         ("alias", "uint", "otherwise take this one"),
@@ -574,7 +575,7 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("STRETCH", 7, 6, "symmetric matrix, before the rotation: xx, yy, zz, xy, xz, yz"),
         ("TIME", 13, 1, "share of the interval, from 0 on"),
         ("INVERSE_SPAN", 14, 1, "one over the time to the next knot"),
-        ("MOTION_SPARE", 15, 1, ""),
+        ("SEGMENTS", 15, 1, "bits: of the first knot of a light's motion, the ways between its knots"),
     ),
     "PRIMITIVE": (
         ("A", 0, 3, "triangle: its vertices"),
@@ -746,7 +747,7 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("KIND", 3, 1, "bits: LIGHT_*, and from bit LIGHT_TEXTURE on, which texture"),
         ("PROBABILITY", 4, 1, "with which the alias table picks it"),
         ("PLACE", 4, 1, "bits: its leaf in the light BVH, where there is one"),
-        ("PRIMITIVE", 5, 1, "bits: the primitive that shines, or NONE"),
+        ("PRIMITIVE", 5, 1, "bits: the primitive that shines, or where the motion of another light begins, or NONE"),
         ("A", 6, 3, "triangle: vertex A"),
         ("AB", 9, 3, "B - A"),
         ("AC", 12, 3, "C - A"),
@@ -892,6 +893,7 @@ def columns(table: str) -> dict[str, int]:
     return {name: first for name, first, _, _ in ROWS[table]}
 
 
+@cache
 def dtype(struct: str) -> np.dtype[np.void]:
     """NumPy dtype of a shared struct, little-endian, in OpenCL's memory layout.
 

@@ -240,7 +240,7 @@ typedef struct {
     float4 axis;                // lamp: unit, middle of its light; spot: w 1 - cosine of half its cone
     float4 zero;                // unit; IES: horizontal angle 0, projector: right; spot: w one over what the cosine gains in its fall
     uint kind;                  // LIGHT_*
-    uint primitive;             // area lights: row of the primitive that shines
+    uint primitive;             // area lights: row of the primitive that shines; others that move: first knot; or NONE
     float probability;          // with which the alias table picks this light
     float alias_threshold;      // Vose: keep this entry when the rescaled number is below it
     uint alias;                 // otherwise take this one
@@ -414,7 +414,7 @@ typedef struct {
 #define MOTION_ROW_STRETCH 7            // symmetric matrix, before the rotation: xx, yy, zz, xy, xz, yz
 #define MOTION_ROW_TIME 13              // share of the interval, from 0 on
 #define MOTION_ROW_INVERSE_SPAN 14      // one over the time to the next knot
-#define MOTION_ROW_MOTION_SPARE 15
+#define MOTION_ROW_SEGMENTS 15          // bits: of the first knot of a light's motion, the ways between its knots
 
 #define PRIMITIVE_ROW_A 0               // triangle: its vertices
 #define PRIMITIVE_ROW_B 3
@@ -560,7 +560,7 @@ typedef struct {
 #define LIGHT_ROW_KIND 3                // bits: LIGHT_*, and from bit LIGHT_TEXTURE on, which texture
 #define LIGHT_ROW_PROBABILITY 4         // with which the alias table picks it
 #define LIGHT_ROW_PLACE 4               // bits: its leaf in the light BVH, where there is one
-#define LIGHT_ROW_PRIMITIVE 5           // bits: the primitive that shines, or NONE
+#define LIGHT_ROW_PRIMITIVE 5           // bits: the primitive that shines, or where the motion of another light begins, or NONE
 #define LIGHT_ROW_A 6                   // triangle: vertex A
 #define LIGHT_ROW_AB 9                  // B - A
 #define LIGHT_ROW_AC 12                 // C - A

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from functools import cache
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -19,7 +20,7 @@ from clrender.flatten.spectral import spectral_arrays
 from clrender.process.memory import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Container, Iterable, Mapping
 
     from clrender.device.device import Buffer, Device
     from clrender.flatten.flat_scene import FlatScene
@@ -41,9 +42,17 @@ _AS_THEY_ARE = (
 """Host arrays that the kernels read unchanged."""
 _SHARED = ("texels", "grid_words", "measured_words")
 """Large ones among them, which a device that can access host memory need not copy."""
+_ROWS_OF = {
+    "primitive_rows": ("vertices", "triangles", "analytic_shapes", "primitive_shape", "shapes", "materials"),
+    "normal_rows": ("normals", "vertices", "triangles"),
+}
+"""Host arrays that rows are computed from."""
+_WORTH_LENDING = 1 << 16
+"""Least bytes of an array that another scene with the same array takes over."""
 _TREE = ("nodes", "triangle_packs", "analytic_packs")
 _MOST_COST = 1.5
 """How much more a refitted BVH may cost than one that was built: rays take about as much longer."""
+_NO_ROW = np.zeros(16, np.float32)
 _FIRST_ROWS = 1024
 """Least bytes of an array. Lanes that have nothing to look up read its first rows, whether the scene has any or not."""
 
@@ -153,7 +162,9 @@ class SceneArrays:
     apart : (S,) bool, optional
         Shapes whose triangles are each by itself in the BVH, also where two are a parallelogram.
     earlier : SceneTrees, optional
-        BVHs of another scene, which the caller owns: groups that are the same go on with theirs.
+        BVHs of another scene, which the caller owns: what is the same goes on with them.
+    lent : mapping of str to Buffer, optional
+        What `lent_to` of another scene's arrays gave; these arrays own it then.
 
     Attributes
     ----------
@@ -184,6 +195,7 @@ class SceneArrays:
         tree: bvh.Bvh | None = None,
         apart: NDArray[np.bool_] | None = None,
         earlier: SceneTrees | None = None,
+        lent: Mapping[str, Buffer] = MappingProxyType({}),
     ) -> None:
         check_room(device, scene)
         self._device = device
@@ -194,7 +206,8 @@ class SceneArrays:
         self.rates: dict[tuple[str, bytes], float] = {}
         triangles, primitives = scene.triangle_count, scene.triangle_count + scene.analytic_count
         device.common_program(large=primitives > _MANY_PRIMITIVES)
-        arrays = self._given(scene, [name for name in scene.arrays if name not in _SHARED])
+        arrays = self._given(scene, [name for name in scene.arrays if name not in (*_SHARED, *lent)])
+        arrays |= {name: lent[name] for name in _AS_THEY_ARE if name in lent}
         source = _source(arrays, scene)
         units = bvh.triangle_units(device, source)
         alone = scene.deforming_shapes if apart is None else scene.deforming_shapes | apart
@@ -209,17 +222,28 @@ class SceneArrays:
             self.tree, self.masked_tree = trees.opaque, trees.masked
         else:
             self.tree, self.masked_tree = tree, None
-        pages, self.page_bits = texel_pages(device, scene.arrays["texels"])
+        if "texels" in lent:
+            pages, self.page_bits = [lent["texels"]] * _PAGES, None
+        else:
+            pages, self.page_bits = texel_pages(device, scene.arrays["texels"])
         smooth = len(scene.arrays["normals"]) > 1
-        self.buffers: dict[str, Buffer] = {
+        made = {name: lent[name] for name in _ROWS_OF if name in lent}
+        if "primitive_rows" not in made:
             # Lanes without a hit read row 0, so it must exist.
-            "primitive_rows": device.empty(64 * primitives) if primitives else device.upload(np.zeros(16, np.float32)),
-            "normal_rows": device.empty(64 * (max(triangles, 1) if smooth else 1)),
+            made["primitive_rows"] = device.empty(64 * primitives) if primitives else device.upload(_NO_ROW)
+        if "normal_rows" not in made:
+            made["normal_rows"] = device.empty(64 * (max(triangles, 1) if smooth else 1))
+        self.buffers: dict[str, Buffer] = {
+            **made,
             "light_rows": device.empty(64 * len(scene.arrays["lights"])),
             "light_alias": device.empty(8 * len(scene.arrays["lights"])),
             **{name: arrays.pop(name) for name in _AS_THEY_ARE},
             **{f"texels_{number}": page for number, page in enumerate(pages)},
-            **{name: device.share(_with_first_rows(scene.arrays[name])) for name in _SHARED if name != "texels"},
+            **{
+                name: lent[name] if name in lent else device.share(_with_first_rows(scene.arrays[name]))
+                for name in _SHARED
+                if name != "texels"
+            },
             **dict(zip(_TREE, self.tree.buffers, strict=True)),
             **dict(zip((f"masked_{name}" for name in _TREE), (self.masked_tree or self.tree).buffers, strict=True)),
             "camera": device.upload(scene.camera),
@@ -227,23 +251,62 @@ class SceneArrays:
         }
         self.buffers["chain_table"] = self.buffers["light_alias"]  # a substitute, which no kernel without chains reads
         self.buffers["spectra"] = self.buffers["light_alias"]  # likewise, without wavelengths
-        self._compute_rows(scene, arrays, self.buffers)
+        self._compute_rows(scene, arrays, self.buffers, lent)
         for buffer in arrays.values():
             device.release(buffer)
+
+    def lent_to(self, scene: FlatScene) -> dict[str, Buffer]:
+        """Buffers of large arrays that another scene has too, which the caller owns; these arrays are to be released.
+
+        Parameters
+        ----------
+        scene : FlatScene
+
+        Returns
+        -------
+        dict of str to Buffer
+            By the names of `buffers`; ``texels`` is all of them.
+        """
+        if self._device.memory_limit is not None:  # which what is lent would count against twice
+            return {}
+        old, new = self._scene.arrays, scene.arrays
+
+        def same(name: str) -> bool:
+            a, b = old[name], new[name]
+            return a is b or (
+                a.shape == b.shape and a.dtype == b.dtype and bool(np.array_equal(_bits_of(a), _bits_of(b)))
+            )
+
+        lent = {}
+        for name in (*_AS_THEY_ARE, *_SHARED, *_ROWS_OF):
+            if name == "instance_rows" or (name == "texels" and self.page_bits is not None):
+                continue
+            buffer = self.buffers["texels_0" if name == "texels" else name]
+            if buffer.nbytes >= _WORTH_LENDING and all(same(each) for each in _ROWS_OF.get(name, (name,))):
+                lent[name] = buffer
+        self.buffers = {name: buffer for name, buffer in self.buffers.items() if buffer not in lent.values()}
+        return lent
 
     def _given(self, scene: FlatScene, names: Iterable[str]) -> dict[str, Buffer]:
         """Arrays of the host on the device; those that only kernels of rows and trees read need not be copied."""
         give = {name: self._device.upload if name in _AS_THEY_ARE else self._device.share for name in names}
         return {name: put(_with_first_rows(scene.arrays[name])) for name, put in give.items()}
 
-    def _compute_rows(self, scene: FlatScene, arrays: Mapping[str, Buffer], into: Mapping[str, Buffer]) -> None:
-        """Compute the rows that kernels read."""
+    def _compute_rows(
+        self,
+        scene: FlatScene,
+        arrays: Mapping[str, Buffer],
+        into: Mapping[str, Buffer],
+        there: Container[str] = frozenset(),
+    ) -> None:
+        """Compute the rows that kernels read, but for those that are there."""
         triangles, count = np.uint32(scene.triangle_count), scene.triangle_count + scene.analytic_count
         geometry: list[Buffer | np.generic] = [arrays[name] for name in ("vertices", "triangles", "analytic_shapes")]
         more: list[Buffer | np.generic] = [arrays[name] for name in ("primitive_shape", "shapes", "materials")]
         rows = into["primitive_rows"]
-        self._rows("primitives", count, [*geometry, *more, triangles, np.uint32(count), rows])
-        if len(scene.arrays["normals"]) > 1:
+        if "primitive_rows" not in there:
+            self._rows("primitives", count, [*geometry, *more, triangles, np.uint32(count), rows])
+        if len(scene.arrays["normals"]) > 1 and "normal_rows" not in there:
             normals: list[Buffer | np.generic] = [arrays["normals"], *geometry[:2], triangles]
             self._rows("normals", scene.triangle_count, [*normals, into["normal_rows"]])
         lights = len(scene.arrays["lights"])
@@ -286,7 +349,7 @@ class SceneArrays:
                 return False
             if self._built_cost is None:
                 self._built_cost = sum(bvh.cost(device, tree) for tree in self._trees)
-            self._own_trees.forget_groups()
+            self._own_trees.forget()
             for tree in self._trees:
                 bvh.refit(device, source, tree, scene.instances.boxes)
             if not sum(bvh.cost(device, tree) for tree in self._trees) <= _MOST_COST * self._built_cost:
@@ -411,8 +474,8 @@ class SceneArrays:
             self._device.release(held)
 
     def trees_for(self, scene: FlatScene) -> SceneTrees | None:
-        """The BVHs, if groups of another scene can go on with theirs; the caller owns them from then on."""
-        if self._own_trees is None or not self._own_trees.shares_groups(scene):
+        """The BVHs, if another scene can go on with some of them; the caller owns them from then on."""
+        if self._own_trees is None or not self._own_trees.shares(scene):
             return None
         trees, self._own_trees = self._own_trees, None
         return trees
@@ -433,6 +496,11 @@ class SceneArrays:
             if buffer not in lent:
                 self._device.release(buffer)
         self.buffers.clear()
+
+
+def _bits_of(array: NDArray[Any]) -> NDArray[np.uint8]:
+    """The bytes of an array, (n,)."""
+    return np.ascontiguousarray(array).reshape(-1).view(np.uint8)
 
 
 def _with_first_rows(array: NDArray[Any]) -> NDArray[Any]:

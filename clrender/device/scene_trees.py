@@ -1,7 +1,8 @@
 """The BVHs of a scene: over what is opaque and what is masked, each followed by those of its groups.
 
 From one image to the next, often only the camera, lights or the places of instances change. A group's BVH depends on
-none of these, so a group that is the same in the next scene keeps its BVH, whose bits are those of a new one.
+none of these, so a group that is the same in the next scene keeps its BVH, whose bits are those of a new one. The BVH
+over the scene's own primitives is kept where these and the places of all instances are the same.
 """
 
 from __future__ import annotations
@@ -52,6 +53,23 @@ class _GroupTree:
         return self.group.triangle_count, self.group.analytic_count
 
 
+@dataclass(frozen=True)
+class _OwnTree:
+    """The BVH over a scene's own primitives and its instances, without those of groups: attributes as above.
+
+    Attributes
+    ----------
+    part : bvh.Part
+    units, round_ones : (U,) and (R,) uint32
+    places : bvh.InstanceBoxes
+    """
+
+    part: bvh.Part
+    units: bvh.Numbers
+    round_ones: bvh.Numbers
+    places: bvh.InstanceBoxes
+
+
 class SceneTrees:
     """The BVHs of a scene on a device.
 
@@ -65,7 +83,7 @@ class SceneTrees:
     instance_rows : Buffer
         Rows of the scene's instances; the roots of their groups' BVHs are written there.
     earlier : SceneTrees, optional
-        Those of another scene, which the caller still owns: groups that are the same are copied from them.
+        Those of another scene, which the caller still owns: BVHs that are the same are copied from them.
 
     Attributes
     ----------
@@ -91,6 +109,7 @@ class SceneTrees:
     ) -> None:
         self._device, self._scene = device, scene
         self._groups: defaultdict[tuple[str, tuple[int, int]], list[_GroupTree]] = defaultdict(list)
+        self._own: dict[str, _OwnTree] = {}
         masked = masked_primitives(scene)
         rows = scene.instances.rows.copy()
         self.opaque = self._built(source, units, None if masked is None else ~masked, rows, "ROOT", earlier)
@@ -129,10 +148,14 @@ class SceneTrees:
         filled = np.array([len(some) + len(others) > 0 for some, others in over], bool)
         numbers = np.flatnonzero(filled[instances.group_of]) if instances.count else np.zeros(0, np.intp)
         places = bvh.InstanceBoxes(numbers.astype(np.uint32), instances.boxes[numbers])
-        tree = bvh.build_over(device, source, *own, places)
-        if not len(numbers):
-            return tree
-        made, below = [tree], dict[int, tuple[bvh.Part, int, int]]()
+        first = None if earlier is None else earlier._kept_own(column, self._scene, *own, places)
+        made, below = list[bvh.Bvh](), dict[int, tuple[bvh.Part, int, int]]()
+        if first is None:
+            made.append(bvh.build_over(device, source, *own, places))
+            first = bvh.Part.of(made[0]), 0, 0
+            if not len(numbers):
+                self._own[column] = _OwnTree(first[0], own[0].copy(), own[1].copy(), places)
+                return made[0]
         try:
             for group in np.flatnonzero(filled).tolist():
                 poses, kept = instances.poses.get(group), None
@@ -144,11 +167,12 @@ class SceneTrees:
                     made.append(bvh.build_over(device, source, *over[group], unit_boxes=boxes))
                     kept = bvh.Part.of(made[-1]), 0, 0
                 below[group] = kept
-            whole, parts = bvh.joined(device, [(bvh.Part.of(tree), 0, 0), *below.values()])
+            whole, parts = bvh.joined(device, [first, *below.values()])
             device.finish()
         finally:
             for each in made:
                 each.release(device)
+        self._own[column] = _OwnTree(parts[0], own[0].copy(), own[1].copy(), places)
         of_group = np.zeros(len(over), np.uint32)
         for group, part in zip(below, parts[1:], strict=True):
             of_group[group] = part.firsts[0]
@@ -156,8 +180,33 @@ class SceneTrees:
                 continue
             made_over = _GroupTree(part, instances.groups[group], *(each.copy() for each in over[group]))
             self._groups[column, made_over.counts].append(made_over)
-        rows.view(np.uint32)[::2, layout.columns("INSTANCE")[column]] = of_group[instances.group_of]
+        if len(numbers):
+            rows.view(np.uint32)[::2, layout.columns("INSTANCE")[column]] = of_group[instances.group_of]
         return whole
+
+    def _kept_own(
+        self, column: str, scene: FlatScene, units: bvh.Numbers, round_ones: bvh.Numbers, places: bvh.InstanceBoxes
+    ) -> tuple[bvh.Part, int, int] | None:
+        """The BVH over the same primitives and instances in another scene, and how much their numbers differ."""
+        known = self._own.get(column)
+        if known is None or not self._has_own(scene):
+            return None
+        same = _same(known.units, units, 0) and _same(known.round_ones, round_ones, 0)
+        same = same and _same(known.places.numbers, places.numbers, 0) and _same_bytes(known.places.boxes, places.boxes)
+        return (known.part, 0, scene.triangle_count - self._scene.triangle_count) if same else None
+
+    def _has_own(self, scene: FlatScene) -> bool:
+        """Whether the primitives outside of groups here are those of another scene."""
+        old, new = self._scene.instances, scene.instances
+        counts = [(each.own_triangles, each.own_analytic, each.own_vertices) for each in (old, new)]
+        if counts[0] != counts[1] or not (counts[0][0] or counts[0][1]):
+            return False
+        names = ("triangles", "analytic_shapes", "vertices")
+        here, there = self._scene.arrays, scene.arrays
+        pairs = [(here[name][:count], there[name][:count]) for name, count in zip(names, counts[0], strict=True)]
+        if self._scene.features.curves or scene.features.curves:
+            pairs.append((here["curve_rows"], there["curve_rows"]))
+        return all(_same_bytes(*pair) for pair in pairs)
 
     def _kept(
         self, column: str, scene: FlatScene, group: FlatGroup, units: bvh.Numbers, round_ones: bvh.Numbers
@@ -186,10 +235,12 @@ class SceneTrees:
         analytic = own.analytic(self._scene.triangle_count), group.analytic(scene.triangle_count)
         return _same_bytes(here["analytic_shapes"][analytic[0]], there["analytic_shapes"][analytic[1]])
 
-    def shares_groups(self, scene: FlatScene) -> bool:
-        """Whether another scene has a group with the same primitives, and there is memory to keep the BVHs for it."""
+    def shares(self, scene: FlatScene) -> bool:
+        """Whether another scene may go on with one of the BVHs, and there is memory to keep them for it."""
         if self._device.memory_limit is not None or self._device.info.memory_bytes < _SHARE * self.nbytes:
             return False
+        if self._own and _same_bytes(self._scene.instances.boxes, scene.instances.boxes) and self._has_own(scene):
+            return True
         return any(
             known.counts == (group.triangle_count, group.analytic_count) and self._has(known.group, scene, group)
             for group in scene.instances.groups
@@ -197,9 +248,10 @@ class SceneTrees:
             for known in some
         )
 
-    def forget_groups(self) -> None:
+    def forget(self) -> None:
         """Note that the BVHs have been changed, so that no other scene can go on with them."""
         self._groups.clear()
+        self._own.clear()
 
     @property
     def each(self) -> tuple[bvh.Bvh, ...]:
@@ -223,7 +275,10 @@ def _same(old: NDArray[np.uint32], new: NDArray[np.uint32], change: int) -> bool
 
 
 def _same_bytes(old: NDArray[Any], new: NDArray[Any]) -> bool:
-    return np.ascontiguousarray(old).tobytes() == np.ascontiguousarray(new).tobytes()
+    if old.shape != new.shape or old.dtype != new.dtype:
+        return False
+    first, second = (np.ascontiguousarray(each).reshape(-1).view(np.uint8) for each in (old, new))
+    return bool(np.array_equal(first, second))
 
 
 def masked_primitives(scene: FlatScene) -> NDArray[np.bool_] | None:

@@ -6,12 +6,13 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 from clrender.errors import SceneError
 from clrender.exporters.files import NamedFiles
 from clrender.files.access import atomic_write
 from clrender.scene import PluginMaterial, Scene
+from clrender.scene.light_kinds import MOVING_LIGHTS
 from clrender.scene.motion import rests
 from clrender.scene.posed import deforms
 from clrender.scene.resting import opened
@@ -134,21 +135,28 @@ class Target:
         sentence = "motion: it is where it is when the shutter opens"
         if moving.camera.track is not None:
             self.leave_out(sentence, "camera", "motion")
-        for index, shape in enumerate(moving.shapes if moving.has_motion else ()):
+        placed: list[tuple[tuple[str | int, ...], Any]]
+        placed = [(("shapes", index), shape) for index, shape in enumerate(moving.shapes if moving.has_motion else ())]
+        inside = (each for each in moving.all_shapes() if each[0][0] == "groups")
+        for where, shape in (*placed, *inside):
             if shape.motion and rests(shape.motion, begin, end) is None:
-                self.leave_out(sentence, "shapes", index, "motion")
+                self.leave_out(sentence, *where, "motion")
             if isinstance(shape, Mesh) and deforms(shape, begin, end):
-                self.leave_out("a change of form: it is as the shutter finds it", "shapes", index, "poses")
+                self.leave_out("a change of form: it is as the shutter finds it", *where, "poses")
+        for index, light in enumerate(moving.lights):
+            keys = light.motion if isinstance(light, MOVING_LIGHTS) else ()
+            if keys and rests(keys, begin, end) is None:
+                self.leave_out(sentence, "lights", index, "motion")
         if moving.camera.rolling_shutter > 0.0:
             self.leave_out("a rolling shutter", "camera", "rolling_shutter")
         for name, material in self.scene.materials.items():
             textures = ((key, each) for key, each in textures_of(material) if isinstance(each, PluginTexture))
             at, plugin = next(textures, ("", material if isinstance(material, PluginMaterial) else None))
             if plugin is not None:
-                where = place(("materials", name, *(at.split(".", 1) if at else ())))
+                of_material = place(("materials", name, *(at.split(".", 1) if at else ())))
                 text = f"is made by the plugin {plugin.plugin}, which other programs do not have"
                 cure = "give it another, or convert to clrender's own format"
-                raise SceneError(f"{self.scene.source}: {where} {text}; {cure}")
+                raise SceneError(f"{self.scene.source}: {of_material} {text}; {cure}")
 
     def id(self, kind: str, wanted: str) -> str:
         """A new id: `wanted` as far as the program takes it and no other object has it.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 from clrender.flatten.emission import emits
-from clrender.flatten.motion import NO_MOTION, Knots, knots_of
+from clrender.flatten.motion import NO_MOTION, Knots, knots_of, placed_knots
 from clrender.flatten.ribbons import with_ribbons_as_meshes
 from clrender.scene.description import Scene
 from clrender.scene.groups import Instance, ShapeOrInstance
@@ -143,6 +143,12 @@ def assemble(scene: Scene) -> Assembly:
         placed.append((entry, groups[name][0], len(array), motion, turn))
         maps.append(array)
 
+    def deform(group: int, given: Scene, at: tuple[str | int, ...]) -> None:
+        if group not in deformations:
+            mesh = given.shapes[int(at[1])] if at[0] == "shapes" else given.groups[str(at[1])].shapes[int(at[3])]
+            assert isinstance(mesh, Mesh)
+            deformations[group] = deformation_of(given, at, mesh)
+
     for index, instance in enumerate(scene.shapes):
         if not isinstance(instance, Instance):
             if instance.motion or _is_posed(instance):
@@ -151,15 +157,40 @@ def assemble(scene: Scene) -> Assembly:
                 shapes = _written([(scene.place_of(index), plain)], motions[-1].before)
                 place_group(index, (index,), shapes, _ONCE, len(motions) - 1)
             if isinstance(instance, Mesh) and instance.poses:
-                own_mesh = given.shapes[index]
-                assert isinstance(own_mesh, Mesh)
-                deformations[placed[-1][1]] = deformation_of(given, given.place_of(index), own_mesh)
+                deform(placed[-1][1], given, given.place_of(index))
             continue
         array = placements(scene, index)
         shapes = _shapes_of(scene, instance.group)
         _check_similar(scene, index, instance.group, shapes, array)
+        moves = bool(instance.motion) and rests(instance.motion, *scene.camera.interval) is None
+        inside = [each for each in shapes if each[1].motion or _is_posed(each[1])]
+        shapes = [each for each in shapes if not (each[1].motion or _is_posed(each[1]))]
         shining = [each for each in shapes if _is_apart(scene, each[1])]
-        if instance.motion and rests(instance.motion, *scene.camera.interval) is None:
+        if inside:
+            for at, shape in inside:
+                _check_no_grid(scene, at, shape)
+            _check_number(scene, index, len(kept) + len(inside) * len(array), len(array), len(inside))
+            _check_keys_similar(scene, index, instance, inside)
+        for at, shape in inside:
+            plain = shape.with_checked(motion=(), **({"poses": ()} if _is_posed(shape) else {}))
+            outer = Track(instance.motion) if moves else None
+            if not shape.motion:  # all places have the same motion, if any
+                motions.append(NO_MOTION if outer is None else knots_of(outer, scene, index))
+                signed = motions[-1].before[0, 0, 0] * array
+                place_group(index, (instance.group, at), [(at, plain)], signed, len(motions) - 1)
+            else:
+                for number, each in enumerate(array):
+                    knots = placed_knots(Track(shape.motion), each, outer, scene, index)
+                    motions.append(knots)
+                    shared: Hashable = (index, number) if emits(scene, shape) else float(knots.before[0, 0, 0])
+                    written_once = _written([(at, plain)], knots.before)
+                    place_group(index, (instance.group, at, shared), written_once, _ONCE, len(motions) - 1, number)
+            if _is_posed(shape):
+                for _, group, *_ in placed[-len(array) if shape.motion else -1 :]:
+                    deform(group, given, at)
+        if not shapes:
+            continue
+        if moves:
             _check_no_grids(scene, index, instance.group, shapes)
             _check_keys_similar(scene, index, instance, shapes)
             motions.append(knots_of(Track(instance.motion), scene, index))
@@ -298,6 +329,14 @@ def _is_apart(scene: Scene, shape: AnyShape) -> bool:
 
 def _has_grid(scene: Scene, shape: AnyShape) -> bool:
     return shape.interior is not None and scene.media[shape.interior].density is not None
+
+
+def _check_no_grid(scene: Scene, at: tuple[str | int, ...], shape: AnyShape) -> None:
+    """Refuse a shape of a group that moves by itself, or changes its form, around a grid."""
+    if _has_grid(scene, shape):
+        where = f"{scene.source}: {place((*at, 'motion' if shape.motion else 'poses'))}"
+        text = f"is of a shape with the medium {quoted(shape.interior or '')}, which has a grid"
+        raise SceneError(f"{where} {text}; grids rest: let the shape rest, or fill it evenly")
 
 
 def _check_no_grids(scene: Scene, index: int, group: str, shapes: Sequence[_Placed]) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from clrender import layout
-from clrender.flatten.lamps import LAMP_KINDS
+from clrender.flatten.lamps import LAMP_KINDS, POINT_KINDS
 from clrender.plugins import kernel_files
 
 if TYPE_CHECKING:
@@ -24,8 +24,11 @@ __all__ = ["Features"]
 _CALIBRATED: Final = (layout.CAMERA_BROWN_CONRADY, layout.CAMERA_KANNALA_BRANDT)
 
 
+_CARRIED: Final = (*POINT_KINDS, layout.LIGHT_DIRECTIONAL)
+"""Kinds of lights that are no surfaces and may move."""
 _RARE: Final = (
     "motion",
+    "moving_lights",
     "deformation",
     "grids",
     "glowing_media",
@@ -76,6 +79,8 @@ class Features:
         Some shape's shadow terminator is moved.
     motion : bool
         Something moves while the shutter is open, or rows of the image are exposed one after the other.
+    moving_lights : bool
+        So do lights at a point, or in a direction.
     deformation : bool
         Some meshes change their form while the shutter is open.
     grids : bool
@@ -117,6 +122,7 @@ class Features:
     emission_textures: bool = False
     terminator_offset: bool = False
     motion: bool = False
+    moving_lights: bool = False
     deformation: bool = False
     grids: bool = False
     glowing_media: bool = False
@@ -233,6 +239,7 @@ class Features:
             holes=opacity and len(arrays["hole_rows"]) > 1,
             hidden_shapes=bool((flags & (layout.SHAPE_HIDDEN | layout.SHAPE_HELD_OUT)).any()),
             hidden_environment=hidden_environment,
+            moving_lights=_carries(lights),
             deformation=bool(instances.poses),
             grids=interiors and bool(media.grids),
             glowing_media=interiors and media.glows,
@@ -246,7 +253,13 @@ class Features:
             iridescence=len(arrays["thin_film_rows"]) > 1,
             plugins=tuple(kernel_files(plugins).items()) if plugins else (),
         )
-        return found.seen_by(camera, instances.moves)
+        return found.seen_by(camera, instances.moves or found.moving_lights)
+
+
+def _carries(lights: NDArray[np.void]) -> bool:
+    """Whether any light that is no surface has a motion; a row of zeros stands for no lights."""
+    there = np.isin(lights["kind"], _CARRIED) & lights["radiance"].any(axis=1)
+    return bool((lights["primitive"][there] != layout.NONE).any())
 
 
 def _kinds(arrays: Mapping[str, NDArray[Any]]) -> NDArray[np.uint32]:

@@ -150,6 +150,11 @@ class FlatScene:
         return [f"note: {each}" for each in self.notes] + [f"warning: {each}" for each in self.warnings]
 
     @property
+    def moves(self) -> bool:
+        """Whether anything but the camera moves while the shutter is open."""
+        return self.instances.moves or self.features.moving_lights
+
+    @property
     def primitive_total(self) -> int:
         """Number of triangles, spheres and disks that rays may hit, counted for every instance."""
         return self.instances.own_triangles + self.instances.own_analytic + self.instances.primitive_count
@@ -279,9 +284,10 @@ def flatten(
         "instance_rows": instances.rows,
         "instance_guides": instances.guides,
         "instance_motions": instances.motion_places,
-        "motion_rows": instances.motion_rows,
+        "motion_rows": lights.with_knots(instances.motion_rows),
     }
-    if media.subsurface and not instances.moves:  # lights may come to be inside
+    moves = instances.moves or len(lights.knots) > 0
+    if media.subsurface and not moves:  # lights may come to be inside
         _darken(arrays, triangle_count, lights.count, instances)
     unbounded = _mark_open(arrays, triangle_count, media) if media.scatters else []
     digest = hashlib.sha256(f"{lights.environment} {triangle_count} {analytic_count} {lights.count}".encode())
@@ -362,7 +368,7 @@ def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene
     scene, camera, knots = _seen(scene, width, height, flat.origin)
     size = (width, height)
     around = surrounded(camera, flat.arrays, flat.triangle_count, flat.instances, scene.camera, flat.origin, size)
-    features = flat.features.seen_by(around, flat.instances.moves)
+    features = flat.features.seen_by(around, flat.moves)
     film = scene.camera.film
     return dataclasses.replace(flat, camera=around, camera_knots=knots, features=features, film=film)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -12,15 +12,20 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.errors import SceneError
 from clrender.exact.angles import sin_cos_degrees
+from clrender.exact.matrices import inner, times
 from clrender.flatten.lamp_tables import LAMP_ROW, Key, LampTable, LampTables, lamp_table, moved_words
 from clrender.flatten.projected import projector_table
 from clrender.flatten.sky import scene_sun
 from clrender.image.exposure import LUMENS_PER_WATT
 from clrender.scene.ies import IesProfile
 from clrender.scene.light_kinds import IesLight, PointLight, ProjectorLight, SpotLight
+from clrender.scene.motion import matrices_of
 from clrender.scene.values import Color, Vector, cross, length
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from clrender.flatten.motion import Knots
     from clrender.scene.description import Scene
 
 __all__ = ["AT_POINT", "LAMP_KINDS", "POINT_KINDS", "Lamp", "lamp_at", "lamp_directions", "lamp_tables"]
@@ -32,6 +37,8 @@ POINT_KINDS: Final = (layout.LIGHT_POINT, *LAMP_KINDS)
 _WORD_LIMIT: Final = 2**28
 _STEEPEST: Final = 1e30
 """Slope of the edge of a spotlight without blend."""
+_ALL_AROUND: Final = 1e-3
+"""Length of the mean of unit vectors below which they point all around."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +109,9 @@ def _key(light: IesLight | ProjectorLight) -> Key:
     return (light.file,) if isinstance(light, IesLight) else (light.file, light.vertical_fov, light.even)
 
 
-def lamp_at(light: PointLight | SpotLight | IesLight | ProjectorLight, tables: LampTables) -> Lamp:
+def lamp_at(
+    light: PointLight | SpotLight | IesLight | ProjectorLight, tables: LampTables, knots: Knots | None = None
+) -> Lamp:
     """Parameters of a point-like light for the kernels.
 
     Parameters
@@ -110,12 +119,42 @@ def lamp_at(light: PointLight | SpotLight | IesLight | ProjectorLight, tables: L
     light : PointLight, SpotLight, IesLight or ProjectorLight
     tables : LampTables
         Tables of its scene.
+    knots : Knots, optional
+        Of its motion: `axis` and `zero` are those before it, `mean` and the cone those of all of its way.
     """
     if isinstance(light, PointLight):
         return Lamp(layout.LIGHT_POINT, light.intensity, 4.0 * math.pi)
+    turned = np.eye(3) if knots is None else matrices_of(knots.rotations[0])
     if isinstance(light, ProjectorLight):
-        return _projector(light, tables)
-    return _spot(light) if isinstance(light, SpotLight) else _ies(light, tables)
+        lamp = _projector(light, tables)
+    else:
+        lamp = _spot(light) if isinstance(light, SpotLight) else _ies(light, tables, turned)
+    return lamp if knots is None else _on_its_way(lamp, knots)
+
+
+def _on_its_way(lamp: Lamp, knots: Knots) -> Lamp:
+    """The lamp with the mean direction of its light, and a cone about it, of all of its motion."""
+    turns = matrices_of(knots.rotations)
+    means, axes = inner(turns, lamp.mean), inner(turns, lamp.cone_axis)
+    spans = np.diff(knots.shares)[:, None]
+    mean = (0.5 * spans * (means[1:] + means[:-1])).sum(axis=0)
+    middle = axes.sum(axis=0)
+    size = length((float(middle[0]), float(middle[1]), float(middle[2])))
+    if size <= _ALL_AROUND * len(axes):
+        return replace(lamp, mean=mean, cone_axis=np.zeros(3), cone_cosine=-1.0)
+    middle = middle / size
+    # Between two knots a direction is from the nearer one by at most half the angle between both
+    beside = np.abs(inner(knots.rotations[1:], knots.rotations[:-1])).min()
+    cosine = _sum_of_angles(float(inner(middle, axes).min()), min(float(beside), 1.0))
+    return replace(lamp, mean=mean, cone_axis=middle, cone_cosine=_sum_of_angles(cosine, lamp.cone_cosine))
+
+
+def _sum_of_angles(first: float, second: float) -> float:
+    """Cosine of the sum of two angles given by their cosines; -1 from half a turn on."""
+    if first + second <= 0.0:
+        return -1.0
+    sines = (math.sqrt(max(1.0 - cosine * cosine, 0.0)) for cosine in (first, second))
+    return first * second - next(sines) * next(sines)
 
 
 def _spot(light: SpotLight) -> Lamp:
@@ -141,10 +180,11 @@ def _spot(light: SpotLight) -> Lamp:
     )
 
 
-def _ies(light: IesLight, tables: LampTables) -> Lamp:
+def _ies(light: IesLight, tables: LampTables, turned: NDArray[np.float64]) -> Lamp:
     table, (axis, zero, side) = tables.table[_key(light)], lamp_directions(light)
     profile = tables.profile[light.file]
-    tilted = profile.tilt_factor(_tilt(axis)) if profile.tilt.size else 1.0
+    # A lamp that turns keeps the flux of the moment when the shutter opens
+    tilted = profile.tilt_factor(_tilt(times(turned, axis).tolist())) if profile.tilt.size else 1.0
     watts = table.peak * tilted / LUMENS_PER_WATT
     red, green, blue = (watts * s for s in light.scale)
     x, y, z = table.mean.tolist()
@@ -196,7 +236,7 @@ def _unit(vector: Vector) -> Vector:
     return (x, y, z)
 
 
-def _tilt(axis: Vector) -> float:
+def _tilt(axis: Sequence[float]) -> float:
     """Angle of a unit vector from straight down, -y, degrees; by bisection, for the same bits on every machine."""
     if abs(axis[1]) == 1.0:
         return 90.0 + 90.0 * axis[1]

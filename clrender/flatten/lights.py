@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
@@ -21,14 +22,15 @@ from clrender.flatten.instances import FlatInstances, box_of
 from clrender.flatten.lamp_tables import LampTables
 from clrender.flatten.lamps import AT_POINT, LAMP_KINDS, POINT_KINDS, Lamp, lamp_at
 from clrender.flatten.light_tree import Emitters, LightTree, light_tree
-from clrender.flatten.motion import Knots, swept_boxes
+from clrender.flatten.motion import Knots, knots_of, light_knot_rows, swept_boxes
 from clrender.flatten.sky import Sun, sky_picture
 from clrender.flatten.spectral import SpectralPlace
 from clrender.flatten.surface_arrays import FlatSurfaces
 from clrender.flatten.surfaces import triangle_areas
 from clrender.flatten.texture_rows import FlatTextures
 from clrender.scene.description import DirectionalLight, IesLight, Scene, SunSkyLight
-from clrender.scene.motion import matrices_of
+from clrender.scene.light_kinds import MOVING_LIGHTS
+from clrender.scene.motion import Track, matrices_of
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.spectra import SpectralColor
 from clrender.scene.values import POWER_LIMIT, Color, length
@@ -65,6 +67,8 @@ class FlatLights:
         Light group of each row; empty for none.
     spectral : tuple of SpectralPlace
         Rows whose light is a spectrum.
+    knots : (K, 16) float32
+        Rows of the motions of lights that are no surfaces.
     """
 
     rows: _Rows
@@ -73,6 +77,11 @@ class FlatLights:
     tree: LightTree | None
     groups: tuple[str, ...] = ()
     spectral: tuple[SpectralPlace, ...] = ()
+    knots: NDArray[np.float32] = dataclasses.field(default_factory=lambda: np.zeros((0, 16), np.float32))
+
+    def with_knots(self, others: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(K, 16) rows of the motions of instances, and then those of its own, which its rows refer to."""
+        return np.concatenate([others, self.knots]) if len(self.knots) else others
 
 
 def flat_environment(scene: Scene, compensated: bool = False) -> EnvironmentTable:
@@ -178,17 +187,22 @@ def flat_lights(
         total += count
     radius = _bounding_radius(surfaces, instances)
     lamps: dict[int, Lamp] = {}
+    carried: list[tuple[int, Knots]] = []
     for index, light in enumerate(scene.lights):
         row = np.zeros(1, dtype=layout.dtype("Light"))
         row["primitive"] = layout.NONE
+        # Its motion leads to world space, and has the origin in its own offsets
+        knots, origin = None, surfaces.origin
+        if isinstance(light, MOVING_LIGHTS) and light.motion:
+            knots, origin = knots_of(Track(light.motion), scene, index, "lights"), (0.0, 0.0, 0.0)
         if isinstance(light, AT_POINT):
-            lamp = lamps[total] = lamp_at(light, tables)
+            lamp = lamps[total] = lamp_at(light, tables, knots)
             color, factor, kind = lamp.intensity, lamp.flux, lamp.kind
             said = light.scale if isinstance(light, IesLight) else getattr(light, "intensity", None)
             if max(color) > POWER_LIMIT:
                 bright = f"makes an intensity of {max(color):g} W/sr; at most {POWER_LIMIT:g} is known"
                 raise SceneError(f"{scene.source}: lights[{index}].scale: {bright}")
-            row["position"][0, :3] = [x - o for x, o in zip(light.position, surfaces.origin, strict=True)]
+            row["position"][0, :3] = [x - o for x, o in zip(light.position, origin, strict=True)]
             row["axis"], row["zero"], row["table"] = lamp.axis, lamp.zero, lamp.table
         elif isinstance(light, DirectionalLight):
             color, factor, kind = light.irradiance, math.pi * radius * radius, layout.LIGHT_DIRECTIONAL
@@ -217,6 +231,10 @@ def flat_lights(
             continue
         if kind == layout.LIGHT_ENVIRONMENT:
             environment = total
+        if knots is not None:
+            carried.append((total, knots))
+            if kind != layout.LIGHT_DIRECTIONAL:
+                ways.append((slice(total, total + 1), knots))
         spectral += _spectral(range(total, total + 1), said, color)
         rows.append(row)
         groups.append(_group(light, 1))
@@ -227,19 +245,21 @@ def flat_lights(
         groups.append(last)
         spectral += _spectral(range(total, total + 1), *of_unsampled)
     lights = np.concatenate([np.zeros(0, dtype=layout.dtype("Light")), *rows, *unsampled])
+    knot_rows, firsts = light_knot_rows([knots for _, knots in carried], surfaces.origin)
+    lights["primitive"][[number for number, _ in carried]] = len(instances.motion_rows) + firsts
     of_groups = tuple(np.concatenate([np.zeros(0, "U1"), *groups]).tolist())
     if total == 0:
-        return FlatLights(lights, 0, environment, None, of_groups, tuple(spectral))
+        return FlatLights(lights, 0, environment, None, of_groups, tuple(spectral), knot_rows)
     power = np.concatenate(powers)
     shares = np.ones(total) if choice == "uniform" else power
     sampled = lights[:total]
     sampled["probability"], sampled["alias_threshold"], sampled["alias"] = alias_table(shares)
     sampled["place"] = layout.NONE
     if total < 2 or choice in ("power", "uniform") or (choice == "auto" and total < _TREE_FROM):
-        return FlatLights(lights, total, environment, None, of_groups, tuple(spectral))
+        return FlatLights(lights, total, environment, None, of_groups, tuple(spectral), knot_rows)
     tree = light_tree(_emitters(sampled, power, radius, surfaces, lamps, ways))
     sampled["place"] = tree.place
-    return FlatLights(lights, total, environment, tree, of_groups, tuple(spectral))
+    return FlatLights(lights, total, environment, tree, of_groups, tuple(spectral), knot_rows)
 
 
 def _spectral(rows: range, said: object, color: Color) -> list[SpectralPlace]:

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from clrender import layout
 from clrender.errors import SceneError
 from clrender.exact.elementary import angles_of
-from clrender.exact.matrices import inner, product
-from clrender.scene.motion import aligned, matrices_of
+from clrender.exact.matrices import determinant, inner, product
+from clrender.scene.motion import aligned, matrices_of, polar, quaternion_of
 from clrender.wording import place
 
 if TYPE_CHECKING:
@@ -24,11 +24,23 @@ if TYPE_CHECKING:
     from clrender.scene.description import Scene
     from clrender.scene.motion import Track
 
-__all__ = ["NO_MOTION", "Knots", "camera_knots", "knot_rows", "knots_of", "swept_boxes"]
+__all__ = [
+    "NO_MOTION",
+    "Knots",
+    "camera_knots",
+    "knot_rows",
+    "knots_of",
+    "light_knot_rows",
+    "placed_knots",
+    "swept_boxes",
+]
 
 _Floats = NDArray[np.float64]
 _TURN: Final = math.radians(5.0)
 """Largest angle between two knots: quaternions interpolated linearly are early or late by less than 3e-6 of it."""
+_SMALL_TURN: Final = math.radians(0.5)
+"""The same where a motion is that of another motion: an arc of this angle is from its chord by 1e-5 of its radius."""
+_EVEN: Final = 1e-9
 _MOST: Final = 2**16
 _NEGLIGIBLE: Final = 1e-12
 """Parts of quaternions and stretches that are rounding errors; squares of such may be below the smallest float."""
@@ -97,8 +109,8 @@ class _Turning(Protocol):
     def turning(self, index: int) -> float: ...
 
 
-def _moments(track: _Turning, begin: float, end: float) -> _Floats:
-    """Times of knots, seconds: both ends, the keys between them, and as many more as the rotations need."""
+def _moments(track: _Turning, begin: float, end: float, turn: float = _TURN) -> _Floats:
+    """Times of knots, seconds: both ends, the keys between them, and as many more as turns of that angle need."""
     keys = track.times
     stops = [begin, *keys[(keys > begin) & (keys < end)].tolist(), end]
     moments = [begin]
@@ -107,14 +119,16 @@ def _moments(track: _Turning, begin: float, end: float) -> _Floats:
         pieces = 1
         if 0 <= index < len(keys) - 1:
             share = (last - first) / float(keys[index + 1] - keys[index])
-            pieces = max(1, math.ceil(track.turning(index) * share / _TURN))
+            pieces = max(1, math.ceil(track.turning(index) * share / turn))
         if len(moments) + pieces > _MOST:
-            raise ValueError(f"turns too often while the shutter is open: more than {_MOST} times by 5 degrees")
+            raise ValueError(
+                f"turns too often while the shutter is open: more than {_MOST} times by {math.degrees(turn):g} degrees"
+            )
         moments += [first + (last - first) * step / pieces for step in range(1, pieces)] + [last]
     return np.array(moments)
 
 
-def knots_of(track: Track, scene: Scene, index: int) -> Knots:
+def knots_of(track: Track, scene: Scene, index: int, table: str = "shapes") -> Knots:
     """Knots of a motion, over the interval of the scene's camera.
 
     Parameters
@@ -122,7 +136,9 @@ def knots_of(track: Track, scene: Scene, index: int) -> Knots:
     track : Track
     scene : Scene
     index : int
-        Of the shape, for messages.
+        Of the shape or light, for messages.
+    table : str
+        Which of both.
 
     Raises
     ------
@@ -133,11 +149,70 @@ def knots_of(track: Track, scene: Scene, index: int) -> Knots:
     try:
         moments = _moments(track, begin, end)
     except ValueError as error:
-        raise SceneError(f"{scene.source}: {place(('shapes', index, 'motion'))} {error}; close it sooner") from None
+        raise SceneError(f"{scene.source}: {place((table, index, 'motion'))} {error}; close it sooner") from None
     path = track.at(moments)
     shares = np.clip((moments - begin) / (end - begin), 0.0, 1.0)
     before = np.concatenate([track.sign * np.eye(3), np.zeros((3, 1))], axis=1)[None]
     return Knots(shares, path.rotations, path.stretches, path.offsets, before)
+
+
+def placed_knots(
+    inner_track: Track, map_: NDArray[np.float64], outer_track: Track | None, scene: Scene, index: int
+) -> Knots:
+    """Knots of what moves in a group: its own motion, then where an instance is, and then the motion of that.
+
+    Between two knots rotations, stretches and translations are interpolated, which is this way if the map of the
+    instance is a similarity and rests. Else knots are so close that offsets leave it by less than 1e-5 of their length.
+
+    Parameters
+    ----------
+    inner_track : Track
+        Its own.
+    map_ : (3, 4) float64
+        From the space of the group.
+    outer_track : Track or None
+        Of the instance.
+    scene : Scene
+    index : int
+        Of the instance, for messages.
+
+    Raises
+    ------
+    SceneError
+        It turns too often.
+    """
+    begin, end = scene.camera.interval
+    linear, offset = map_[:, :3], map_[:, 3]
+    mirrors = -1.0 if determinant(linear) < 0.0 else 1.0
+    turn, stretch = polar(mirrors * linear)
+    even = float(np.abs(stretch - stretch[0, 0] * np.eye(3)).max()) <= _EVEN * float(stretch[0, 0])
+    simple = outer_track is None and even
+    try:
+        moments = _moments(inner_track, begin, end, _TURN if simple else _SMALL_TURN)
+        if outer_track is not None:
+            moments = np.union1d(moments, _moments(outer_track, begin, end, _SMALL_TURN))
+    except ValueError as error:
+        text = f"places what {error}; close camera.shutter sooner"
+        raise SceneError(f"{scene.source}: {place(('shapes', index))} {text}") from None
+    path = inner_track.at(moments)
+    offsets = inner(linear, path.offsets[:, None, :]) + offset
+    sign = mirrors * inner_track.sign
+    if simple:
+        first = np.broadcast_to(quaternion_of(turn), path.rotations.shape)
+        rotations, stretches = _composed(first, path.rotations), stretch[0, 0] * path.stretches
+    else:
+        whole = product(linear, inner_track.sign * path.linear)
+        if outer_track is not None:
+            outer_path = outer_track.at(moments)
+            around = outer_track.sign * outer_path.linear
+            whole, offsets = product(around, whole), inner(around, offsets[:, None, :]) + outer_path.offsets
+            sign *= outer_track.sign
+        parts = [polar(sign * each) for each in whole]
+        rotations = np.stack([quaternion_of(rotation) for rotation, _ in parts])
+        stretches = np.stack([stretched for _, stretched in parts])
+    shares = np.clip((moments - begin) / (end - begin), 0.0, 1.0)
+    before = np.concatenate([sign * np.eye(3), np.zeros((3, 1))], axis=1)[None]
+    return Knots(shares, aligned(rotations), stretches, offsets, before)
 
 
 def camera_knots(camera: Camera, source: str) -> Knots | None:
@@ -221,6 +296,30 @@ def knot_rows(
     if not rows:
         return np.zeros((1, 16), np.float32), np.zeros((0, 2), np.uint32)
     return np.concatenate(rows).astype(np.float32), np.array(places, np.uint32)
+
+
+def light_knot_rows(
+    motions: Sequence[Knots], origin: tuple[float, float, float]
+) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    """Rows of knots of lights, the first of each with the number of ways between them.
+
+    Parameters
+    ----------
+    motions : sequence of Knots
+    origin : (3,) float
+        See `knot_rows`.
+
+    Returns
+    -------
+    rows : (K, 16) float32
+        Of no motion, none.
+    firsts : (n,) uint32
+        Of each motion, its first row.
+    """
+    rows, places = knot_rows(motions, origin)
+    rows = rows[: len(rows) if motions else 0]
+    rows.view(np.uint32)[places[:, 0], _COLUMNS["SEGMENTS"]] = places[:, 1]
+    return rows, places[:, 0]
 
 
 def _without_errors(values: _Floats) -> _Floats:

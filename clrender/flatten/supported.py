@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from clrender.errors import SceneError
 from clrender.flatten.emission import emits
 from clrender.flatten.material_rows import has_row
 from clrender.flatten.plugin_rows import used_plugins
 from clrender.integrators import INTEGRATORS
 from clrender.scene.description import Scene
+from clrender.scene.light_kinds import MOVING_LIGHTS
 from clrender.scene.materials import Dielectric, Principled, Subsurface, material_parts, material_textures
 from clrender.scene.motion import rests
+from clrender.scene.poses import MotionKey
 from clrender.scene.shapes import Curves, Mesh
 from clrender.scene.textures import Checker, ImageTexture, PluginTexture, Ramp
 from clrender.wording import place
@@ -131,8 +135,12 @@ def check_motion(scene: Scene, integrator: str) -> None:
     moving = [] if camera.track is None else ["camera.motion"]
     if scene.has_motion:
         begin, end = camera.interval
-        keyed = ((index, shape.motion) for index, shape in enumerate(scene.shapes) if shape.motion)
-        moving += [place(("shapes", index, "motion")) for index, keys in keyed if rests(keys, begin, end) is None]
+        keyed: list[tuple[tuple[str | int, ...], Sequence[MotionKey]]]
+        keyed = [(("shapes", index), shape.motion) for index, shape in enumerate(scene.shapes)]
+        keyed += [(at, shape.motion) for at, shape in scene.all_shapes() if at[0] == "groups"]
+        moving += [place((*at, "motion")) for at, keys in keyed if keys and rests(keys, begin, end) is None]
+        lamps = ((i, each.motion) for i, each in enumerate(scene.lights) if isinstance(each, MOVING_LIGHTS))
+        moving += [place(("lights", i, "motion")) for i, keys in lamps if keys and rests(keys, begin, end) is None]
     if moving and not times:
         raise SceneError(
             f"{scene.source}: {moving[0]}: the integrator {integrator} takes nothing that moves while the shutter is "

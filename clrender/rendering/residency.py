@@ -169,7 +169,7 @@ class Residency:
         media = cameras[["interior_first", "interior_last", "cuts_media"]]
         if (media != media[0]).any() or cameras["cuts_media"].any():
             raise ApartError
-        features = flat.features.seen_by(cameras, flat.instances.moves)
+        features = flat.features.seen_by(cameras, flat.moves)
         return dataclasses.replace(flat, camera=cameras, camera_knots=np.concatenate(knots), features=features)
 
     def worker(
@@ -215,6 +215,7 @@ class Residency:
     def _moved(self, device: Device, arrays: SceneArrays | None, flat: FlatScene) -> SceneArrays:
         """The arrays of another scene: those that are there, if they can be refitted; else they are released."""
         apart = trees = None
+        lent: dict[str, Buffer] = {}
         if arrays is not None:
             del self._uploaded[device]
             with ExitStack() as spent:
@@ -224,10 +225,15 @@ class Residency:
                     return arrays
                 apart = arrays.apart if self.refits and len(arrays.apart) == len(flat.arrays["shapes"]) else None
                 trees = arrays.trees_for(flat)
-        with self.stages.during("building"), ExitStack() as spent:
+                lent = arrays.lent_to(flat)
+        with self.stages.during("building"), ExitStack() as spent, ExitStack() as failed:
             if trees is not None:
                 spent.callback(trees.release)
-            return SceneArrays(device, flat, apart=apart, earlier=trees)
+            for buffer in lent.values():
+                failed.callback(device.release, buffer)
+            made = SceneArrays(device, flat, apart=apart, earlier=trees, lent=lent)
+            failed.pop_all()
+            return made
 
     def _forget(self, device: Device, before: frozenset[Buffer]) -> None:
         """Release everything that was allocated on a device since `before`, after a worker could not be made."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, TypeVar
 
@@ -23,6 +24,7 @@ from clrender.scene.frozen import FrozenDict
 from clrender.scene.groups import Group, Instance, ShapeOrInstance, TransformArray
 from clrender.scene.ies import IesProfile
 from clrender.scene.light_kinds import (
+    MOVING_LIGHTS,
     EnvironmentLight,
     IesLight,
     Light,
@@ -127,10 +129,16 @@ class SceneContents(Head):
 
     @property
     def has_motion(self) -> bool:
-        """Whether any shape or instance has keys of a motion, or poses, whenever they are."""
-        return self.of_contents(
-            "has motion", lambda: any(each.motion or (isinstance(each, Mesh) and each.poses) for each in self.shapes)
-        )
+        """Whether any shape, instance or light has keys of a motion, or poses, whenever they are."""
+
+        def found() -> bool:
+            if any(isinstance(light, MOVING_LIGHTS) and light.motion for light in self.lights):
+                return True
+            if any(isinstance(each, Instance) and each.motion for each in self.shapes):
+                return True
+            return any(each.motion or (isinstance(each, Mesh) and each.poses) for _, each in self.all_shapes())
+
+        return self.of_contents("has motion", found)
 
     @property
     def has_shadow_catchers(self) -> bool:
@@ -476,5 +484,10 @@ class SceneContents(Head):
         return (
             self._files,
             self._plugins,
-            *(getattr(self, name) for name in sorted(type(self).model_fields.keys() - HEAD)),
+            *(self.__dict__[name] for name in _content_names(type(self))),
         )
+
+
+@cache
+def _content_names(kind: type[SceneContents]) -> tuple[str, ...]:
+    return tuple(sorted(kind.model_fields.keys() - HEAD))

@@ -49,14 +49,6 @@ class Group(Part):
 
     shapes: Annotated[tuple[Shape, ...], FailFast(), Field(min_length=1, max_length=SHAPE_LIMIT)]
 
-    @model_validator(mode="after")
-    def _moves_as_a_whole(self) -> Group:
-        for index, shape in enumerate(self.shapes):
-            if shape.motion:
-                text = "is for the instances of a group, which move as a whole; give it to them"
-                raise fault("group", text, "shapes", index, "motion")
-        return self
-
 
 class Instance(Part):
     """An instance of a group: placed once by `transform`, or many times by `transforms`."""

@@ -6,13 +6,15 @@ from collections.abc import Mapping
 from datetime import date
 from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
-from pydantic import BeforeValidator, Field, Strict, WithJsonSchema, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, Strict, WithJsonSchema, model_validator
 
 from clrender.errors import SceneError
 from clrender.exact.angles import sin_cos_degrees
 from clrender.exact.elementary import degrees_of
+from clrender.scene.poses import Motion, MotionKey
 from clrender.scene.spectra import LightColor
 from clrender.scene.sun_position import parsed_time, sun_position
+from clrender.scene.transforms import affine
 from clrender.scene.values import (
     POWER_LIMIT,
     Color,
@@ -31,11 +33,13 @@ from clrender.scene.values import (
 
 __all__ = [
     "LIGHT_TYPES",
+    "MOVING_LIGHTS",
     "WIDEST_PICTURE",
     "DirectionalLight",
     "EnvironmentLight",
     "IesLight",
     "Light",
+    "MovingLight",
     "PointLight",
     "ProjectorLight",
     "SpotLight",
@@ -55,6 +59,10 @@ _LEAST_CONE: Final = 0.01
 """Degrees; in single precision the edge of a narrower cone is not smooth."""
 
 
+_RIGID: Final = 1e-4
+"""Of products of a rotation's rows: the largest error of numbers with four or more digits."""
+
+
 WIDEST_PICTURE: Final = 170.0
 """Degrees; a picture of 180 degrees would have no end."""
 
@@ -72,7 +80,32 @@ class _Grouped(Part):
     light_group: LayerName | None = Field(None, description="group of its light, for layers of light groups")
 
 
-class PointLight(_Grouped):
+def _rigid(keys: tuple[MotionKey, ...]) -> tuple[MotionKey, ...]:
+    """Refuse motions that scale, shear or mirror, which no light at a point could follow."""
+    for index, key in enumerate(keys):
+        rows = affine(key).linear
+        products = [[sum(p * q for p, q in zip(a, b, strict=True)) for b in rows] for a in rows]
+        uneven = any(abs(products[i][j] - float(i == j)) > _RIGID for i in range(3) for j in range(3))
+        if uneven or affine(key).determinant < 0.0:
+            where = "scale" if key.matrix is None else "matrix"
+            sentence = (
+                "scales, shears or mirrors, but a light can only turn and move; give a rotation and a translation"
+            )
+            raise fault("motion", sentence, index, where)
+    return keys
+
+
+class _Moving(_Grouped):
+    """What every light has that is a point or a direction."""
+
+    late_keys: ClassVar[frozenset[str]] = frozenset({"light_group", "motion"})
+
+    motion: Annotated[Motion, AfterValidator(_rigid)] = Field(
+        (), description="keys of a motion of rotations and translations; times ascend"
+    )
+
+
+class PointLight(_Moving):
     """Isotropic point light."""
 
     type: Literal["point"]
@@ -80,7 +113,7 @@ class PointLight(_Grouped):
     intensity: LightColor = Field(description="radiant intensity, W/sr")
 
 
-class SpotLight(_Grouped):
+class SpotLight(_Moving):
     """Point light that emits into a cone with a smooth falloff at its edge."""
 
     type: Literal["spot"]
@@ -100,7 +133,7 @@ class SpotLight(_Grouped):
         return self
 
 
-class IesLight(_Grouped):
+class IesLight(_Moving):
     """Point light with the measured angular distribution of an IES file."""
 
     type: Literal["ies"]
@@ -132,7 +165,7 @@ class IesLight(_Grouped):
         return (0.0, 0.0, 1.0) if max(abs(x), abs(y)) > 1e-3 * length(self.direction) else (0.0, 1.0, 0.0)
 
 
-class ProjectorLight(_Grouped):
+class ProjectorLight(_Moving):
     """Point light that throws a picture, as a slide projector does: upright and unmirrored on a screen before it."""
 
     type: Literal["projector"]
@@ -165,7 +198,7 @@ class ProjectorLight(_Grouped):
         return self
 
 
-class DirectionalLight(_Grouped):
+class DirectionalLight(_Moving):
     """Directional light: parallel light from infinity."""
 
     type: Literal["directional"]
@@ -303,6 +336,9 @@ class SunSkyLight(_Grouped):
         return sun_position(self.latitude, self.longitude, self.time)
 
 
+MovingLight: TypeAlias = PointLight | SpotLight | IesLight | ProjectorLight | DirectionalLight
+"""Lights that may have a motion."""
+MOVING_LIGHTS: Final = (PointLight, SpotLight, IesLight, ProjectorLight, DirectionalLight)
 LIGHT_TYPES: Final[Mapping[str, type[Part]]] = {
     "point": PointLight,
     "spot": SpotLight,

@@ -169,13 +169,11 @@ def _check_catchers(scene: SceneContents) -> None:
 
 
 def _check_poses(scene: SceneContents) -> None:
-    """Check that what changes its form is in no group, and does not shine: its light is sampled in one place."""
+    """Check that what changes its form does not shine: its light is sampled in one place."""
     for at, shape in scene.all_shapes():
         if not isinstance(shape, Mesh) or not shape.poses:
             continue
         material = None if shape.material is None else scene.materials[shape.material]
-        if at[0] == "groups":
-            raise fault("reference", "are for shapes of the scene itself; move the mesh out of its group", *at, "poses")
         if shape.shines or (material is not None and _shines(material)):
             raise fault(
                 "reference", "are given for what shines, which keeps its form; leave one of them out", *at, "poses"

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from clrender.scene.groups import Instance, ShapeOrInstance
+from clrender.scene.light_kinds import MOVING_LIGHTS, DirectionalLight, IesLight, Light, PointLight, ProjectorLight
 from clrender.scene.motion import rests
 from clrender.scene.posed import deforms, standing
 from clrender.scene.poses import Transform
@@ -14,13 +15,16 @@ from clrender.scene.shapes import Mesh
 from clrender.scene.transforms import affine, combined
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     import numpy.typing as npt
 
     from clrender.scene.description import Scene
+    from clrender.scene.light_kinds import MovingLight
     from clrender.scene.shapes import AnyShape
     from clrender.scene.transforms import Affine
 
-__all__ = ["carried", "is_identity", "opened", "placements", "resting"]
+__all__ = ["carried", "is_identity", "lit_from", "opened", "placements", "resting"]
 
 
 def is_identity(map_: Affine) -> bool:
@@ -37,8 +41,32 @@ def carried(shape: AnyShape, outer: Affine) -> AnyShape:
     return shape.with_checked(transform=Transform(matrix=(*rows, (0.0, 0.0, 0.0, 1.0))))
 
 
+def lit_from(light: MovingLight, outer: Affine) -> MovingLight:
+    """A light that a rigid motion has moved, without keys of its own."""
+    if is_identity(outer):
+        return light.with_checked(motion=()) if light.motion else light
+    moved: dict[str, Any] = {"motion": ()}
+    if not isinstance(light, DirectionalLight):
+        moved["position"] = outer.point(light.position)
+    if not isinstance(light, PointLight):
+        moved["direction"] = outer.vector(light.direction)
+    if isinstance(light, ProjectorLight):
+        moved["up"] = outer.vector(light.up)
+    if isinstance(light, IesLight):
+        moved["horizontal_zero"] = outer.vector(light.zero)
+    return light.with_checked(**moved)
+
+
+def _resting_light(light: Light, begin: float, end: float) -> Light:
+    """A light; without its motion and where it is then, if it rests between two times."""
+    if not isinstance(light, MOVING_LIGHTS) or not light.motion:
+        return light
+    still = rests(light.motion, begin, end)
+    return light if still is None else lit_from(light, still)
+
+
 def resting(scene: Scene) -> Scene:
-    """The scene with shapes that do not move while the shutter is open where they are then, without their motions.
+    """The scene with what does not move while the shutter is open where it is then, without its motion.
 
     Instances keep theirs; `placements` has where they are. Meshes that change their form keep their poses, and have the
     form in which the shutter finds them.
@@ -46,23 +74,37 @@ def resting(scene: Scene) -> Scene:
     if not scene.has_motion:
         return scene
     begin, end = scene.camera.interval
-    posed = {
-        index: (scene.place_of(index), mesh)
-        for index, mesh in enumerate(scene.shapes)
-        if isinstance(mesh, Mesh) and mesh.poses
-    }
+    lists: dict[str | None, Sequence[ShapeOrInstance]] = {None: scene.shapes}
+    lists |= {name: group.shapes for name, group in scene.groups.items()}
+    places = {None: scene.place_of} | {name: _place_in_group(name) for name in scene.groups}
+    every = [((name, i), shape) for name, shapes in lists.items() for i, shape in enumerate(shapes)]
+    forms: dict[tuple[str | None, int], Mesh] = {}
+    posed = [(key, mesh) for key, mesh in every if isinstance(mesh, Mesh) and mesh.poses]
     if posed:
-        stand, other = standing(scene, list(posed.values()))
-        forms = dict(zip(posed, stand, strict=True))
-        for index, (_, mesh) in posed.items():
-            if deforms(mesh, begin, end):
-                forms[index] = forms[index].with_checked(poses=mesh.poses)
-        scene = other.with_checked(shapes=tuple(forms.get(i, each) for i, each in enumerate(scene.shapes)))
-    shapes: list[ShapeOrInstance] = []
-    for shape in scene.shapes:
+        stand, scene = standing(scene, [(places[name](i), mesh) for (name, i), mesh in posed])
+        for (key, mesh), form in zip(posed, stand, strict=True):
+            forms[key] = form.with_checked(poses=mesh.poses) if deforms(mesh, begin, end) else form
+    made: dict[str | None, list[Any]] = {name: [] for name in lists}
+    for key, shape in every:
+        shape = forms.get(key, shape)
         still = rests(shape.motion, begin, end) if shape.motion and not isinstance(shape, Instance) else None
-        shapes.append(shape if still is None else carried(shape, still).with_checked(motion=()))  # type: ignore[arg-type]
-    return scene.with_checked(shapes=tuple(shapes))
+        made[key[0]].append(shape if still is None else carried(shape, still).with_checked(motion=()))  # type: ignore[arg-type]
+    kept: dict[str, Any] = {"shapes": tuple(made.pop(None))}
+    moved = {
+        name: scene.groups[name].with_checked(shapes=tuple(now))
+        for name, now in made.items()
+        if name is not None and any(a is not b for a, b in zip(now, lists[name], strict=True))
+    }
+    if moved:
+        kept["groups"] = {**scene.groups, **moved}
+    lights = tuple(_resting_light(light, begin, end) for light in scene.lights)
+    if any(a is not b for a, b in zip(lights, scene.lights, strict=True)):
+        kept["lights"] = lights
+    return scene.with_checked(**kept)
+
+
+def _place_in_group(name: str) -> Callable[[int], tuple[str | int, ...]]:
+    return lambda index: ("groups", name, "shapes", index)
 
 
 def placements(scene: Scene, index: int) -> npt.NDArray[np.float64]:

@@ -57,6 +57,10 @@ class Affine:
         """A transformed point."""
         return tuple(_dot(row, p) + o for row, o in zip(self.linear, self.offset, strict=True))  # type: ignore[return-value]
 
+    def vector(self, v: Vector) -> Vector:
+        """A transformed direction, as long as the map makes it."""
+        return tuple(_dot(row, v) for row in self.linear)  # type: ignore[return-value]
+
     def normal(self, n: Vector) -> Vector:
         """A transformed unit normal."""
         carried: Vector = tuple(_dot(row, n) for row in self.covector)  # type: ignore[assignment]

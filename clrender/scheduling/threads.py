@@ -18,7 +18,7 @@ from clrender.process.driver_threads import driver_thread
 from clrender.process.elapsed import processor_seconds
 from clrender.scheduling.watchdog import TimeLimits
 from clrender.scheduling.work import Kind, Task, Work
-from clrender.scheduling.worker import Candidate, HoldingWorker, Worker
+from clrender.scheduling.worker import Candidate, HoldingWorker, Worker, can_hold
 
 __all__ = ["Event", "Holding", "WorkerThreads"]
 
@@ -196,7 +196,7 @@ class WorkerThreads:
     def _holder(self, number: int, worker: Worker) -> HoldingWorker | None:
         """The worker, if it is to hold the sums of its units, and can."""
         holding = self._holding
-        if holding is None or not isinstance(worker, HoldingWorker):
+        if holding is None or not can_hold(worker):
             return None
         self._work.await_settled(number)  # what was rescued of an earlier worker is then in the film
         held = holding.film.held = worker.hold(holding.film)

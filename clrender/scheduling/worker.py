@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from functools import cache
+from typing import Protocol, TypeGuard
 
 from clrender.film import Film
 from clrender.film.held import FilmCopy, HeldUnit
 from clrender.film.unit import Unit, UnitSums
 
-__all__ = ["Candidate", "HoldingWorker", "Worker"]
+__all__ = ["Candidate", "HoldingWorker", "Worker", "can_hold"]
 
 
 class Worker(Protocol):
@@ -36,7 +37,6 @@ class Worker(Protocol):
         """
 
 
-@runtime_checkable
 class HoldingWorker(Worker, Protocol):
     """A worker that can keep the sums of its units, and deliver them all at once."""
 
@@ -53,6 +53,16 @@ class HoldingWorker(Worker, Protocol):
 
         After the last copy nothing is held any more.
         """
+
+
+@cache
+def _holds(kind: type) -> bool:
+    return all(hasattr(kind, name) for name in ("hold", "render_held", "copy_held"))
+
+
+def can_hold(worker: Worker) -> TypeGuard[HoldingWorker]:
+    """Whether a worker can keep the sums of its units; once looked up for its type, as it is asked for each image."""
+    return _holds(type(worker))
 
 
 @dataclass

@@ -55,6 +55,27 @@ static void light_move(const Scene* scene, LightRow* l) {
 static void light_move(const Scene* scene, LightRow* l) {}
 #endif
 
+#ifdef MOVING_LIGHTS
+// Lights that are no surfaces and move have their motion in the place of the primitive, and in their rows where they are before it.
+static void light_carry(const Scene* scene, LightRow* l, vfloat time) {
+    const vmask moves = !light_is_surface(l) & (l->primitive != NONE);
+    if (!lane_any(moves)) return;
+    const vuint first = moves ? l->primitive : splat_uint(0u), word = first * 16u + MOTION_ROW_SEGMENTS;
+    MotionMap map;
+    motion_at(scene->motion_rows, first, moves ? vfloat_bits(lane_gather(scene->motion_rows, word)) : splat_uint(0u), time, &map);
+    const vec3 place = vec3_row(l->row, LIGHT_ROW_POSITION), turned = motion_turned(map.linear, place);
+    const vec3 there = choose(l->kind == LIGHT_DIRECTIONAL, unit(turned), add(turned, motion_offset(&map)));
+    vec3_row_put(l->row, LIGHT_ROW_POSITION, choose(moves, there, place));
+#ifdef LAMPS
+    const vmask table = moves & ((l->kind == LIGHT_IES) | (l->kind == LIGHT_PROJECTOR)), aimed = table | (moves & (l->kind == LIGHT_SPOT));
+    const vec3 axis = vec3_row(l->row, LIGHT_ROW_AXIS), zero = vec3_row(l->row, LIGHT_ROW_ZERO);
+    vec3_row_put(l->row, LIGHT_ROW_AXIS, choose(aimed, unit(motion_turned(map.linear, axis)), axis));
+    vec3_row_put(l->row, LIGHT_ROW_ZERO, choose(table, unit(motion_turned(map.linear, zero)), zero));
+#endif
+    l->primitive = moves ? splat_uint(NONE) : l->primitive;
+}
+#endif
+
 // A light where it is at a time.
 static LightRow light_at(const Scene* scene, vuint light, vfloat time) {
     LightRow l;
@@ -70,6 +91,9 @@ static LightRow light_at(const Scene* scene, vuint light, vfloat time) {
     l.time = time;
 #endif
     light_move(scene, &l);
+#ifdef MOVING_LIGHTS
+    light_carry(scene, &l, time);
+#endif
     return l;
 }
 

@@ -282,6 +282,31 @@ def test_an_animation_while_the_shutter_is_open(tmp_path: Path) -> None:
     np.testing.assert_allclose(places[0], places[1], atol=1e-6)
 
 
+def test_lights_move_with_their_nodes(tmp_path: Path) -> None:
+    """Below a parent that turns and is twice as large, which makes no lamp larger."""
+    model = Model()
+    model.root["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": kind} for kind in ("spot", "directional")]}}
+    places: list[Any] = [{"extensions": {"KHR_lights_punctual": {"light": number}}} for number in range(2)]
+    lamp, sun = (model.node(translation=[1, 0, 0], rotation=[0, 1, 0, 0], **each) for each in places)  # turned round y
+    parent = model.node(children=[lamp, sun], scale=[2, 2, 2])
+    model.node(mesh=model.quad())
+    half = math.sqrt(0.5)
+    animated(model, parent, "rotation", [0.0, 1.0], [(0, 0, 0, 1), (half, 0, 0, half)])  # 90 degrees about x
+    scene = loaded(tmp_path, model, time_at=0.0, shutter=(0.0, 1.0))
+    spot: Any = scene.lights[0]
+    assert spot.motion[0].time == 0.0 and spot.motion[-1].time == 1.0
+    for time in (0.0, 0.4, 1.0):
+        shown: Any = opened(scene.with_checked(camera=scene.camera.with_checked(shutter=None, time=time))).lights
+        angle = math.radians(90.0 * time)
+        towards = (0.0, -2.0 * math.sin(angle), 2.0 * math.cos(angle))
+        assert shown[0].position == pytest.approx((2.0, 0.0, 0.0), abs=1e-6)
+        assert [each.direction for each in shown] == [pytest.approx(towards, abs=1e-4)] * 2
+    moment: Any = loaded(tmp_path, model, time_at=0.7)
+    assert not moment.lights[0].motion
+    angle = math.radians(63.0)
+    assert moment.lights[0].direction == pytest.approx((0.0, -2.0 * math.sin(angle), 2.0 * math.cos(angle)), abs=1e-6)
+
+
 def test_rotations_go_the_short_way_round(tmp_path: Path) -> None:
     model = Model()
     node = model.node(mesh=model.quad(), translation=[0, 0, 0])

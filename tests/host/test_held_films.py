@@ -22,7 +22,7 @@ from clrender.film.unit import Unit
 from clrender.scheduling import run as scheduling
 from clrender.scheduling.run import Tally, run
 from clrender.scheduling.watchdog import TimeLimits
-from clrender.scheduling.worker import Candidate, HoldingWorker
+from clrender.scheduling.worker import Candidate, can_hold
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -96,7 +96,7 @@ PLAN = dataclasses.replace(plan_for(26, 19, 6, 8), short_units=True, most_slots=
 
 def test_a_run_fills_the_film_and_knows_what_was_done() -> None:
     worker, film, told = Holder(PLAN), RunningFilm(26, 19), list[tuple[int, int]]()
-    assert isinstance(worker, HoldingWorker) and not isinstance(FakeWorker(PLAN), HoldingWorker)
+    assert can_hold(worker) and not can_hold(FakeWorker(PLAN))
     tally = go(PLAN, worker, film, on_progress=lambda *done: told.append(done))
     assert_whole(PLAN, film)
     assert tally.complete and tally.samples == PLAN.samples == film.ledger.samples

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from cases import for_each
@@ -11,6 +12,7 @@ from moved_points import placed_at
 from clrender.errors import SceneError
 from clrender.importers import load
 from clrender.scene import Scene
+from clrender.scene.resting import opened
 
 SENSOR = """<sensor type="perspective"><float name="fov" value="40"/>{}</sensor>"""
 OPEN = '<float name="shutterOpen" value="0.25"/><float name="shutterClose" value="0.75"/>'
@@ -101,6 +103,23 @@ def test_moving_lamps_shine(tmp_path: Path) -> None:
     assert shape.motion and shape.emission is not None
 
 
+def test_lights_move(tmp_path: Path) -> None:
+    """Of their transforms only places and directions count: the size of a lamp's space is no size of the lamp."""
+    keys = animated((0.0, '<scale value="2"/>'), (1.0, '<scale value="3"/><rotate x="1" angle="90"/>'))
+    spot = f'<emitter type="spot">{animated((0.0, SLIDES.format(0)), (1.0, SLIDES.format(2)))}</emitter>'
+    point = f'<emitter type="point"><point name="position" y="1"/>{keys}</emitter>'
+    sun = f'<emitter type="directional">{keys}</emitter>'
+    scene = mitsuba(tmp_path, f'<shape type="sphere"/>{spot}{point}{sun}')
+    lights: Any = scene.lights
+    assert [len(light.motion) for light in lights] == [2, 2, 2] and scene.camera.shutter == (0.25, 0.75)
+    found: Any = [
+        opened(scene.changed({"camera.shutter": [0.0, 0.0], "camera.time": time})).lights for time in (0.0, 0.5, 1.0)
+    ]
+    assert found[1][0].position == pytest.approx((1.0, 0.0, 0.0))
+    assert [lights[1].position for lights in found[::2]] == [pytest.approx(each) for each in ((0, 2, 0), (0, 0, 3))]
+    assert [lights[2].direction for lights in found[::2]] == [pytest.approx(each) for each in ((0, 0, 2), (0, -2, 0))]
+
+
 @for_each(
     ("world", "words"),
     [
@@ -118,8 +137,8 @@ def test_moving_lamps_shine(tmp_path: Path) -> None:
             "within an instance that moves",
         ),
         (
-            f'<shape type="sphere"/><emitter type="spot">{SLIDE}</emitter>',
-            'the animated transform of the emitter of type "spot" is read as it is at its first moment',
+            f'<shape type="sphere"/><emitter type="constant">{SLIDE}</emitter>',
+            'the animated transform of the emitter of type "constant" is read as it is at its first moment',
         ),
     ],
 )

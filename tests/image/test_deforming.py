@@ -341,5 +341,3 @@ def test_files_that_do_not_fit(tmp_path: Path) -> None:
         poses = [{"time": 0.0, "file": "a.ply"}, {"time": 1.0, "file": f"{name}.ply"}]
         with pytest.raises(SceneError, match=rf"shapes\[0\].poses\[1\].file:? .*{words}"):
             flatten(scene_of({**shape, "poses": poses}).placed("scene", tmp_path), 8, 8)
-    with pytest.raises(ValueError, match="move the mesh out of its group"):
-        scene_of({"type": "instance", "group": "g"}, groups={"g": {"shapes": [waving()]}})

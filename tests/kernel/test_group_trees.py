@@ -143,6 +143,71 @@ def test_groups_keep_trees_of_the_same_bits(device: Device, second: Scene, kept:
     assert device.buffers == held, "all memory is given back"
 
 
+NEST: _Table = {"type": "box", "size": [0.5, 0.5, 0.5], "material": "grey"}
+INSIDE: _Table = {"type": "box", "size": [0.2, 0.2, 0.2], "material": "grey"}
+BALL: _Table = {"type": "sphere", "center": [1.5, -0.5, 1.0], "radius": 0.3, "material": "grey"}
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "built"),
+    [
+        (scene_of(), scene_of().changed({"materials.grey.reflectance": [0.1, 0.2, 0.3]}), 0),
+        (scene_of(*FIRST), scene_of(*FIRST).changed({"materials.grey.reflectance": [0.1, 0.2, 0.3]}), 0),
+        (scene_of(), scene_of(own=2), 1),
+        (scene_of(), scene_of().changed({("shapes", 0, "center"): [0.0, -1.2, 0.0]}), 1),
+        # The ball's number is other where a group has more triangles; its box is the same
+        (
+            scene_of("nest", nest=[NEST]).changed({"shapes": [BALL, *scene_of("nest", nest=[NEST]).shapes]}),
+            scene_of("nest", nest=[NEST, INSIDE]).changed({"shapes": [BALL, *scene_of("nest", nest=[NEST]).shapes]}),
+            1,
+        ),
+    ],
+    ids=["a material", "a material, with groups", "more shapes", "moved", "more in a group"],
+)
+def test_shapes_outside_of_groups_keep_their_tree(device: Device, first: Scene, second: Scene, built: int) -> None:
+    """With the bits of a new one, where these shapes and the places of instances are the same."""
+    with on(device, second) as arrays:
+        anew = told(device, arrays)
+    held = device.buffers
+    with on(device, first) as arrays:
+        trees = arrays.trees_for(flatten(second, 32, 24))
+    with patch.object(bvh, "build_over", wraps=bvh.build_over) as build, on(device, second, trees) as arrays:
+        assert told(device, arrays) == anew
+    assert build.call_count == built
+    if trees is not None:
+        trees.release()
+    assert device.buffers == held, "all memory is given back"
+
+
+def test_large_arrays_stay_on_the_device(device: Device) -> None:
+    """Only lights differ: what is large is not uploaded again, and the image is that of a new session."""
+    grid = np.stack(np.meshgrid(np.arange(50.0), [0.0], np.arange(50.0)), -1).reshape(-1, 3) / 25.0 - 1.0
+    grid[:, 1] = np.random.default_rng(2).uniform(-0.1, 0.1, len(grid)) - 0.9
+    corner = np.arange(2500).reshape(50, 50)
+    a, b, c, d = (corner[i : i + 49, j : j + 49].reshape(-1) for i in (0, 1) for j in (0, 1))
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([b, d, c], 1)])
+    textured = {"type": "lambert", "reflectance": {"texture": "t.png"}}
+    mesh = {"type": "mesh", "file": "m.ply", "material": "m"}
+    scene = scene_of("block").changed({"materials": {**MATERIALS, "m": textured}})
+    scene = scene.changed({"shapes": [mesh, *scene.shapes]}).with_arrays(
+        meshes={"m.ply": {"vertices": grid, "faces": faces, "uvs": grid[:, [0, 2]]}},
+        textures={"t.png": np.random.default_rng(4).integers(0, 255, (200, 200, 3), np.uint8)},
+    )
+    lamps = [{"type": "point", "position": [0.0, 1.0, 2.0 + x], "intensity": [9.0] * 3} for x in range(3)]
+    scenes = [scene.changed({"lights": [lamp]}) for lamp in lamps]
+    apart = [image_of(each, device) for each in scenes]
+    held = device.buffers
+    kept = []
+    with clrender.Session(device) as session:
+        found = []
+        for each in scenes:
+            found.append(session.render(each, size=(48, 32), spp=2).stats["image_sha256"])
+            kept.append({id(buffer) for buffer in device.buffers if buffer.nbytes >= 1 << 16})
+    assert found == apart and len(set(found)) == 3
+    assert len(kept[0] & kept[1] & kept[2]) >= 3, "rows of primitives, attributes and texels"
+    assert device.buffers == held
+
+
 def test_sessions_keep_them(device: Device) -> None:
     scenes = [scene_of(*FIRST, turn=10.0 * k, own=1 + k % 2) for k in range(3)]
     with clrender.Session(device) as session:

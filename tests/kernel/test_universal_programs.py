@@ -44,7 +44,18 @@ def test_what_is_stated() -> None:
     """Kernels with all features are told which of those that they would take for granted a scene has."""
     flags = [each.name for each in fields(Features) if each.name != "plugins"]
     assert {name for name in flags if not getattr(Features.all(), name)} == {
-        *("motion", "deformation", "grids", "glowing_media", "curves", "hair", "measured", "dispersion", "iridescence")
+        *(
+            "motion",
+            "moving_lights",
+            "deformation",
+            "grids",
+            "glowing_media",
+            "curves",
+            "hair",
+            "measured",
+            "dispersion",
+            "iridescence",
+        )
     }
     assert Features.all().plugins == () and Features.all((("a.h", "text"),)).plugins == (("a.h", "text"),)
     assert Features().stated(masked=False) == 0

@@ -42,6 +42,7 @@ VOLUMES: Final = (
     "curves",
     "hair",
     "measured",
+    "moving_lights",
 )
 """Features of kernels that change no bit where a scene has no such thing."""
 _FAR: Final = 40.0
@@ -68,7 +69,8 @@ def moved(content: Json, factor: float, by: list[float]) -> Json:
         Metres.
     """
     scene = copy.deepcopy(content)
-    if any(key.keys() & {"rotate_degrees", "matrix"} for shape in scene["shapes"] for key in shape.get("motion", [])):
+    moving = (each.get("motion", []) for each in (*scene["shapes"], *scene["lights"]))
+    if any(key.keys() & {"rotate_degrees", "matrix"} for keys in moving for key in keys):
         by = [0.0, 0.0, 0.0]  # about another point they turn in another way
     for shape in _all_shapes(scene):
         _enlarge(shape, factor)
@@ -76,6 +78,9 @@ def moved(content: Json, factor: float, by: list[float]) -> Json:
             _enlarge_key(key, factor)
     for shape in scene["shapes"]:
         _shift(shape, by)
+    for light in scene["lights"]:
+        for key in light.get("motion", []):
+            _enlarge_key(key, factor)
     for part in (scene["camera"], *scene["lights"]):
         _enlarge(part, factor)
         if "position" in part:

@@ -123,7 +123,9 @@ def _moving(mixed: Mixed) -> None:
     for shape in content["shapes"]:
         if _may_move(mixed, shape) and draw.chance(0.6):
             shape["motion"] = _keys(draw, middle)
+    _grouped_moving(mixed, middle)
     _deforming(mixed, middle)
+    _lamps_moving(mixed, middle)
     # Of a camera in a ball of its own the ball would stay behind
     if "position" in camera and "lens" not in content.get("materials", {}) and draw.chance(0.6):
         near = _plus(camera["position"], draw.point(0.1))
@@ -132,10 +134,31 @@ def _moving(mixed: Mixed) -> None:
         camera["motion"] = [{"time": middle + at, **key} for at, key in zip((-0.3, 0.4), keys, strict=True)]
 
 
+def _grouped_moving(mixed: Mixed, middle: float) -> None:
+    """Let shapes of groups move by themselves; by random numbers of their own."""
+    draw = Draw(f"motion in groups of {mixed.name}", white=False)
+    for group in mixed.content.get("groups", {}).values():
+        for shape in group["shapes"]:
+            if _may_move(mixed, shape) and draw.chance(0.4):
+                shape["motion"] = _keys(draw, middle)
+
+
+def _lamps_moving(mixed: Mixed, middle: float) -> None:
+    """Let lights turn and move that are no surfaces; by random numbers of their own."""
+    draw = Draw(f"moving lamps of {mixed.name}", white=False)
+    for light in mixed.content["lights"]:
+        # Those of black scenes are in boxes of their own, and would come out
+        if light["type"] not in ("point", "spot", "ies", "projector", "directional") or mixed.exact is not None:
+            continue
+        if draw.chance(0.6):
+            light["motion"] = [{**key, **({"scale": 1.0} if "scale" in key else {})} for key in _keys(draw, middle)]
+
+
 def _deforming(mixed: Mixed, middle: float) -> None:
     """Let meshes change their form; by random numbers of their own."""
     draw = Draw(f"poses of {mixed.name}", white=False)
-    for shape in mixed.content["shapes"]:
+    inside = (each for group in mixed.content.get("groups", {}).values() for each in group["shapes"])
+    for shape in (*mixed.content["shapes"], *inside):
         shines = "emission" in shape or "emission" in mixed.content.get("materials", {}).get(shape.get("material"), {})
         if shape["type"] != "mesh" or "vertices" not in shape or shines or not _may_move(mixed, shape):
             continue
@@ -149,7 +172,8 @@ def _uneven(mixed: Mixed) -> None:
     """Give media a grid of densities, but the fog, and those of groups that move; by random numbers of their own."""
     draw, content = Draw(f"grids of {mixed.name}", white=False), mixed.content
     moving = {each["group"] for each in content["shapes"] if each["type"] == "instance" and "motion" in each}
-    apart = {shape.get("interior") for name in moving for shape in content["groups"][name]["shapes"]}
+    inside = [(name, shape) for name, group in content.get("groups", {}).items() for shape in group["shapes"]]
+    apart = {shape.get("interior") for name, shape in inside if name in moving or {"motion", "poses"} & shape.keys()}
     for name, made in content.get("media", {}).items():
         if name == content.get("fog") or name in apart or not draw.chance(0.35):
             continue

@@ -8,6 +8,7 @@ from typing import Any, Final
 from clrender.exact.angles import sin_cos
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.matrices import Matrix
+from clrender.importers.gltf.motion import NodeMotion
 from clrender.importers.gltf.nodes import Nodes
 
 __all__ = ["LUMENS_PER_WATT", "add_lights"]
@@ -17,7 +18,7 @@ LUMENS_PER_WATT: Final = 683.0
 _LEAST_CONE: Final = 0.01
 
 
-def add_lights(document: Document, nodes: Nodes) -> None:
+def add_lights(document: Document, nodes: Nodes, motion: NodeMotion) -> None:
     """Add the lights of the scene to the draft's description."""
     lights = (document.extension(document.root, "KHR_lights_punctual") or {}).get("lights", [])
     for index in nodes.shown:
@@ -26,6 +27,8 @@ def add_lights(document: Document, nodes: Nodes) -> None:
             at = f"/extensions/KHR_lights_punctual/lights/{place['light']}"
             made = _made(document, lights[place["light"]], nodes.world[index], at)
             if made is not None:
+                if keys := motion.rigid_keys(index, nodes.world[index]):
+                    made["motion"] = keys
                 document.draft.description["lights"].append(made)
                 text = "its lights are in candela and lux; 683 of them are 1 W/sr and 1 W/m2"
                 document.note(f"{text}, so use --exposure where the image is dark")

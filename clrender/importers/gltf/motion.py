@@ -14,6 +14,7 @@ from clrender.importers.gltf.animation import values_at
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.matrices import IDENTITY, Matrix
 from clrender.importers.gltf.nodes import Nodes
+from clrender.importers.shared.motions import light_motion
 
 __all__ = ["NodeMotion"]
 
@@ -80,6 +81,14 @@ class NodeMotion:
         return [
             {"time": time, "matrix": (*world[:3], IDENTITY[3])} for time, world in zip(self.times, worlds, strict=False)
         ]
+
+    def rigid_keys(self, index: int, first: Matrix) -> list[dict[str, Any]]:
+        """Keys of the motion of a node's light, which `first` has placed; empty as of `keys`."""
+        worlds = self.of(index)
+        if not all(map(_is_solid, (first, *worlds))):
+            return []
+        keys = [(time, np.array(world)) for time, world in zip(self.times, worlds, strict=False)]
+        return light_motion(np.array(first), keys)
 
 
 def _is_solid(world: Matrix) -> bool:

@@ -66,7 +66,7 @@ def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft
         if "mesh" in document.items("nodes")[index]:
             _add_shapes(document, accessors, nodes, motion, skins, meshes, index)
     add_camera(document, nodes, motion)
-    add_lights(document, nodes)
+    add_lights(document, nodes, motion)
     description = document.draft.description
     if not description["shapes"]:
         document.note("nothing in it has a surface: the image is of what is around it")

@@ -14,6 +14,7 @@ from clrender.importers.mitsuba.fields_of_view import vertical_field
 from clrender.importers.mitsuba.plugins import Plugin
 from clrender.importers.mitsuba.textures import TextureReader
 from clrender.importers.shared.matrices import Matrix, handedness
+from clrender.importers.shared.motions import fault_of_motion, light_motion
 from clrender.importers.shared.projectors import projector_keys
 from clrender.importers.shared.sky_maps import picture_from_poles, turn_about_y, turned_picture
 from clrender.importers.shared.staging import Staging
@@ -37,6 +38,8 @@ class EmitterReader:
 
     def __init__(self, staging: Staging, textures: TextureReader) -> None:
         self._staging, self._textures = staging, textures
+        self.moves = False
+        """Whether any of those read moves."""
 
     def read(self, plugin: Plugin) -> None:
         """Add a light.
@@ -64,6 +67,8 @@ class EmitterReader:
             return
         plugin.ignore("sampling_weight", "bounding_sphere_radius")
         made = known[plugin.type](plugin, plugin.matrix())
+        if made is not None and plugin.keys():
+            self._move(plugin, made)
         for name in plugin.unused():
             self._staging.note(f"{quoted(name)} of {plugin.label} is not understood and does nothing")
         if made is None:
@@ -73,6 +78,18 @@ class EmitterReader:
         if made["type"] in around and any(light["type"] in around for light in lights):
             raise plugin.fault("is a second environment, but a scene can have only one; remove one")
         lights.append(made)
+
+    def _move(self, plugin: Plugin, made: dict[str, Any]) -> None:
+        """Give a light the keys of its motion, if it can follow them."""
+        keys = plugin.keys()
+        if made["type"] not in ("point", "spot", "projector", "directional"):
+            self._staging.note(f"the animated transform of {plugin.label} is read as it is at its first moment")
+        elif fault_of_motion(plugin.type, [matrix for _, matrix in keys]):
+            self._staging.note("a motion makes a light flat on its way: it stands where it is at first")
+        else:
+            x, y, z = plugin.vector("position", (0.0, 0.0, 0.0)).tolist()
+            made["motion"] = light_motion(plugin.matrix(), keys, (x, y, z))
+            self.moves = True
 
     def _point(self, plugin: Plugin, matrix: Matrix) -> dict[str, Any]:
         place = times(matrix, [*plugin.vector("position", (0.0, 0.0, 0.0)), 1.0])

@@ -63,7 +63,7 @@ def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft
             shapes.read(plugin)
         elif plugin.kind == "emitter":
             emitters.read(plugin)
-    _Settings(staging, media, shapes.moves).read(scene)
+    _Settings(staging, media, shapes.moves or emitters.moves).read(scene)
     return staging.draft
 
 

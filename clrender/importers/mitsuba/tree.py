@@ -34,7 +34,7 @@ _KINDS: Final = frozenset(
         "subsurface",
     ]
 )
-_MOVING: Final = frozenset(["shape", "sensor"])
+_MOVING: Final = frozenset(["emitter", "shape", "sensor"])
 """What follows animated transforms."""
 _OTHER_NAMES: Final = {"camera": "sensor", "luminaire": "emitter"}
 _LEFT_OUT: Final = frozenset(["mode", "hide"])

@@ -1,4 +1,4 @@
-"""What of the motions of other scene files our shapes can follow."""
+"""What of the motions of other scene files our shapes and lights can follow."""
 
 from __future__ import annotations
 
@@ -6,9 +6,12 @@ import itertools
 from collections.abc import Sequence
 from typing import Any, Final
 
-from clrender.importers.shared.matrices import Matrix, handedness, is_affine, is_similarity
+import numpy as np
 
-__all__ = ["fault_of_motion", "motion_keys"]
+from clrender.exact.matrices import inner, length, product, times
+from clrender.importers.shared.matrices import Matrix, handedness, inverse, is_affine, is_similarity
+
+__all__ = ["fault_of_motion", "light_motion", "motion_keys"]
 
 _OF_ONE_SCALE: Final = ("sphere", "disk", "curves", "bsplinecurve", "linearcurve", "hair")
 """Shapes, as scene files and Mitsuba call them, that have radii."""
@@ -44,3 +47,32 @@ def motion_keys(keys: Sequence[tuple[float, Matrix]]) -> list[dict[str, Any]]:
         Times, seconds, and transforms.
     """
     return [{"time": time, "matrix": [[float(x) for x in row] for row in matrix]} for time, matrix in keys]
+
+
+def light_motion(
+    first: Matrix, keys: Sequence[tuple[float, Matrix]], place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> list[dict[str, Any]]:
+    """The value of ``motion`` of a light: what is rigid in its transforms, as its size changes nothing.
+
+    Parameters
+    ----------
+    first : (4, 4) float64
+        The transform with which the light is described.
+    keys : sequence of (float, (4, 4) float64)
+        Times, seconds, and transforms; all are invertible.
+    place : (3,) float
+        Where the light is before them.
+    """
+    back = inverse(_frame(first, place))
+    return motion_keys([(time, product(_frame(matrix, place), back)) for time, matrix in keys])
+
+
+def _frame(matrix: Matrix, place: tuple[float, float, float]) -> Matrix:
+    """A rigid map with the same z axis, and an x axis as near as that leaves it."""
+    z = matrix[:3, 2] / length(matrix[:3, 2])
+    across = matrix[:3, 0] - float(inner(matrix[:3, 0], z)) * z
+    x = across / length(across)
+    made = np.eye(4)
+    made[:3, 0], made[:3, 1], made[:3, 2] = x, np.cross(z, x), z
+    made[:3, 3] = times(matrix[:3, :3], place) + matrix[:3, 3]
+    return made
