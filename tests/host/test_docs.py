@@ -193,7 +193,7 @@ def test_built_in_scenes_are_counted_right() -> None:
     exact = sum("Exact answer" in text for text in files)
     more = ("", "-one", "-two", "-three", "-four", "-five", "-six", "-seven", "-eight", "-nine")
     numbers = {11: "eleven"}
-    for ten, name in ((20, "twenty"), (30, "thirty")):
+    for ten, name in ((20, "twenty"), (30, "thirty"), (40, "forty")):
         numbers |= {ten + n: f"{name}{word}" for n, word in enumerate(more)}
     assert (
         f"{numbers[len(files)].capitalize()} built-in scenes, {numbers[exact]} of them"

@@ -19,6 +19,7 @@ from click.testing import CliRunner
 from PIL import Image
 
 import clrender
+from clrender.cli import main
 from clrender.cli.render import render
 from clrender.errors import ClrenderError, UsageError
 from clrender.image.exposure import photographic_stops
@@ -355,7 +356,8 @@ def test_a_downloaded_scene_is_that_of_the_view(pictured: EditedScene, tmp_path:
     # By the command in the archive, whose options are what a scene file cannot say
     command = shlex.split((path.parent / "command.txt").read_text().splitlines()[-1])
     assert command[:3] == ["clrender", "render", "scene.toml"]
-    context = render.make_context("render", [*command[2:-2], "-o", "image.png"])
+    top = main.make_context("clrender", ["render"])  # without it, the command would have no -h from then on
+    context = render.make_context("render", [*command[2:-2], "-o", "image.png"], top)
     options = {key: context.params[key] for key in edited.checked.settings.__dict__ if context.params.get(key)}
     kept = RenderJob.of(clrender.load(path), **options)
     # The hash of a scene has its size, which a view may have got from its command line

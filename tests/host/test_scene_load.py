@@ -47,7 +47,7 @@ NEEDED = {
     "point-plane", "directional-plane", "quad-plane", "sphere-plane", "mirror-light", "slab", "inside-sphere", "bumpy",
     "metals", "sky", "drink", "surfaces", "lamps", "haze", "sundial",
     "candles",
-    "foliage", "product", "fisheye", "avenue", "pool", "canal", "interior", "metalware", "cradle", "dispersion",
+    "foliage", "product", "fisheye", "avenue", "pool", "canal", "interior", "metalware", "cradle",
 }  # fmt: skip
 INEXACT = {
     "avenue",
@@ -72,7 +72,6 @@ INEXACT = {
     "interior",
     "metalware",
     "cradle",
-    "dispersion",
 }
 EXACT = NEEDED - INEXACT
 
