@@ -4,7 +4,7 @@
 
 Peers render the scene that their exporter writes; setting it up does not count. One row for each scene, one column for
 each renderer, clrender first. Prints samples a pixel and CPU seconds of each, and relMSE against a render of clrender
-with sixteen times the samples: of a peer it also counts what its exporter leaves out.
+with eight times the samples: of a peer it also counts what its exporter leaves out.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def main(given: Sequence[str] | None = None) -> None:
             own = renders_by(session, of, {"integrator": "path"})
             every = {"clrender": own} | {peer.name: renders_by_peer(peer, of, Path(folder)) for peer in arguments.peer}
             samples = {way: samples_for(arguments.seconds, renders) for way, renders in every.items()}
-            reference = own(16 * samples["clrender"], 1).image
+            reference = own(8 * samples["clrender"], 1).image
             stops = session.render(scene, spp=1, size=(16, 16)).camera_stops
             row = []
             for way, renders in every.items():

@@ -247,6 +247,15 @@ def test_the_bits_are_the_same_however_they_are_rendered(device: Device) -> None
     assert len(hashes_by_lanes_and_cuts(device, lamp_room(KINDS["coated"]))) == 1
 
 
+@pytest.mark.thorough
+def test_what_has_no_film_keeps_its_bits_beside_what_has_one(device: Device) -> None:
+    """In the same packet: how many lanes it has decides what is beside it."""
+    glass = {"type": "dielectric", "ior": 1.5, "roughness": 0.5, "iridescence_thickness": 400.0}
+    spots = {"iridescence": {"checker": [0.0, 1.0], "size": 0.01}}
+    for material in (glass, glass | {"thin": True}, KINDS["plastic"], KINDS["coated"], KINDS["gold"], GLASS):
+        assert len(hashes_by_lanes_and_cuts(device, lamp_room(material | spots))) == 1, material
+
+
 def test_what_is_refused() -> None:
     for more, text in (
         ({"iridescence_ior": 1.4}, "does nothing without iridescence"),

@@ -151,15 +151,17 @@ static vec3 glass_colors(const Glass* g, vfloat cosine) {
     return vec3_of(reflected, reflected, reflected);
 }
 
-// How often a sampled facet reflects.
+// How often a sampled facet reflects. Without a film not the mean of three equal numbers, which may be rounded: bits must not depend on
+// whether another lane has one.
 static vfloat glass_reflects(const Glass* g, vfloat cosine) {
+    const vfloat bare = glass_fresnel(g, cosine);
 #ifdef IRIDESCENCE
     if (lane_any(g->film.present)) {
         const vec3 colors = glass_colors(g, cosine);
-        return lesser((colors.x + colors.y + colors.z) * (1.0f / 3.0f), splat(1.0f));
+        return g->film.present ? lesser((colors.x + colors.y + colors.z) * (1.0f / 3.0f), splat(1.0f)) : bare;
     }
 #endif
-    return glass_fresnel(g, cosine);
+    return bare;
 }
 
 // What passes, from the cosines on both sides, which near total reflection are known better than one from the other, and without the
