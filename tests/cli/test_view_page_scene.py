@@ -6,8 +6,9 @@ Skipped where Chromium or Playwright is missing, as tests/cli/test_view_page.py,
 from __future__ import annotations
 
 import os
+import time
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -48,6 +49,16 @@ def _paths(view: view_of) -> None:
 
 def _image(view: view_of) -> np.ndarray[Any, Any]:
     return np.array(view.pixels(), np.uint8).reshape(90, 160, 4).astype(int)
+
+
+def _drawn(view: view_of, wanted: Callable[[Any], bool]) -> Any:
+    """The picture, as soon as it is so: a page draws what it has got at the next refresh of the screen."""
+    for _ in range(300):
+        image = _image(view)
+        if wanted(image):
+            return image
+        time.sleep(0.1)
+    raise AssertionError("the picture is another one")
 
 
 # --- light paths ---
@@ -259,10 +270,8 @@ def test_alpha_is_shown_over_a_chequerboard_and_downloaded(browser: Any, server:
             view.wait("view.hub.newest('state').changed.includes('lights[0]')")
             view.wait_until_done()
             assert view.page.get_by_label("Hide environment").is_checked()
-            view.run("await new Promise((resolve) => setTimeout(resolve, 500)); return 0")
-            drawn[plain] = _image(view)
-            greys = drawn[plain][2:6, 2:158:8, 0]
-            assert set(np.unique(greys)) == {115, 153}  # squares of 8 pixels, of two greys
+            # Squares of 8 pixels, of two greys
+            drawn[plain] = _drawn(view, lambda image: set(np.unique(image[2:6, 2:158:8, 0])) == {115, 153})
             assert (drawn[plain][45, 70:90] == opaque[45, 70:90]).all()  # the ball is opaque
             with view.page.expect_download() as download:
                 view.page.get_by_role("link", name=".png", exact=True).click()
@@ -273,7 +282,7 @@ def test_alpha_is_shown_over_a_chequerboard_and_downloaded(browser: Any, server:
             view.page.get_by_label("Alpha", exact=True).uncheck()
             view.wait(f"{_VISIBLE} === true")
             view.wait_until_done()
-            assert (_image(view) == opaque).all()
+            _drawn(view, lambda image, opaque=opaque: bool((image == opaque).all()))
             with view.page.expect_download() as download:
                 view.page.get_by_role("link", name=".png", exact=True).click()
             with Image.open(download.value.path()) as saved:

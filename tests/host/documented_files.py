@@ -38,6 +38,14 @@ _MITSUBA: Final = """<scene version="3.0.0">
 </scene>
 """
 _OBJ: Final = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+_USD: Final = """#usda 1.0
+def Mesh "plate"
+{
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 1, 2, 3]
+    point3f[] points = [(-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1)]
+}
+"""
 
 
 def make_files(folder: Path) -> None:
@@ -53,6 +61,7 @@ def make_files(folder: Path) -> None:
         (folder / name).write_text(_SCENE)
     (folder / "scene.xml").write_text(_MITSUBA)
     (folder / "model.obj").write_text(_OBJ)
+    (folder / "stage.usda").write_text(_USD)
     model = Model()
     model.node(mesh=model.quad())
     (folder / "model.glb").write_bytes(model.glb())
