@@ -9,6 +9,7 @@ import os
 import time
 import zipfile
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -282,7 +283,7 @@ def test_alpha_is_shown_over_a_chequerboard_and_downloaded(browser: Any, server:
             view.page.get_by_label("Alpha", exact=True).uncheck()
             view.wait(f"{_VISIBLE} === true")
             view.wait_until_done()
-            _drawn(view, lambda image, opaque=opaque: bool((image == opaque).all()))
+            _drawn(view, partial(np.array_equal, opaque))
             with view.page.expect_download() as download:
                 view.page.get_by_role("link", name=".png", exact=True).click()
             with Image.open(download.value.path()) as saved:
