@@ -248,12 +248,19 @@ def test_the_bits_are_the_same_however_they_are_rendered(device: Device) -> None
 
 
 @pytest.mark.thorough
-def test_what_has_no_film_keeps_its_bits_beside_what_has_one(device: Device) -> None:
+@pytest.mark.parametrize(
+    "material",
+    [
+        pytest.param(GLASS | {"roughness": 0.5, "thin": True, "iridescence_thickness": 400.0}, id="thin"),
+        pytest.param(GLASS | {"roughness": 0.5, "iridescence_thickness": 400.0}, id="rough", marks=pytest.mark.long),
+        *(pytest.param(KINDS[kind], id=kind, marks=pytest.mark.long) for kind in ("plastic", "coated", "gold")),
+        pytest.param(GLASS, id="smooth", marks=pytest.mark.long),
+    ],
+)
+def test_what_has_no_film_keeps_its_bits_beside_what_has_one(device: Device, material: dict[str, Any]) -> None:
     """In the same packet: how many lanes it has decides what is beside it."""
-    glass = {"type": "dielectric", "ior": 1.5, "roughness": 0.5, "iridescence_thickness": 400.0}
     spots = {"iridescence": {"checker": [0.0, 1.0], "size": 0.01}}
-    for material in (glass, glass | {"thin": True}, KINDS["plastic"], KINDS["coated"], KINDS["gold"], GLASS):
-        assert len(hashes_by_lanes_and_cuts(device, lamp_room(material | spots))) == 1, material
+    assert len(hashes_by_lanes_and_cuts(device, lamp_room(material | spots))) == 1
 
 
 def test_what_is_refused() -> None:
