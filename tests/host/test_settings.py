@@ -179,7 +179,8 @@ def test_a_call_takes_what_the_table_allows_and_refuses_the_rest(chosen: dict[st
             "not within the image",
             "share light in blocks",
         )
-        bad = [name for name, value in chosen.items() if not fits(name, value)]
+        # Two numbers of bands may fit the table one by one, and not each other
+        bad = [name for name, value in chosen.items() if not fits(name, value) or name == "bands"]
         assert any(name in str(error) for name in bad) if bad else any(word in str(error) for word in together)
         return
     assert all(fits(name, value) for name, value in chosen.items())
@@ -189,6 +190,7 @@ def test_a_call_takes_what_the_table_allows_and_refuses_the_rest(chosen: dict[st
             assert kept == 16  # an error takes replicates
             continue
         assert kept == (float(value) if isinstance(kept, float) else value) and type(kept) in (
+            bool,
             int,
             float,
             str,
