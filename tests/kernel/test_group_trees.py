@@ -18,6 +18,8 @@ from clrender.scene import Scene
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from numpy.typing import NDArray
+
     from clrender.device.scene_trees import SceneTrees
 
 _Table = dict[str, Any]
@@ -189,10 +191,14 @@ def test_large_arrays_stay_on_the_device(device: Device) -> None:
     textured = {"type": "lambert", "reflectance": {"texture": "t.png"}}
     mesh = {"type": "mesh", "file": "m.ply", "material": "m"}
     scene = scene_of("block").changed({"materials": {**MATERIALS, "m": textured}})
-    scene = scene.changed({"shapes": [mesh, *scene.shapes]}).with_arrays(
-        meshes={"m.ply": {"vertices": grid, "faces": faces, "uvs": grid[:, [0, 2]]}},
-        textures={"t.png": np.random.default_rng(4).integers(0, 255, (200, 200, 3), np.uint8)},
-    )
+    scene = scene.changed({"shapes": [mesh, *scene.shapes]})
+    picture = np.random.default_rng(4).integers(0, 255, (200, 200, 3), np.uint8)
+
+    def with_arrays(other: Scene, vertices: NDArray[np.float64], texels: NDArray[np.uint8]) -> Scene:
+        meshes = {"m.ply": {"vertices": vertices, "faces": faces, "uvs": grid[:, [0, 2]]}}
+        return other.with_arrays(meshes=meshes, textures={"t.png": texels})
+
+    other, scene = scene, with_arrays(scene, grid, picture)
     lamps = [{"type": "point", "position": [0.0, 1.0, 2.0 + x], "intensity": [9.0] * 3} for x in range(3)]
     scenes = [scene.changed({"lights": [lamp]}) for lamp in lamps]
     apart = [image_of(each, device) for each in scenes]
@@ -206,6 +212,17 @@ def test_large_arrays_stay_on_the_device(device: Device) -> None:
     assert found == apart and len(set(found)) == 3
     assert len(kept[0] & kept[1] & kept[2]) >= 3, "rows of primitives, attributes and texels"
     assert device.buffers == held
+    # What differs, even in its last numbers, is not taken over
+    lower = grid.copy()
+    lower[-60:, 1] -= 0.3
+    dark = {**scene.materials, "m": {"type": "lambert", "reflectance": [0.1, 0.2, 0.3]}}
+    changed = [with_arrays(other, lower, picture), with_arrays(other, grid, 255 - picture)]
+    changed.append(with_arrays(other.changed({"materials": dark}), grid, picture))
+    for each in changed:
+        with clrender.Session(device) as session:
+            session.render(scene, size=(48, 32), spp=2)
+            then = session.render(each, size=(48, 32), spp=2).stats["image_sha256"]
+        assert then == image_of(each, device)
 
 
 def test_sessions_keep_them(device: Device) -> None:

@@ -10,6 +10,7 @@ from render_support import Studio, disk, down, lambert, quad, scene, sphere, tri
 from sampling_support import LightTable
 from stats_support import Evidence
 
+import clrender
 from clrender import layout
 from clrender.flatten.flat_scene import flatten
 
@@ -186,6 +187,13 @@ def down_by(size: float) -> dict[str, Any]:
 def test_there_is_no_tree_where_none_is_wanted(choice: str) -> None:
     flat = flatten(many_lights(infinite=False), 16, 16, choice)
     assert flat.light_levels == 0 and (flat.arrays["lights"]["place"] == layout.NONE).all()
+
+
+@pytest.mark.parametrize(("count", "tree"), [(4, False), (5, True)])
+def test_a_few_lights_have_a_tree_unless_told_otherwise(count: int, tree: bool) -> None:
+    lamps = [{"type": "point", "position": [float(i), 1.0, 0.0], "intensity": 1.0} for i in range(count)]
+    scene = clrender.Scene(camera={"position": [0.0, 0.0, 1.0], "target": [0.0] * 3}, shapes=[], lights=lamps)
+    assert (flatten(scene, 16, 16).light_levels > 0) is tree
 
 
 @pytest.mark.parametrize("choice", ["uniform", "power", "bvh"])
