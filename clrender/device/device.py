@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
@@ -43,6 +43,8 @@ _CORRECTED: Final = "-D CORRECT_DIVIDE=1"
 _CPU_GROUP: Final = 16
 _GPU_GROUP: Final = 64
 """Least default number of work-items in a group on a GPU, rounded up to whole warps."""
+_LEAST_BYTES: Final = 16
+"""Of a buffer."""
 _WORTH_SHARING: Final = 1 << 16
 """Size, bytes, from which avoiding a copy is worthwhile."""
 BUSY: Final = (
@@ -338,6 +340,13 @@ class Device:
         RenderError
             When the device lacks the memory.
         """
+        if self.is_cpu and _LEAST_BYTES <= array.nbytes < LARGE_BYTES:
+            # One call that waits for no queue: an eighth of the time of two
+            self._check_size(array.nbytes)
+            flags = self._cl.mem_flags.READ_WRITE | self._cl.mem_flags.COPY_HOST_PTR
+            what = f"a write of {_mib(array.nbytes)}"
+            make = partial(self._cl.Buffer, self._context, flags, hostbuf=array)
+            return self._held(self._call("write", what, make), array.nbytes)
         buffer = self.empty(array.nbytes)
         self.write(buffer, array)
         return buffer
@@ -372,7 +381,7 @@ class Device:
             When it is larger than the device allows, or the device lacks the memory.
         """
         self._check_size(nbytes)
-        size = max(nbytes, 16)  # OpenCL has no empty buffers
+        size = max(nbytes, _LEAST_BYTES)  # OpenCL has no empty buffers
         return self._held(self._call("allocate", f"a buffer of {_mib(size)}", lambda: self._create(size)), size)
 
     @property

@@ -255,6 +255,17 @@ class SceneArrays:
         for buffer in arrays.values():
             device.release(buffer)
 
+    def rates_for(self, scene: FlatScene) -> dict[tuple[str, bytes], float]:
+        """The rates that another scene may be expected to have, as the next one of an animation; else none.
+
+        Parameters
+        ----------
+        scene : FlatScene
+        """
+        old = self._scene
+        counts = [(each.triangle_count, each.analytic_count, each.light_count) for each in (old, scene)]
+        return dict(self.rates) if counts[0] == counts[1] and old.features == scene.features else {}
+
     def lent_to(self, scene: FlatScene) -> dict[str, Buffer]:
         """Buffers of large arrays that another scene has too, which the caller owns; these arrays are to be released.
 

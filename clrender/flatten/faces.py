@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.flatten.near_pairs import near_pairs
+from clrender.flatten.near_pairs import near_pairs, overlaps
 
 __all__ = [
     "NO_CONTACTS",
@@ -20,6 +20,7 @@ __all__ = [
     "bounds",
     "coplanar",
     "coplanar_among",
+    "cross",
     "inner",
     "joined",
     "normals",
@@ -34,6 +35,8 @@ _EDGE: Final = 64.0 * ROUNDING
 _CHUNK: Final = 2**16
 _MOST: Final = 2**21
 _MOST_SHAPES: Final = 2**14
+_FEW: Final = 64
+"""Up to so many faces, all pairs are looked at: the shapes' boxes would take longer."""
 
 _Floats = NDArray[np.float64]
 
@@ -88,7 +91,7 @@ class Contacts:
     same: NDArray[np.bool_]
     gap: _Floats
 
-    def where(self, chosen: NDArray[np.bool_]) -> Contacts:
+    def where(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> Contacts:
         """Some of the pairs."""
         return Contacts(*(getattr(self, name)[chosen] for name in Contacts.__annotations__))
 
@@ -108,9 +111,17 @@ def inner(a: _Floats, b: _Floats) -> _Floats:
     return np.asarray((a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]) + a[..., 2] * b[..., 2])
 
 
+def cross(a: _Floats, b: _Floats) -> _Floats:
+    """Cross product along the last axis; for few vectors in a third of the time of `numpy.cross`, with its bits."""
+    x = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
+    y = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
+    z = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return np.stack([x, y, z], axis=-1)
+
+
 def normals(corners: _Floats) -> _Floats:
     """Unit normals of triangles; (n, 3, 3) gives (n, 3)."""
-    n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    n = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return np.asarray(n / np.maximum(np.sqrt(inner(n, n)), 1e-300)[:, None])
 
 
@@ -122,6 +133,11 @@ def coplanar(first: Faces, second: Faces, slack: float = 1.0) -> Contacts | None
     first, second : Faces
     slack : float
         How many times the rounding of vertices in world space planes may differ.
+
+    Returns
+    -------
+    Contacts or None
+        In ascending order of the first, and then of the second.
     """
     pairs = near_pairs(first.boxes(slack), second.boxes(slack), _MOST)
     if pairs is None:
@@ -131,16 +147,26 @@ def coplanar(first: Faces, second: Faces, slack: float = 1.0) -> Contacts | None
         _tested(first, second, i[at : at + _CHUNK], j[at : at + _CHUNK], slack)
         for at in range(0, max(len(i), 1), _CHUNK)
     ]
-    return _joined(parts)
+    found = _joined(parts)
+    return found.where(np.lexsort((found.second, found.first)))
 
 
 def coplanar_among(faces: Faces, slack: float = 1.0) -> Contacts | None:
-    """All pairs of `faces` of different shapes that coincide, the first of the lower shape; None: too many to test."""
-    order = np.argsort(faces.shape, kind="stable")
-    shapes, starts = np.unique(faces.shape[order], return_index=True)
-    if len(shapes) < 2:
+    """All pairs of `faces` of different shapes that coincide, the first of the lower shape; None: too many to test.
+
+    They are in ascending order of the shapes, and then of the faces.
+    """
+    if len(faces.shape) < 2 or (faces.shape == faces.shape[0]).all():
         return NO_CONTACTS
-    boxes = faces.boxes(slack)[order]
+    boxes = faces.boxes(slack)
+    if len(faces.shape) <= _FEW:
+        i, j = np.nonzero(overlaps(boxes[:, None], boxes) & (faces.shape[:, None] < faces.shape))
+        few = _tested(faces, faces, i, j, slack)
+        shape, other = faces.shape[few.first], faces.shape[few.second]
+        return few.where(np.lexsort((few.second, few.first, other, shape)))
+    order = np.argsort(faces.shape, kind="stable")
+    starts = np.unique(faces.shape[order], return_index=True)[1]
+    boxes = boxes[order]
     low, high = np.minimum.reduceat(boxes[:, :3], starts), np.maximum.reduceat(boxes[:, 3:], starts)
     around = np.concatenate([low, high], axis=1)
     near = near_pairs(around, around, _MOST_SHAPES)
@@ -161,6 +187,8 @@ def _joined(parts: Sequence[Contacts]) -> Contacts:
 
 
 def _tested(first: Faces, second: Faces, i: NDArray[np.intp], j: NDArray[np.intp], slack: float) -> Contacts:
+    if not len(i):
+        return NO_CONTACTS
     p, q = first.corners[i], second.corners[j]
     normal, other = normals(p), normals(q)
     size_p, size_q = np.abs(p).max(axis=1, initial=0.0), np.abs(q).max(axis=1, initial=0.0)
@@ -183,16 +211,13 @@ def _overlap(p: _Floats, q: _Floats, margin: _Floats) -> NDArray[np.bool_]:
     across = np.abs(normals(np.where((areas(p) > areas(q))[:, None, None], p, q)))
     kept = np.array([[1, 2], [0, 2], [0, 1]])[across.argmax(axis=1)] if len(p) else np.zeros((0, 2), np.intp)
     a, b = (np.take_along_axis(x, kept[:, None, :], axis=2) for x in (p, q))
-    parted = np.zeros(len(p), bool)
-    for triangles in (a, b):
-        for corner in range(3):
-            edge = triangles[:, (corner + 1) % 3] - triangles[:, corner]
-            length = np.maximum(np.sqrt(edge[:, 0] * edge[:, 0] + edge[:, 1] * edge[:, 1]), 1e-300)
-            x, y = -edge[:, 1] / length, edge[:, 0] / length
-            s, t = (x[:, None] * c[..., 0] + y[:, None] * c[..., 1] for c in (a, b))
-            common = np.minimum(s.max(axis=1), t.max(axis=1)) - np.maximum(s.min(axis=1), t.min(axis=1))
-            parted |= common <= margin
-    return ~parted
+    edges = np.concatenate([a[:, [1, 2, 0]] - a, b[:, [1, 2, 0]] - b], axis=1)
+    length = np.maximum(np.sqrt(edges[..., 0] * edges[..., 0] + edges[..., 1] * edges[..., 1]), 1e-300)
+    x, y = (-edges[..., 1] / length)[..., None], (edges[..., 0] / length)[..., None]
+    # Of each of the six edges, where the three corners of either triangle are across it
+    s, t = (x * c[:, None, :, 0] + y * c[:, None, :, 1] for c in (a, b))
+    common = np.minimum(s.max(axis=2), t.max(axis=2)) - np.maximum(s.min(axis=2), t.min(axis=2))
+    return np.asarray(~(common <= margin[:, None]).any(axis=1))
 
 
 def bounds(corners: NDArray[Any], slack: float) -> NDArray[Any]:
@@ -207,5 +232,5 @@ def bounds(corners: NDArray[Any], slack: float) -> NDArray[Any]:
 
 def areas(corners: _Floats) -> _Floats:
     """Twice the areas of triangles; (n, 3, 3) gives (n,)."""
-    n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    n = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return np.asarray(np.sqrt(inner(n, n)))

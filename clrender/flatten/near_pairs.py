@@ -7,13 +7,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["near_pairs"]
+__all__ = ["near_pairs", "overlaps"]
 
 _Boxes = NDArray[np.float64]
 _FAN: Final = 8
 """Boxes that become one on the next level."""
 _CELLS: Final = 1 << 10
 _CHUNK: Final = 1 << 14
+_FEW: Final = 1 << 12
+"""Up to so many pairs, each is tested: two trees would take longer."""
 
 
 def near_pairs(first: _Boxes, second: _Boxes, most: int) -> tuple[NDArray[np.intp], NDArray[np.intp]] | None:
@@ -34,8 +36,11 @@ def near_pairs(first: _Boxes, second: _Boxes, most: int) -> tuple[NDArray[np.int
     none = np.zeros(0, np.intp)
     if not len(first) or not len(second):
         return none, none
-    of_first = np.flatnonzero(_overlap(first, _around(second)))
-    of_second = np.flatnonzero(_overlap(second, _around(first)))
+    if len(first) * len(second) <= _FEW:
+        i, j = np.nonzero(overlaps(first[:, None], second))
+        return None if len(i) > most else (i, j)
+    of_first = np.flatnonzero(overlaps(first, _around(second)))
+    of_second = np.flatnonzero(overlaps(second, _around(first)))
     if not len(of_first) or not len(of_second):
         return none, none
     of_first, a = _tree(first, of_first)
@@ -60,7 +65,8 @@ def _around(boxes: _Boxes) -> _Boxes:
     return np.concatenate([boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)])
 
 
-def _overlap(a: _Boxes, b: _Boxes) -> NDArray[np.bool_]:
+def overlaps(a: _Boxes, b: _Boxes) -> NDArray[np.bool_]:
+    """Whether boxes overlap, by pairs that are broadcast; the last axis has six coordinates."""
     near = (a[..., :3] <= b[..., 3:]) & (b[..., :3] <= a[..., 3:])
     return np.asarray(near[..., 0] & near[..., 1] & near[..., 2])
 
@@ -99,7 +105,7 @@ def _near_children(
         child = (parent[start : start + _CHUNK, None] * _FAN + np.arange(_FAN)).reshape(-1)
         there = child < len(below)
         child, partner = child[there], np.repeat(other[start : start + _CHUNK], _FAN)[there]
-        near = _overlap(below[child], beside[partner])
+        near = overlaps(below[child], beside[partner])
         children.append(child[near])
         others.append(partner[near])
         tested, count = tested + len(child), count + len(children[-1])

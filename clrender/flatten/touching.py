@@ -29,6 +29,7 @@ from clrender.flatten.faces import (
     bounds,
     coplanar,
     coplanar_among,
+    cross,
     inner,
     joined,
 )
@@ -392,7 +393,7 @@ def _extent(surfaces: FlatSurfaces) -> _Floats:
 
 def _closed(faces: Faces, count: int) -> NDArray[np.bool_]:
     """(S,) which shapes are closed: the areas of their faces, with their normals, cancel out."""
-    area = np.cross(faces.corners[:, 1] - faces.corners[:, 0], faces.corners[:, 2] - faces.corners[:, 0])
+    area = cross(faces.corners[:, 1] - faces.corners[:, 0], faces.corners[:, 2] - faces.corners[:, 0])
     total = np.zeros((count, 3))
     total[:] = np.stack([np.bincount(faces.shape, area[:, axis], count) for axis in range(3)], axis=1)
     size = np.bincount(faces.shape, np.sqrt(inner(area, area)), count)

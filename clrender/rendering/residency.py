@@ -216,8 +216,10 @@ class Residency:
         """The arrays of another scene: those that are there, if they can be refitted; else they are released."""
         apart = trees = None
         lent: dict[str, Buffer] = {}
+        rates: dict[tuple[str, bytes], float] = {}
         if arrays is not None:
             del self._uploaded[device]
+            rates = arrays.rates_for(flat)
             with ExitStack() as spent:
                 spent.callback(arrays.release)
                 if self.refits and arrays.refit(flat):
@@ -232,6 +234,7 @@ class Residency:
             for buffer in lent.values():
                 failed.callback(device.release, buffer)
             made = SceneArrays(device, flat, apart=apart, earlier=trees, lent=lent)
+            made.rates = rates
             failed.pop_all()
             return made
 

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from clrender.scheduling.run import Tally
 
 __all__ = ["error_stats", "film_layers", "job_stats", "peak_rss", "render_stats"]
+
+_PEAK: Final = re.compile(rb"VmHWM:\s+(\d+) kB")
 
 
 def job_stats(job: RenderJob, request: Mapping[str, Any]) -> dict[str, Any]:
@@ -187,9 +189,9 @@ def film_layers(
 
 def peak_rss() -> int:
     """Peak resident memory of this process, bytes; 0 if the system does not report it."""
-    with suppress(OSError):
-        # `ru_maxrss` starts at the value of the parent process
-        if match := re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text(errors="replace")):
+    # `ru_maxrss` starts at the value of the parent process. Each image asks, so as bytes, without a reader of text
+    with suppress(OSError), Path("/proc/self/status").open("rb", buffering=0) as status:
+        if match := _PEAK.search(status.read(1 << 14)):
             return int(match[1]) * 1024
     try:
         import resource

@@ -36,7 +36,8 @@ def content_sha256(scene: SceneContents, left_out: Set[str]) -> str:
     SceneError
         A file cannot be read or is invalid.
     """
-    parts = {**_head(scene), **scene.of_contents("json", lambda: _contents(scene))}
+    head = {} if left_out >= HEAD else _head(scene)
+    parts = {**head, **scene.of_contents("json", lambda: _contents(scene))}
     digest = hashlib.sha256()
     for number, name in enumerate(sorted(parts.keys() - left_out)):
         digest.update(f'{"," if number else "{"}"{name}":'.encode())

@@ -496,7 +496,7 @@ class Scene(SceneContents):
 
     def content_sha256(self) -> str:
         """Hash of shapes, materials and lights alone, without camera and settings."""
-        return content_sha256(self, HEAD)
+        return self.of_contents("sha256", lambda: content_sha256(self, HEAD))
 
 
 def _environment(asked: Any) -> tuple[EnvironmentLight, dict[str, EnvironmentPicture]]:

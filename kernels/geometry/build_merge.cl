@@ -39,11 +39,9 @@ static void nearest_choose(float8 other_area, uint8 other_pair, float8* area, ui
     *pair = better ? other_pair : *pair;
 }
 
-// The partner each cluster of a chunk would choose. Equally good pairs are told apart by the exclusive or of their places, which is
-// the same from both sides: so there is always a pair to join, and among equals neighbours pair off all at once.
-__kernel void build_nearest(__global const float* tree, __global const uint* clusters, uint count, __global uint* nearest) {
-    const uint first = (uint)get_global_id(0) * MERGE_CHUNK;
-    if (first >= count) return;
+// The partner each cluster of the chunk from `first` on would choose. Equally good pairs are told apart by the exclusive or of their places,
+// which is the same from both sides: so there is always a pair to join, and among equals neighbours pair off all at once.
+static void nearest_of_chunk(__global const float* tree, __global const uint* clusters, uint count, uint first, __global uint* nearest) {
     const uint last = min(count, first + MERGE_CHUNK);
     float side[6][MERGE_CHUNK + 2 * MERGE_RADIUS];
     for (uint at = 0; at < MERGE_CHUNK + 2 * MERGE_RADIUS; ++at) {
@@ -69,6 +67,11 @@ __kernel void build_nearest(__global const float* tree, __global const uint* clu
     }
 }
 
+__kernel void build_nearest(__global const float* tree, __global const uint* clusters, uint count, __global uint* nearest) {
+    const uint first = (uint)get_global_id(0) * MERGE_CHUNK;
+    if (first < count) nearest_of_chunk(tree, clusters, count, first, nearest);
+}
+
 static int merge_first(__global const uint* nearest, uint i) { return nearest[i] != NONE && nearest[nearest[i]] == i && i < nearest[i]; }
 static int merge_second(__global const uint* nearest, uint i) { return nearest[i] != NONE && nearest[nearest[i]] == i && i > nearest[i]; }
 
@@ -86,13 +89,10 @@ __kernel void build_merge_count(__global const uint* nearest, uint count, __glob
     pairs[chunk] = merges;
 }
 
-__kernel void build_merge(__global const uint* nearest, __global const uint* clusters, uint count, __global const uint* kept,
-                          __global const uint* pairs, uint leaf_count, uint next_node, __global float* tree,
-                          __global uint2* children, __global float* costs, __global uint* merged) {
-    const uint chunk = (uint)get_global_id(0);
-    const uint first = chunk * BUILD_CHUNK, last = min(count, first + BUILD_CHUNK);
-    if (first >= count) return;
-    uint to = kept[chunk], node = next_node + pairs[chunk];
+// Joins the pairs among the clusters from `first` to `last`, and writes those that are left from `to` on. Returns where these end. `node`: the
+// first node that is made, and then the next one.
+static uint merge_clusters(__global const uint* nearest, __global const uint* clusters, uint first, uint last, uint to, uint leaf_count,
+                           uint* node, __global float* tree, __global uint2* children, __global float* costs, __global uint* merged) {
     for (uint i = first; i < last; ++i) {
         if (merge_second(nearest, i)) continue;
         uint cluster = clusters[i];
@@ -101,11 +101,37 @@ __kernel void build_merge(__global const uint* nearest, __global const uint* clu
             const Box box = box_union(binary_box(tree, pair.x), binary_box(tree, pair.y));
             const uint first = binary_members(tree, pair.x), second = binary_members(tree, pair.y);
             const uint below = ((first | second) & ~MEMBERS_COUNT) | ((first & MEMBERS_COUNT) + (second & MEMBERS_COUNT));
-            binary_save(tree, node, box, below);
-            children[node - leaf_count] = pair;
-            cost_save_pair(tree, costs, leaf_count, node, box, below, pair);
-            cluster = node++;
+            binary_save(tree, *node, box, below);
+            children[*node - leaf_count] = pair;
+            cost_save_pair(tree, costs, leaf_count, *node, box, below, pair);
+            cluster = (*node)++;
         }
         merged[to++] = cluster;
+    }
+    return to;
+}
+
+__kernel void build_merge(__global const uint* nearest, __global const uint* clusters, uint count, __global const uint* kept,
+                          __global const uint* pairs, uint leaf_count, uint next_node, __global float* tree,
+                          __global uint2* children, __global float* costs, __global uint* merged) {
+    const uint chunk = (uint)get_global_id(0);
+    const uint first = chunk * BUILD_CHUNK, last = min(count, first + BUILD_CHUNK);
+    if (first >= count) return;
+    uint node = next_node + pairs[chunk];
+    merge_clusters(nearest, clusters, first, last, kept[chunk], leaf_count, &node, tree, children, costs, merged);
+}
+
+// All steps for few clusters, by one work-item: each launch, and each number that the host waits for, takes longer.
+__kernel void build_merge_few(uint leaf_count, __global uint* clusters, __global uint* merged, __global uint* nearest, __global float* tree,
+                              __global uint2* children, __global float* costs) {
+    if (get_global_id(0) > 0) return;
+    __global uint* from = clusters;
+    __global uint* to = merged;
+    uint count = leaf_count, node = leaf_count;
+    while (count > 1) {
+        for (uint first = 0; first < count; first += MERGE_CHUNK) nearest_of_chunk(tree, from, count, first, nearest);
+        count = merge_clusters(nearest, from, 0u, count, 0u, leaf_count, &node, tree, children, costs, to);
+        __global uint* const other = from;
+        from = to, to = other;
     }
 }

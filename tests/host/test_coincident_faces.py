@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import clrender
-from clrender.flatten import shape_faces, touching
+from clrender.flatten import faces, shape_faces, touching
+from clrender.flatten import near_pairs as near_pairs_module
 from clrender.flatten.attributes import COLORS
 from clrender.flatten.flat_scene import flatten
 from clrender.flatten.near_pairs import near_pairs
@@ -117,6 +118,28 @@ def test_near_pairs_are_all_pairs(counts: tuple[int, int]) -> None:
         tuple(x) for x in np.argwhere(every).tolist()
     ]
     assert counts[0] < 100 or near_pairs(first, second, 10) is None
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_few_faces_touch_as_among_many(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+    """All pairs of few faces are looked at, and those of many by the boxes of their shapes: in the same order."""
+    random = np.random.default_rng(seed)
+    corners = random.integers(-2, 3, (60, 3, 3)).astype(np.float64)
+    corners[..., 2] = random.integers(0, 2, (60, 1))
+    numbers = np.arange(60)
+    some = faces.Faces(corners, numbers, random.integers(0, 9, 60), np.ones(60))
+    few = faces.coplanar_among(some)
+    monkeypatch.setattr(faces, "_FEW", 0)
+    monkeypatch.setattr(near_pairs_module, "_FEW", 0)
+    many = faces.coplanar_among(some)
+    assert few is not None and many is not None and len(few.first) > 50
+    for name in faces.Contacts.__annotations__:
+        np.testing.assert_array_equal(getattr(few, name), getattr(many, name))
+
+
+def test_cross_products_have_the_bits_of_numpy() -> None:
+    a, b = np.random.default_rng(3).normal(size=(2, 1000, 3))
+    np.testing.assert_array_equal(faces.cross(a, b), np.cross(a, b))
 
 
 def test_boxes_that_all_overlap_take_little_memory() -> None:

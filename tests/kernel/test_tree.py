@@ -6,7 +6,8 @@ order. In what rays hit it has no more say than a rounding: a distance is no les
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections import Counter
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +18,7 @@ from tree_reference import bounds_of, check, cost, download, median_cost, stack_
 
 import clrender
 from clrender import layout
-from clrender.device import bvh
+from clrender.device import Device, bvh, radix_sort
 from clrender.device.bvh import STACK
 from clrender.device.worker import DeviceWorker
 from clrender.errors import RenderError
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from clrender.device import Device
     from clrender.device.device import Program
     from clrender.flatten.flat_scene import FlatScene
 
@@ -200,6 +200,36 @@ def test_the_tree_has_the_same_bits_on_every_driver(all_devices: list[Device], n
             words = download(tree)
             trees.append([array.tobytes() for array in (words.nodes, words.triangle_packs, words.analytic_packs)])
     assert all(each == trees[0] for each in trees)
+
+
+@pytest.mark.parametrize("count", [1, 2, 70, 1024])
+def test_few_are_built_by_one_work_item_as_by_many(device: Device, monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+    """Also their order, which the host finds for few, and the numbers of tiny levels."""
+    rng = np.random.default_rng(62)
+    corners = rng.uniform(-1, 1, (count, 1, 3)) + 0.1 * rng.normal(size=(count, 3, 3))
+    corners[count // 2 :: 3] = corners[count // 2]  # Morton codes that are equal
+    scene = of_triangles(corners)
+    launched: Counter[str] = Counter()
+    launch = Device.launch
+
+    def counting(self: Device, program: Program, kernel: str, *more: Any) -> None:
+        launched[kernel] += 1
+        launch(self, program, kernel, *more)
+
+    monkeypatch.setattr(Device, "launch", counting)
+    with tree_on(device, scene) as tree:
+        few = download(tree)
+    assert set(launched) >= {"build_merge_few"} and {"build_merge", "build_sort_scatter"}.isdisjoint(launched)
+    launched.clear()
+    monkeypatch.setattr(bvh, "_FEW", 0)
+    monkeypatch.setattr(radix_sort, "_FEW", 0)
+    with tree_on(device, scene) as tree:
+        many = download(tree)
+    assert not launched["build_merge_few"]
+    assert launched["build_sort_scatter"] == 8
+    assert bool(launched["build_merge"]) == (count > 1)
+    for name in ("nodes", "triangle_packs", "analytic_packs"):
+        assert getattr(few, name).tobytes() == getattr(many, name).tobytes()
 
 
 def test_a_tree_beyond_what_references_reach_is_refused(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
