@@ -262,8 +262,8 @@ def test_the_environment_is_a_file_beside_the_scene_or_a_sky(browser: Any, serve
 
 def test_alpha_is_shown_over_a_chequerboard_and_downloaded(browser: Any, server: Server) -> None:
     drawn = {}
-    for plain in (False, True):
-        with view_of(browser, server, "alpha", plain=plain) as view:
+    for drawing in ("webgl", "plain"):
+        with view_of(browser, server, "alpha", drawing=drawing) as view:
             view.wait_until_done()
             view.open("View", "Save")
             opaque = _image(view)
@@ -272,8 +272,8 @@ def test_alpha_is_shown_over_a_chequerboard_and_downloaded(browser: Any, server:
             view.wait_until_done()
             assert view.page.get_by_label("Hide environment").is_checked()
             # Squares of 8 pixels, of two greys
-            drawn[plain] = _drawn(view, lambda image: set(np.unique(image[2:6, 2:158:8, 0])) == {115, 153})
-            assert (drawn[plain][45, 70:90] == opaque[45, 70:90]).all()  # the ball is opaque
+            drawn[drawing] = _drawn(view, lambda image: set(np.unique(image[2:6, 2:158:8, 0])) == {115, 153})
+            assert (drawn[drawing][45, 70:90] == opaque[45, 70:90]).all()  # the ball is opaque
             with view.page.expect_download() as download:
                 view.page.get_by_role("link", name=".png", exact=True).click()
             with Image.open(download.value.path()) as saved:
@@ -288,4 +288,4 @@ def test_alpha_is_shown_over_a_chequerboard_and_downloaded(browser: Any, server:
                 view.page.get_by_role("link", name=".png", exact=True).click()
             with Image.open(download.value.path()) as saved:
                 assert saved.mode == "RGB"
-    assert np.abs(drawn[False] - drawn[True]).max() <= 1
+    assert np.abs(drawn["webgl"] - drawn["plain"]).max() <= 1

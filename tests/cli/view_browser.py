@@ -83,13 +83,13 @@ class view_of:
     server : Server
     name : str
         Of the screenshot, where the test fails.
-    plain : bool
-        Without WebGL.
+    drawing : str
+        ``webgl``, ``plain`` or whichever the page takes for fast.
     options
         Of Playwright's `new_context`.
     """
 
-    def __init__(self, browser: Any, server: Server, name: str, *, plain: bool = False, **options: Any) -> None:
+    def __init__(self, browser: Any, server: Server, name: str, *, drawing: str = "", **options: Any) -> None:
         self._context = browser.new_context(**{"viewport": {"width": 1280, "height": 720}, **options})
         self.page = self._context.new_page()
         self.page.set_default_timeout(120_000)  # of a machine that has much else to do
@@ -99,7 +99,7 @@ class view_of:
             "console", lambda said: self.errors.append(said.text) if said.type in ("error", "warning") else None
         )
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
-        self.page.goto(server.address + ("#plain" if plain else ""))
+        self.page.goto(server.address + (f"#{drawing}" if drawing else ""))
 
     def __enter__(self) -> view_of:
         # Whatever an earlier test has changed.

@@ -101,18 +101,27 @@ void main() {
 
 /**
  * A canvas and what draws on it.
- * @param {boolean} [plain] without WebGL
+ * @param {string} [drawing] "webgl", also where the processor draws for it; "plain", without it; else whichever is fast
  */
-export function createDisplay(plain = false) {
+export function createDisplay(drawing = "auto") {
   const canvas = document.createElement("canvas");
-  const context = plain ? null : canvas.getContext("webgl2", { alpha: false, antialias: false });
+  const wanted = { alpha: false, antialias: false, failIfMajorPerformanceCaveat: drawing !== "webgl" };
+  const context = drawing === "plain" ? null : canvas.getContext("webgl2", wanted);
   if (context === null) return plainDisplay(canvas);
+  if (drawing !== "webgl" && isSoftware(context)) return plainDisplay(document.createElement("canvas"));
   try {
     return shaderDisplay(canvas, context);
   } catch (error) {
     console.warn(error.message);
     return plainDisplay(document.createElement("canvas")); // the first one is WebGL's for good
   }
+}
+
+/** Whether the processor draws for WebGL, of which a browser that was started for it does not warn. */
+function isSoftware(context) {
+  const about = context.getExtension("WEBGL_debug_renderer_info");
+  const renderer = context.getParameter(about === null ? context.RENDERER : about.UNMASKED_RENDERER_WEBGL);
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(String(renderer));
 }
 
 /** The display values 0..1 of one pixel, as the shader has them. */
@@ -241,18 +250,58 @@ function chequered(x, y) {
   return (Math.floor(x / SQUARE) + Math.floor(y / SQUARE)) % 2 === 0 ? LIGHT_SQUARE : DARK_SQUARE;
 }
 
+/** Whether a look shows each channel by itself, so that a table of all half floats can tell what becomes of them. */
+function byChannel(look) {
+  return look.kind === "reflectance" || (look.kind === "radiance" && ["linear", "sqrt", "srgb"].includes(look.toneMap));
+}
+
 function plainDisplay(canvas) {
   const context = canvas.getContext("2d", { alpha: false });
   const images = new Map();
+  let table = { key: "", bytes: new Uint8ClampedArray(1 << 16) };
+
+  /** Display bytes of all half floats, in such a look. */
+  function bytesOf(look) {
+    const key = `${look.kind} ${look.toneMap} ${look.exposure}`;
+    if (table.key !== key) {
+      for (let half = 0; half < 1 << 16; half += 1) {
+        const x = halfToNumber(half);
+        table.bytes[half] = shownValues(look, x, x, x)[0] * 255; // rounded by the array
+      }
+      table.key = key;
+    }
+    return table.bytes;
+  }
+
+  /** The same as below for most images, in a twentieth of the time. */
+  function fill(pixels, data, bytes) {
+    for (let i = 0, j = 0; i < data.length; i += 3, j += 4) {
+      pixels[j] = bytes[data[i]];
+      pixels[j + 1] = bytes[data[i + 1]];
+      pixels[j + 2] = bytes[data[i + 2]];
+      pixels[j + 3] = 255;
+    }
+  }
 
   const numbersOf = (data) => (data instanceof Uint16Array ? Float32Array.from(data, halfToNumber) : data);
 
   function picture(name, look, over) {
     const { width, height, channels, data } = images.get(name);
-    const values = numbersOf(data);
     const layer = over === null || look.kind !== "radiance" ? null : images.get(over);
-    const alphas = layer === null ? null : numbersOf(layer.data);
     const pixels = new ImageData(width, height);
+    if (layer === null && channels === 3 && data instanceof Uint16Array && byChannel(look)) {
+      fill(pixels.data, data, bytesOf(look));
+    } else {
+      fillEach(pixels, look, numbersOf(data), channels, layer);
+    }
+    const drawn = Object.assign(document.createElement("canvas"), { width, height });
+    drawn.getContext("2d").putImageData(pixels, 0, 0);
+    return drawn;
+  }
+
+  function fillEach(pixels, look, values, channels, layer) {
+    const { width, height } = pixels;
+    const alphas = layer === null ? null : numbersOf(layer.data);
     for (let i = 0, j = 0; i < values.length; i += channels, j += 4) {
       const at = j / 4;
       const [x, y] = [at % width, Math.floor(at / width)];
@@ -266,9 +315,6 @@ function plainDisplay(canvas) {
       pixels.data[j + 2] = b * 255;
       pixels.data[j + 3] = 255;
     }
-    const drawn = Object.assign(document.createElement("canvas"), { width, height });
-    drawn.getContext("2d").putImageData(pixels, 0, 0);
-    return drawn;
   }
 
   function drawOne(name, look, from, alpha) {

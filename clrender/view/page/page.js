@@ -5,8 +5,8 @@ import { mount } from "./viewer.js";
 
 const scheme = location.protocol === "https:" ? "wss" : "ws";
 const transport = connect(`${scheme}://${location.host}/socket${location.search}`);
-// `#plain`: without WebGL, to compare, or where a driver draws wrongly.
-export const view = mount(document.getElementById("view"), transport, { downloads: "download/", plain: location.hash === "#plain" });
+// `#plain`: without WebGL, to compare, or where a driver draws wrongly; `#webgl`: with it, also where the processor draws.
+export const view = mount(document.getElementById("view"), transport, { downloads: "download/", drawing: location.hash.slice(1) || "auto" });
 view.hub.on("scene", (scene) => {
   document.title = `${scene.title || scene.source} – clrender`;
 });

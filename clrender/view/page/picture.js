@@ -11,10 +11,10 @@ const PIXELATED_FROM = 4; // times: from there pixels are shown as squares
  * @param {Object} hub
  * @param {Object} choice what is shown: `layer`, `compared` (a layer or null), `toneMap`, `exposure` (of the slider), `falseColor`,
  *   `alpha` (whether transparent pixels are)
- * @param {boolean} plain without WebGL
+ * @param {string} drawing of `createDisplay`
  */
-export function createPicture(hub, choice, plain) {
-  const display = createDisplay(plain);
+export function createPicture(hub, choice, drawing) {
+  const display = createDisplay(drawing);
   const { canvas } = display;
   for (const [name, value] of Object.entries({ class: "cv-canvas", role: "img", "aria-label": "The image" })) canvas.setAttribute(name, value);
   const split = make("input", { type: "range", class: "cv-split", min: 0, max: 1, step: 0.002, value: 0.5, hidden: true });

@@ -26,13 +26,13 @@ import { createViewPanel } from "./view_panel.js";
  * @param {Object} transport `send(text)`, and where the view sets `onmessage(string | ArrayBuffer)` and
  *   `onstate("open" | "lost")`
  * @param {Object} [options] `shared`: the page has other contents, and the wheel scrolls them while the image has not
- *   the focus; `downloads`: address of the folder of downloads; `plain`: no WebGL
+ *   the focus; `downloads`: address of the folder of downloads; `drawing`: of `createDisplay`
  */
-export function mount(root, transport, { shared = false, downloads = null, plain = false } = {}) {
+export function mount(root, transport, { shared = false, downloads = null, drawing = "auto" } = {}) {
   const hub = createHub(transport);
   const choice = { layer: "image", compared: null, toneMap: "srgb", exposure: 0, falseColor: false, alpha: false };
   const status = createStatus(hub);
-  const picture = createPicture(hub, choice, plain);
+  const picture = createPicture(hub, choice, drawing);
   const camera = createCamera(hub);
   const environmentPanel = createEnvironmentPanel(hub, status.say);
   const viewPanel = createViewPanel(hub, choice, picture, status.say, environmentPanel);
