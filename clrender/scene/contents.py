@@ -15,6 +15,7 @@ from clrender.errors import SceneError
 from clrender.grids import GridData
 from clrender.measured import MeasuredFile
 from clrender.meshes.data import MeshData, inline_mesh
+from clrender.meshes.smooth import smoothed
 from clrender.plugins import Plugin
 from clrender.scene.camera import Camera
 from clrender.scene.contents_memo import ContentsMemo
@@ -281,7 +282,8 @@ class SceneContents(Head):
         shape : Mesh
         """
         if shape.file is None:
-            return inline_mesh(shape.vertices, shape.faces, shape.uvs, shape.uvs_1, shape.colors)
+            mesh = inline_mesh(shape.vertices, shape.faces, shape.uvs, shape.uvs_1, shape.colors)
+            return mesh if shape.smooth_angle is None else smoothed(mesh, shape.smooth_angle)
         return self._files.mesh(at, shape)
 
     def strands(self, at: tuple[str | int, ...], shape: Curves) -> CurveData:

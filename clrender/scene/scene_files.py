@@ -20,6 +20,7 @@ from clrender.image.texel_tiles import StoredPicture
 from clrender.measured import MeasuredFile, read_measured
 from clrender.meshes.data import MeshData
 from clrender.meshes.read import read_mesh
+from clrender.meshes.smooth import smoothed
 from clrender.meshes.vertex_colors import VertexColors
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.frozen import FrozenDict, frozen
@@ -91,6 +92,9 @@ class SceneFiles:
     measured: dict[str, MeasuredFile] = field(default_factory=FrozenDict)
     textures: dict[str, tuple[StoredPicture, NDArray[uint8]]] = field(default_factory=FrozenDict)
     encoded: dict[str, tuple[bytes, str]] = field(default_factory=FrozenDict)
+    _smoothed: dict[tuple[str, VertexColors | None, float], tuple[MeshData, MeshData]] = field(
+        default_factory=dict, repr=False, compare=False
+    )
 
     def in_folder(self, source: str, base_folder: Path, allow_paths: tuple[Path, ...]) -> SceneFiles:
         """Files of the same names in another folder; only images that were given are kept."""
@@ -141,7 +145,18 @@ class SceneFiles:
             where = f"{self.source}: {place((*at, 'file'))}"
             mesh = read_mesh(shape.file, self.base_folder, self.allow_paths, where, shape.vertex_colors)
             self._read("meshes", shape.asset, mesh)
-        return self.meshes[shape.asset]
+        mesh = self.meshes[shape.asset]
+        return mesh if shape.smooth_angle is None else self._smooth(mesh, shape)
+
+    def _smooth(self, mesh: MeshData, shape: Mesh) -> MeshData:
+        """The mesh with vertex normals by its `smooth_angle`, computed once."""
+        assert shape.smooth_angle is not None
+        key = *shape.asset, shape.smooth_angle
+        of, found = self._smoothed.get(key, (None, None))
+        if of is not mesh or found is None:
+            found = frozen(smoothed(mesh, shape.smooth_angle))
+            self._smoothed[key] = mesh, found
+        return found
 
     def transform_array(self, name: str, where: str) -> TransformArray:
         """Transforms of an instance; `where` is the location of the name, for messages. Raises like `mesh`."""

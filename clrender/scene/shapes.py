@@ -173,7 +173,7 @@ _Uv = tuple[Annotated[Finite, Field(ge=-1e6, le=1e6)], Annotated[Finite, Field(g
 class Mesh(Surface):
     """Triangle mesh from a file (.ply, .ply.gz, .obj, .stl), or inline as vertices and faces."""
 
-    late_keys: ClassVar[frozenset[str]] = Surface.late_keys | {"shadow_terminator_offset", "poses"}
+    late_keys: ClassVar[frozenset[str]] = Surface.late_keys | {"shadow_terminator_offset", "poses", "smooth_angle"}
 
     type: Literal["mesh"]
     file: FileName | None = None
@@ -195,6 +195,11 @@ class Mesh(Surface):
     shadow_terminator_offset: Flag = Field(
         False,
         description="light an opaque mesh with vertex normals as the curved surface that they stand for (Hanika 2021)",
+    )
+
+    smooth_angle: Annotated[Finite, Field(gt=0.0, le=180.0)] | None = Field(
+        None,
+        description="degrees; shade faces that meet at no more as one curved surface, in place of the file's normals",
     )
 
     poses: Poses = Field((), description="where its vertices are at several times; times ascend")
@@ -219,6 +224,9 @@ class Mesh(Surface):
 
     @model_validator(mode="after")
     def _has_poses_of_its_kind(self) -> Mesh:
+        if self.poses and self.smooth_angle is not None:
+            text = "is for meshes that keep their form, as angles between faces change; leave it out"
+            raise fault("mesh", text, "smooth_angle")
         for number, pose in enumerate(self.poses):
             if (pose.file is None) != (self.file is None):
                 key = "file" if self.file is not None else "vertices"

@@ -59,6 +59,10 @@ class Things:
         shape["material"] = name
         if opaque and shape.get("file") in SMOOTH_MESHES and (draw.white or draw.chance(0.5)):
             shape["shadow_terminator_offset"] = True
+        if (
+            shape.get("file") in SMOOTH_MESHES and len(self.shapes) >= 4
+        ):  # without a draw, which would change what follows
+            shape["smooth_angle"] = 60.0
         if solid and made["type"] != "subsurface" and "attenuation_color" not in made and self.may_scatter:
             shape |= {"interior": self.medium()} if draw.chance(0.4) else {}
         if self.colorable(name) and shape["type"] == "mesh":
