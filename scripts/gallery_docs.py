@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import shutil
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from doc_pictures import shown, write_animation, write_sheet
@@ -46,6 +48,44 @@ _FRAME_SIZE: Final = (480, 320)
 _FRAME_SPP: Final = 64
 _PBRT: Final = ("classroom", "dining-room")
 _PBRT_SETTINGS: Final[dict[str, Any]] = {"size": (560, 315), "spp": 256, "denoise": True}
+_COW: Final = """
+[camera]
+position = [1.75, 0.42, -2.35]
+target = [0.0, 0.12, 0.05]
+vertical_fov = 36.0
+
+[materials.cow]
+type = "principled"
+base_color = { texture = "spot_texture.png" }
+roughness = 0.3
+coat = 0.5
+coat_roughness = 0.05
+
+[materials.ground]
+type = "lambert"
+reflectance = [0.42, 0.44, 0.4]
+
+[[shapes]]
+type = "mesh"
+file = "spot_triangulated.obj"
+material = "cow"
+smooth_angle = 60
+
+[[shapes]]
+type = "disk"
+center = [0.0, -0.735, 0.0]
+normal = [0.0, 1.0, 0.0]
+radius = 300.0
+material = "ground"
+
+[[lights]]
+type = "sun_sky"
+sun_direction = [0.6, 0.7, -0.25]
+scale = 0.028
+"""
+"""A scene around the model Spot, an OBJ file with a picture."""
+_FILES: Final = ("bitterli/veach-mis/mitsuba/scene_v3.xml", "gltf/TransmissionTest/TransmissionTest.glb")
+_FILES_SETTINGS: Final[dict[str, Any]] = {"size": (424, 318), "spp": 128, "denoise": True}
 _HOURS: Final = {"06:00": 1 / 80, "12:00": 1 / 180, "19:30": 1 / 50}
 """Shutter times of the scene `sundial`, seconds, by time of day."""
 _HOUR_SIZE: Final = (426, 266)
@@ -72,11 +112,23 @@ def swinging(session: clrender.Session) -> list[Image.Image]:
     return frames
 
 
+def of_files(session: clrender.Session, assets: Path) -> list[Image.Image]:
+    """Scenes from files of three formats: an OBJ file in a scene around it, Mitsuba's, and glTF."""
+    with TemporaryDirectory() as folder:
+        for each in (assets / "meshes" / "spot").iterdir():
+            shutil.copy(each, folder)
+        around = Path(folder, "cow.toml")
+        around.write_text(_COW, encoding="utf-8")
+        scenes = [around, *(assets / name for name in _FILES)]
+        return [shown(session.render(clrender.load(each), **_FILES_SETTINGS)) for each in scenes]
+
+
 def main() -> None:
     """Render all figures, or those of the scenes that are named."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="all but pbrt, if none is named")
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="all but pbrt and files, if none is named")
     parser.add_argument("--standard", type=Path, help="folder with Bitterli's scenes in pbrt's format, for pbrt")
+    parser.add_argument("--assets", type=Path, help="folder with models of Khronos, Crane and Bitterli, for files")
     arguments = parser.parse_args()
     wanted = arguments.scenes or [*_SCENES, "cradle", "sundial"]
     with clrender.Session() as session:
@@ -94,6 +146,8 @@ def main() -> None:
             files = [arguments.standard / name / "scene-v4.pbrt" for name in _PBRT]
             rooms = [shown(session.render(clrender.load(file), **_PBRT_SETTINGS)) for file in files]
             write_sheet("gallery-pbrt.jpg", [rooms])
+        if "files" in wanted:
+            write_sheet("gallery-files.jpg", [of_files(session, arguments.assets)])
         if "sundial" not in wanted:
             return
         scene = clrender.load("sundial")

@@ -142,8 +142,10 @@ def _type(value: dict[str, Any], schema: dict[str, Any]) -> str:
         name = name.replace("camera key", "motion of the camera").replace("motion key", "motions")
         return f"table, see {name}s" if name.endswith(" map") else f"table, see {name}"
     if "oneOf" in value:
-        textured = ["a texture"] if any("$ref" in each for each in value["oneOf"]) else []
-        return " or ".join([*(_type(each, schema) for each in value["oneOf"] if "$ref" not in each), *textured])
+        named = {str(each["$ref"]).rpartition("/")[2] for each in value["oneOf"] if "$ref" in each}
+        more = ["a spectrum"] if "Spectrum" in named else []
+        more += ["a texture"] if named - {"Spectrum"} else []
+        return " or ".join([*(_type(each, schema) for each in value["oneOf"] if "$ref" not in each), *more])
     if "anyOf" in value:
         return " or ".join(_type(each, schema) for each in value["anyOf"] if each.get("type") != "null")
     if "enum" in value:

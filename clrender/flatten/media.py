@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import Final, NamedTuple, TypeAlias
@@ -18,8 +18,9 @@ from clrender.scene.description import Scene
 from clrender.scene.materials import Dielectric, Material, Principled, Subsurface
 from clrender.scene.medium import Grids
 from clrender.scene.shapes import Shape
-from clrender.scene.spectra import DispersiveIndex
+from clrender.scene.spectra import DispersiveIndex, SpectralColor
 from clrender.scene.values import Vector
+from clrender.spectra.lifting import unbounded_spectra
 
 __all__ = ["MATCHED_IOR", "MEDIA_LIMIT", "Media", "Solid", "absorption_coefficients", "scene_media", "solid_of"]
 
@@ -150,12 +151,31 @@ def scene_media(scene: Scene) -> Media:
     rows = _rows(outside, numbers, len(unranked), list(grids))
     fog = max(outside.scattering) > 0.0 or max(outside.emission) > 0.0
     named = tuple((name or "", each) for each, name in grids.items())
-    spectral = tuple(
+    spectral = [
         SpectralPlace("media_rows", number, _COLUMNS["IOR"].start, 1, medium.ior.values)
         for medium, number in numbers.items()
         if isinstance(medium.ior, DispersiveIndex)
-    )
-    return Media(rows, of_solid, frozenset(dark), scatters, straight, subsurface, fog, glows, named, spectral)
+    ]
+    spectral += [place for medium, number in ((outside, 0), *numbers.items()) for place in _spectra(medium, number)]
+    return Media(rows, of_solid, frozenset(dark), scatters, straight, subsurface, fog, glows, named, tuple(spectral))
+
+
+def _spectra(medium: _Medium, number: int) -> Iterator[SpectralPlace]:
+    """The numbers of a medium's row that spectra say, or follow from some."""
+    absorption, scattering, emission = medium.absorption, medium.scattering, medium.emission
+    if isinstance(absorption, SpectralColor) or isinstance(scattering, SpectralColor):
+        lost, turned = _values(absorption), _values(scattering)
+        for name, values in (("SIGMA", lost), ("EXTINCTION", lost + turned), ("SCATTERING", turned)):
+            yield SpectralPlace("media_rows", number, _COLUMNS[name].start, 3, values)
+    if isinstance(emission, SpectralColor):
+        yield SpectralPlace("media_rows", number, _COLUMNS["EMISSION"].start, 3, emission.values)
+
+
+def _values(coefficient: Vector) -> NDArray[np.float64]:
+    """A coefficient at the lines of tables of spectra, (95,)."""
+    if isinstance(coefficient, SpectralColor):
+        return coefficient.values
+    return unbounded_spectra(np.array(coefficient))
 
 
 def _solids(scene: Scene) -> dict[Solid, Dielectric | Principled | Subsurface]:

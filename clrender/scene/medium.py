@@ -3,31 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
 
-from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
 
 from clrender.scene.poses import Transform
-from clrender.scene.values import (
-    NUMBER_OR_TRIPLE,
-    FileName,
-    Finite,
-    Part,
-    Power,
-    Text,
-    Vector,
-    fault,
-    number_as_triple,
-)
+from clrender.scene.spectra import Coefficient, LightColor, SpectralColor
+from clrender.scene.values import FileName, Finite, Part, Text, Vector, fault
+from clrender.spectra.colors import table_wavelengths
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
 __all__ = ["ColorGrid", "Density", "Grid", "Grids", "Medium", "Temperature"]
-
-_Coefficients: TypeAlias = Annotated[
-    tuple[Power, Power, Power], BeforeValidator(number_as_triple), WithJsonSchema(NUMBER_OR_TRIPLE)
-]
 
 
 class Grid(Part):
@@ -102,14 +92,21 @@ class Grids(NamedTuple):
                 yield key, grid
 
 
+def _met(coefficient: Vector) -> NDArray[np.bool_]:
+    """(95,) at which lines of tables of spectra a coefficient is not 0."""
+    if isinstance(coefficient, SpectralColor):
+        return np.asarray(coefficient.values > 0.0)
+    return np.full(len(table_wavelengths()), max(coefficient) > 0.0)
+
+
 class Medium(Part):
     """Participating medium, such as smoke, fog or milk."""
 
     late_keys: ClassVar[frozenset[str]] = frozenset({"density", "emission", "albedo", "emission_grid", "temperature"})
 
-    absorption: _Coefficients = Field((0.0, 0.0, 0.0), description="absorption coefficient, per metre")
-    scattering: _Coefficients = Field((0.0, 0.0, 0.0), description="scattering coefficient, per metre")
-    emission: _Coefficients = Field(
+    absorption: Coefficient = Field((0.0, 0.0, 0.0), description="absorption coefficient, per metre")
+    scattering: Coefficient = Field((0.0, 0.0, 0.0), description="scattering coefficient, per metre")
+    emission: LightColor = Field(
         (0.0, 0.0, 0.0),
         description="radiance that a metre of it adds, W/(sr m3); only where it also absorbs or scatters",
     )
@@ -137,6 +134,12 @@ class Medium(Part):
         for number, channel in enumerate(("red", "green", "blue")):
             if self.emission[number] > 0.0 and self.absorption[number] + self.scattering[number] == 0.0:
                 text = f"shines in {channel} without absorbing or scattering it; give it some absorption"
+                raise fault("medium", text, "emission")
+        if isinstance(self.emission, SpectralColor):
+            met = _met(self.absorption) | _met(self.scattering)
+            if (alone := np.flatnonzero((self.emission.values > 0.0) & ~met)).size:
+                line = float(table_wavelengths()[alone[0]])
+                text = f"shines at {line:g} nm without absorbing or scattering there; give it some absorption"
                 raise fault("medium", text, "emission")
         return self
 

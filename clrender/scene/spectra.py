@@ -22,6 +22,7 @@ from pydantic import (
 from clrender.exact.matrices import interpolated, times, total
 from clrender.scene.values import (
     NUMBER_OR_TRIPLE,
+    POWER_LIMIT,
     Color,
     Extinction,
     Finite,
@@ -38,6 +39,7 @@ from clrender.spectra.glasses import GLASSES, LINE_D, abbe_indices, cauchy_indic
 from clrender.spectra.illuminants import ILLUMINANTS, blackbody_spectrum, illuminant_spectrum
 
 __all__ = [
+    "Coefficient",
     "Dispersion",
     "DispersiveIndex",
     "ExtinctionColor",
@@ -216,6 +218,16 @@ def of_index(spectrum: Spectrum) -> SpectralColor:
     return SpectralColor(spectrum, values, times(reflectance_film_weights().T, values))
 
 
+def of_coefficient(spectrum: Spectrum) -> SpectralColor:
+    """A coefficient of a medium, of which red, green and blue see the means in daylight."""
+    if spectrum.illuminant is not None or spectrum.blackbody is not None:
+        raise fault("spectrum", "is of light; a coefficient needs wavelengths and values")
+    values = spectrum.reflectance()
+    if not float(values.max()) <= POWER_LIMIT:
+        raise fault("spectrum", f"reaches {float(values.max()):g}; at most {POWER_LIMIT:g} is possible", "values")
+    return SpectralColor(spectrum, values, times(reflectance_film_weights().T, values))
+
+
 def _said(value: Any) -> Any:
     return value.spectrum if isinstance(value, SpectralColor) else value
 
@@ -241,7 +253,11 @@ if TYPE_CHECKING:
     light_branch: TypeAlias = Color
     reflectance_branch: TypeAlias = Reflectance
     index_branch: TypeAlias = Color
+    coefficient_branch: TypeAlias = Color
 else:
+    coefficient_branch: TypeAlias = Annotated[
+        Spectrum, BeforeValidator(_said), AfterValidator(of_coefficient), _SCHEMA, Tag("<spectrum>")
+    ]
     index_branch: TypeAlias = Annotated[
         Spectrum, BeforeValidator(_said), AfterValidator(of_index), _SCHEMA, Tag("<spectrum>")
     ]
@@ -264,6 +280,8 @@ IndexColor: TypeAlias = Annotated[_Indices | index_branch, Discriminator(_color_
 """The real part of an index of refraction: at red, green and blue, or a spectrum."""
 ExtinctionColor: TypeAlias = Annotated[_Extinctions | index_branch, Discriminator(_color_form)]
 """The imaginary part, likewise."""
+Coefficient: TypeAlias = Annotated[Annotated[Color, Tag("<constant>")] | coefficient_branch, Discriminator(_color_form)]
+"""A coefficient of a medium: of red, green and blue, or a spectrum."""
 LightColor: TypeAlias = Annotated[Annotated[Color, Tag("<constant>")] | light_branch, Discriminator(_color_form)]
 """The colour of light: red, green and blue, or a spectrum."""
 

@@ -54,7 +54,12 @@ def busy(**glass: Any) -> Scene:
             },
             "floor": {"type": "lambert", "reflectance": [0.6, 0.5, 0.3]},
         },
-        media={"dust": {"absorption": [0.1, 0.2, 0.4], "scattering": [0.3, 0.2, 0.1]}},
+        media={
+            "dust": {
+                "absorption": {"wavelengths": [400, 550, 560, 700], "values": [0.1, 0.2, 0.6, 0.1]},
+                "scattering": [0.3, 0.2, 0.1],
+            }
+        },
         shapes=[
             {"type": "sphere", "center": [0.0, 0.0, 0.0], "radius": 0.8, "material": "glass"},
             {"type": "sphere", "center": [1.6, 0.0, -0.5], "radius": 0.7, "material": "gold"},
@@ -175,6 +180,65 @@ def test_colored_light_on_a_colored_surface_is_the_product_of_their_spectra(devi
     found = mean(device, what, spp=256)
     assert np.abs(found - wanted).max() < 0.015 * max(wanted)
     assert np.abs(found - light * paint).max() > 0.1 * max(wanted)
+
+
+LINES: Any = {"wavelengths": [400.0, 470.0, 540.0, 600.0, 700.0], "values": [0.2, 0.1, 1.8, 0.3, 0.05]}
+COLD: Any = {"wavelengths": [400.0, 480.0, 560.0, 700.0], "values": [1.0, 1.2, 0.5, 0.1]}
+
+
+def slab(medium: dict[str, Any], radiance: Any) -> Scene:
+    """Two metres of a medium before an environment, seen straight on."""
+    box = {"type": "box", "center": [0.0, 0.0, 0.0], "size": [4.0, 4.0, 2.0], "interior": "filled"}
+    camera = {**CAMERA, "vertical_fov": 0.1}
+    return scene(camera=camera, shapes=[box], media={"filled": medium}, lights=[around(radiance)])
+
+
+def spectrum_at(table: Any) -> Any:
+    return clrender.scene.spectra.Spectrum(**table).reflectance()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("integrator", ["path", "bdpt"])
+def test_a_medium_absorbs_by_its_spectrum(device: Device, integrator: str) -> None:
+    """exp(-2 a) at each wavelength, which no three numbers can say."""
+    what = slab({"absorption": LINES}, {"illuminant": "A", "scale": 1.0})
+    wanted = film_color(illuminant_spectrum("A") * np.exp(-2.0 * spectrum_at(LINES)))
+    found = mean(device, what, integrator=integrator, spp=256)
+    np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=1e-3)
+    three = mean(device, what, integrator=integrator, spectral=False)
+    assert np.abs(three - wanted).max() > 0.02, "red, green and blue are only near it"
+
+
+@pytest.mark.long
+def test_a_medium_shines_by_its_spectrum(device: Device) -> None:
+    """e / a (1 - exp(-2 a)) at each wavelength."""
+    what = slab({"absorption": LINES, "emission": COLD}, 0.0)
+    lost = spectrum_at(LINES)
+    shining = clrender.scene.spectra.Spectrum(**COLD).light()
+    found = mean(device, what, spp=1024)
+    np.testing.assert_allclose(found, film_color(shining / lost * (1.0 - np.exp(-2.0 * lost))), rtol=0.03, atol=0.003)
+
+
+@pytest.mark.long
+def test_a_medium_that_only_scatters_loses_nothing(device: Device) -> None:
+    white = mean(device, slab({"scattering": LINES, "g": 0.3}, 1.0), spp=2048)
+    np.testing.assert_allclose(white, 1.0, rtol=5e-3)
+    fog = scene(media={"fog": {"scattering": LINES}}, fog="fog", camera={**CAMERA, "vertical_fov": 0.1})
+    assert np.abs(mean(device, fog, spp=16)).max() == 0.0
+
+
+def test_spectra_of_media_are_checked() -> None:
+    wrong: list[tuple[dict[str, Any], str]] = [
+        ({"absorption": {"illuminant": "A"}}, "is of light; a coefficient needs wavelengths and values"),
+        ({"scattering": {"wavelengths": [500.0], "values": [1.0, 2.0]}}, "has 1 wavelengths and 2 values"),
+        ({"emission": COLD, "absorption": {"wavelengths": [600, 605], "values": [1, 0]}}, "shines at 605 nm without"),
+        ({"emission": COLD}, "without absorbing or scattering it"),
+    ]
+    for medium, words in wrong:
+        with pytest.raises(clrender.SceneError, match=words):
+            Scene(camera=CAMERA, media={"filled": medium})
+    dyed = scene(media={"filled": {"absorption": LINES}}).media["filled"].absorption
+    assert len(dyed) == 3 and min(dyed) > 0.0
 
 
 def test_metamers_part_in_another_light(device: Device) -> None:

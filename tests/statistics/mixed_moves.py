@@ -105,7 +105,7 @@ def moved(content: Json, factor: float, by: list[float]) -> Json:
     for medium in scene.get("media", {}).values():
         for key in ("absorption", "scattering", "emission"):
             if key in medium:
-                medium[key] = _times(medium[key], 1.0 / factor)
+                medium[key] = _times_color(medium[key], 1.0 / factor)
     of_groups = {shape.get("interior") for group in scene.get("groups", {}).values() for shape in group["shapes"]}
     for name, medium in scene.get("media", {}).items():
         for key in ("density", "albedo", "emission_grid", "temperature"):

@@ -57,6 +57,12 @@ def spectral(name: str, content: Json, white: bool) -> None:
         if light["type"] == "ies" and draw.chance(0.4):
             scale = light.get("scale", 1.0)
             light["scale"] = _light(draw, max(scale) if isinstance(scale, list) else scale)
+    for medium in content.get("media", {}).values():
+        for key in ("absorption", "scattering"):
+            if _is_color(medium.get(key)) and draw.chance(0.3):
+                medium[key] = _table(draw, max(medium[key]))
+        if _is_color(medium.get("emission")) and draw.chance(0.5):
+            medium["emission"] = _light(draw, max(medium["emission"]))
 
 
 def _is_color(value: Any) -> bool:
