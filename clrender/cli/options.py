@@ -18,6 +18,7 @@ from clrender.errors import UsageError
 from clrender.image.exposure import PHOTOGRAPHIC
 from clrender.limits import Choice, Domain, Flag, NotAllowed, Range, shown
 from clrender.settings import PIXEL_LIMIT, SETTINGS
+from clrender.wording import counted
 
 __all__ = [
     "TONE_MAPS",
@@ -146,7 +147,7 @@ def size(value: Any) -> tuple[int, int]:
         except NotAllowed as error:
             raise click.BadParameter(f"the {name} of {shown(value)} {error}.") from None
     if width * height > PIXEL_LIMIT:
-        raise click.BadParameter(f"{shown(value)} is more than {PIXEL_LIMIT} pixels.")
+        raise click.BadParameter(f"{shown(value)} is more than {counted(PIXEL_LIMIT, 'pixel')}.")
     return width, height
 
 

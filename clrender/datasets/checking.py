@@ -24,6 +24,7 @@ from clrender.rendering.session import Session
 from clrender.scene import builtin_names
 from clrender.verification.checking import check_plugins
 from clrender.verification.confidence import SampledCheck
+from clrender.wording import counted
 
 if TYPE_CHECKING:
     from clrender.device import Device
@@ -168,7 +169,7 @@ def _contradictions(manifest: Mapping[str, Any], spec: Spec, images: Sequence[Ma
     if manifest["spec_sha256"] != spec.sha256():
         faults.append(f"{MANIFEST}: the hash of the description does not match its spec_sha256")
     if len(images) != spec.images:
-        faults.append(f"{MANIFEST}: has {len(images)} images, but the description says {spec.images}")
+        faults.append(f"{MANIFEST}: has {counted(len(images), 'image')}, but the description says {spec.images}")
     return faults
 
 

@@ -26,6 +26,7 @@ from clrender.errors import UsageError
 from clrender.files.access import atomic_write, open_input
 from clrender.film.ledger import Ledger
 from clrender.film.unit import blocks_across
+from clrender.wording import counted
 
 __all__ = ["FORMAT", "FilmReader", "write_film"]
 
@@ -219,7 +220,7 @@ def _read_member(
 ) -> npt.NDArray[Any]:
     info = _stored(archive, name)
     if info.file_size > _HEADER_LIMIT:
-        raise ValueError(f"{name} is larger than {_HEADER_LIMIT} bytes")
+        raise ValueError(f"{name} is larger than {counted(_HEADER_LIMIT, 'byte')}")
     with archive.open(info) as member:
         found = _expect(member, shape, kind)
         return np.frombuffer(member.read(), kind).reshape(found)

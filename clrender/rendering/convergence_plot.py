@@ -17,6 +17,7 @@ import numpy.typing as npt
 from clrender.drawing.axes import log_axis, plain_number
 from clrender.errors import UsageError
 from clrender.rendering.convergence import ConvergenceRun, ErrorMeasure, Measured, Metric
+from clrender.wording import counted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -286,7 +287,7 @@ def _summary(points: list[Measured]) -> str:
     last = points[-1] if points else None
     told = "" if last is None else f", {last.samples:.4g} samples per pixel after {last.seconds:.3g} s"
     error = "" if last is None or last.error is None else f", relative error {last.error:.3g}"
-    return f"{len(points)} points{told}{error}"
+    return f"{counted(len(points), 'point')}{told}{error}"
 
 
 def _table(runs: Mapping[str, list[Measured]]) -> str:

@@ -64,6 +64,7 @@ from clrender.scheduling.run import Tally, WorkerTally, run
 from clrender.scheduling.tally import failures_told
 from clrender.scheduling.until_converged import run_until_converged
 from clrender.spectra.kernel_table import band_edges
+from clrender.wording import counted, grouped
 
 if TYPE_CHECKING:
     from clrender.device.preparation import DevicePreparation
@@ -445,7 +446,8 @@ class JobRender:
         stats = image.stats
         if lost := stats["nonfinite_samples"]:
             self._residency.tell(
-                f"warning: {lost} of {stats['samples']} samples were not finite, or brighter than 2^43, and are left "
+                f"warning: {grouped(lost)} of {counted(stats['samples'], 'sample')} "
+                f"{'was' if lost == 1 else 'were'} not finite, or brighter than 2^43, and left "
                 "out: the image is too dark where they were"
             )
         elif (flat.light_count or flat.environment != layout.NONE) and stats["samples"] and not image.linear.any():
