@@ -87,6 +87,8 @@ def dataset(
     plan = DatasetPlan.load(spec, names, allow_paths, plugins)
     wanted = _wanted(plan.spec.images, images, part)
     if dry_run:
+        for line in () if quiet else plan.warnings:
+            click.echo(line, err=True)
         for index in wanted:
             click.echo(json.dumps(_told(plan, index)))
         return

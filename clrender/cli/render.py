@@ -327,10 +327,11 @@ def _render_frames(
         Of the display.
     """
     from clrender.rendering.session import Session
+    from clrender.rendering.telling import once
 
     style = None if quiet else STYLES[progress]()
     kept = 0
-    with Session(list(devices) or None, notify=waiting.say, on_stage=waiting.stage) as session:
+    with Session(list(devices) or None, notify=once(waiting.say), on_stage=waiting.stage) as session:
         for number in frames:
             paths, job = named(outputs, number), job_at(number * spacing)
             if number == frames.first:

@@ -21,6 +21,7 @@ from clrender.datasets.variation import DatasetPlan
 from clrender.errors import UsageError
 from clrender.plugins import Plugin, as_plugins
 from clrender.rendering.session import Session
+from clrender.rendering.telling import once
 from clrender.scene import builtin_names
 from clrender.verification.checking import check_plugins
 from clrender.verification.confidence import SampledCheck
@@ -96,7 +97,7 @@ def verify_dataset(
     on_progress : callable, optional
         Called with the number of images rendered again, and of all that will be.
     notify : callable, optional
-        See `clrender.render`.
+        See `make_dataset`.
 
     Returns
     -------
@@ -120,7 +121,7 @@ def verify_dataset(
     chosen = np.random.default_rng(seed).choice(len(images), count, replace=False).tolist() if images else []
     again = sorted({*chosen, *damaged})
     plan = _plan(folder, manifest, spec, scene, allow_paths, as_plugins(plugins))
-    with Session(device, notify=notify) as session:
+    with Session(device, notify=once(notify)) as session:
         for number, index in enumerate(again, 1):
             made = ImageFiles(None, keep=index in damaged)
             record = produce(plan, session, index, made)

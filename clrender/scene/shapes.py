@@ -323,7 +323,7 @@ class Curves(Surface):
         if self.file is not None and self.counts:
             raise fault("curves", "is for `points`; a file has its own strands", "counts")
         if self.counts and sum(self.counts) != len(self.points):
-            text = f"add up to {sum(self.counts)}, but it has {counted(len(self.points), 'point')}"
+            text = f"add up to {sum(self.counts)}, but the curves have {counted(len(self.points), 'point')}"
             raise fault("curves", text, "counts")
         if self.file is None and not self.radius:
             raise fault("curves", "is missing; give a number of metres", "radius")

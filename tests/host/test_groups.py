@@ -244,7 +244,7 @@ def test_too_many_primitives_are_told() -> None:
     scene = scene.with_files(
         transforms={"a.npy": TransformArray(np.broadcast_to(np.eye(4)[:3], (NUMBER_LIMIT // 20_000 + 1, 3, 4)))}
     )
-    with pytest.raises(SceneError, match="triangles with all instances counted, but 4294967280 is the most"):
+    with pytest.raises(SceneError, match="triangles with all instances counted, but 4,294,967,280 is the most"):
         flatten(scene, 8, 8)
 
 

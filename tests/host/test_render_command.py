@@ -199,7 +199,7 @@ def test_display_options_reach_the_file(renderer: FakeRenderer) -> None:
 def test_samples_left_out_are_reported(renderer: FakeRenderer, capsys: pytest.CaptureFixture[str]) -> None:
     renderer.nonfinite = 3
     assert run("render", "scene.toml", "-o", "a.npy", "--quiet") == 0
-    assert "3 samples were not finite and were discarded" in capsys.readouterr().out
+    assert "3 samples were not finite and discarded" in capsys.readouterr().out
 
 
 def test_one_bad_output_does_not_lose_the_others(

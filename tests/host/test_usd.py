@@ -231,7 +231,7 @@ def test_cages_are_drawn_smooth_and_it_is_said(load_stage: Load) -> None:
     ("more", "text"),
     [
         ({"indices": (0, 1, 2)}, "has 3 faceVertexIndices"),
-        ({"indices": (0, 1, 2, 9)}, "1 faces have points that there are not"),
+        ({"indices": (0, 1, 2, 9)}, "1 face has points that there are not"),
         ({"points": "(0, 0, 0), (nan, 0, 0), (2, 1, 0), (0, 1, 0)"}, "or that are not finite"),
         ({"points": "(0, 0, 0), (1e13, 0, 0), (2, 1, 0), (0, 1, 0)"}, "beyond 1e+12"),
     ],
