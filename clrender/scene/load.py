@@ -60,7 +60,8 @@ def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) ->
     for folder in folders:
         if not folder.is_dir():
             raise SceneError(f"{quoted(str(folder))} is no folder, so nothing in it can be allowed")
-    source = ascii(str(path))[1:-1]
+    builtin = path.parent == scenes_folder() and path != Path(path_or_name)
+    source = str(path_or_name) if builtin else ascii(str(path))[1:-1]  # as typed, wherever it is installed
     content = parsed_file(path, source)
     try:
         scene = Scene.model_validate(content)

@@ -743,7 +743,7 @@ def test_many_faults_take_no_time_and_few_notes(tmp_path: Path) -> None:
     for _ in range(20_000):
         model.node(mesh=quad, scale=[0, 0, 0])
     scene = loaded(tmp_path, model)
-    assert scene.shapes == () and len(scene.notes) < 50 and any("19961 more things" in note for note in scene.notes)
+    assert scene.shapes == () and len(scene.notes) < 50 and any("19,961 more things" in note for note in scene.notes)
     model.root["scenes"][0]["nodes"].append(19_999)
     with pytest.raises(SceneError, match="/scenes/0/nodes/20000 is 19999, which is there already"):
         loaded(tmp_path, model, strict=True)

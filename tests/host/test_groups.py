@@ -90,7 +90,7 @@ def test_files_that_are_no_arrays(tmp_path: Path, data: bytes) -> None:
 
 
 @pytest.mark.parametrize(
-    ("count", "sentence"), [(2**36, f"holds {2**36} transforms, but"), (2**20, "is no sound NumPy file")]
+    ("count", "sentence"), [(2**36, f"holds {2**36:,} transforms, but"), (2**20, "is no sound NumPy file")]
 )
 def test_a_file_that_promises_too_much_takes_no_memory(tmp_path: Path, count: int, sentence: str) -> None:
     with (tmp_path / "places.npy").open("wb") as file:

@@ -17,7 +17,9 @@ def told(scene: str, **settings: Any) -> str | None:
 
 def test_many_more_photons_than_pixels_are_told() -> None:
     line = told("room", integrator="photon", size=(64, 64), spp=16)
-    assert line is not None and "131,072 photons for each sample, 32 times as many paths" in line and "--photons" in line
+    assert (
+        line is not None and "131,072 photons for each sample, 32 times as many paths" in line and "--photons" in line
+    )
     assert told("room", integrator="photon", size=(64, 64), spp=1) == line
     assert told("room", integrator="photon", size=(800, 800)) is None
     assert told("room", integrator="photon", size=(64, 64), photons=8192) is None

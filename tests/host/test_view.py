@@ -91,7 +91,7 @@ def of_materials() -> EditedScene:
         ('{"type": "save", "name": "a.png", "tone_map": "film"}', "tone_map"),
         ('{"type": "save", "name": "a.png", "exposure": NaN}', "exposure"),
         ('{"type": "run", "run": 1}', "run"),
-        ('{"type": "restart", "id": "' + "x" * MESSAGE_BYTES + '"}', f"{MESSAGE_BYTES} bytes"),
+        ('{"type": "restart", "id": "' + "x" * MESSAGE_BYTES + '"}', f"{MESSAGE_BYTES:,} bytes"),
         ("[" * 20000 + "]" * 20000, "recursion|JSON|object"),
     ],
 )
