@@ -217,7 +217,8 @@ def test_textures_and_structure_cannot_be_changed() -> None:
 
 
 def test_a_page_is_told_of_every_setting_that_it_may_change(edited: EditedScene) -> None:
-    told = json.loads(json.dumps(tables.hello([], ["a.png"]), allow_nan=False))
+    told = json.loads(json.dumps(tables.hello([], ["a.png"], {"tone_map": "agx", "exposure": 2.0}), allow_nan=False))
+    assert told["look"] == {"tone_map": "agx", "exposure": 2.0}
     assert [each["name"] for each in told["settings"]] == [name for name in SETTINGS if name not in NOT_LIVE]
     assert told["saves"] == ["a.png"]
     state = json.loads(json.dumps(tables.state(edited), allow_nan=False))
