@@ -206,7 +206,7 @@ def render(
         layers, reading["hide_environment"] = _with_alpha(layers, outputs), True
     exr = {"exr_type": exr_type, "exr_compression": exr_compression, "exr_tile": exr_tile}
     _check_exr((*layers, "instance") if amodal else layers, exr)
-    with interruptible() as interrupt, ExitStack() as stack:
+    with interruptible(tells=not quiet and progress == "auto") as interrupt, ExitStack() as stack:
         from clrender.aov import FLOWS
         from clrender.importers import load
         from clrender.rendering.job import RenderJob

@@ -336,6 +336,25 @@ main(["render", "scene.toml", "-o", "a.npy"])
 
 
 @pytest.mark.thorough
+def test_a_stop_that_takes_long_says_how_to_end_at_once(renderer: FakeRenderer) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", STUCK.format(done=5, sleep=60)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+    ) as child:
+        assert child.stdout is not None and child.stdout.readline() == "stuck\n" and child.stderr is not None
+        child.send_signal(signal.SIGINT)
+        for line in child.stderr:
+            if "interrupt again to end at once" in line:
+                child.send_signal(signal.SIGINT)
+                break
+        _, err = child.communicate(timeout=50)
+    assert child.returncode == 130 and "interrupted twice; nothing more was written" in err
+
+
+@pytest.mark.thorough
 @pytest.mark.parametrize(("done", "signals"), [(0, 1), (5, 2)])
 def test_a_stuck_device_does_not_hold_the_user(renderer: FakeRenderer, done: int, signals: int) -> None:
     with subprocess.Popen(
