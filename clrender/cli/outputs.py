@@ -11,7 +11,6 @@ import click
 from click.core import ParameterSource
 
 from clrender.errors import UsageError
-from clrender.wording import counted
 
 if TYPE_CHECKING:
     from clrender.scene import Scene
@@ -74,8 +73,7 @@ def check_image_size(outputs: Iterable[Path], width: int, height: int) -> None:
     for output in outputs:
         if output.suffix.lower() in (".jpg", ".jpeg") and max(width, height) > JPEG_SIDE_LIMIT:
             raise UsageError(
-                f"{output}: a .jpg holds at most {counted(JPEG_SIDE_LIMIT, 'pixel')} a side, not {width} x "
-                f"{height}; use .png"
+                f"{output}: a .jpg holds at most {JPEG_SIDE_LIMIT} pixels a side, not {width} x {height}; use .png"
             )
 
 

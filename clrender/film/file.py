@@ -189,7 +189,9 @@ class FilmReader:
     ) -> None:
         if isinstance(error, _DAMAGES):
             reason = textwrap.shorten(str(error), 200) or type(error).__name__
-            raise UsageError(f"{self.path}: not a whole clrender film ({reason}); render it again.") from None
+            film = self.path.suffix.lower() == ".film"
+            cure = "render it again" if film else "name a .film, which `clrender render -o FILE.film` writes"
+            raise UsageError(f"{self.path}: not a whole clrender film ({reason}); {cure}.") from None
 
 
 def _write_member(

@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from clrender.errors import UsageError
 from clrender.image.tone_map import srgb_decode
-from clrender.wording import counted
 
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
@@ -77,9 +76,7 @@ def jpeg_bytes(pixels: npt.NDArray[np.uint8]) -> bytes:
 
     height, width, _ = pixels.shape
     if max(width, height) > JPEG_SIDE_LIMIT:
-        raise UsageError(
-            f"a .jpg holds at most {counted(JPEG_SIDE_LIMIT, 'pixel')} a side, not {width} x {height}; use .png."
-        )
+        raise UsageError(f"a .jpg holds at most {JPEG_SIDE_LIMIT} pixels a side, not {width} x {height}; use .png.")
     data = io.BytesIO()
     Image.fromarray(pixels).save(data, "JPEG", quality=95, subsampling=0)
     return data.getvalue()

@@ -264,11 +264,12 @@ class RenderJob:
         whole = self.settings.replicate_spp or 1
         parts = self.sample_count // whole
         if count > parts:
-            what = "samples" if whole == 1 else f"replicates of {counted(whole, 'sample')}"
+            held = counted(parts, "sample")
+            if whole > 1:
+                held = counted(parts, f"replicate of {whole} samples", f"replicates of {whole} samples")
             raise UsageError(
-                f"shard {number}/{count}: {parts} {what} a pixel make at most {counted(parts, 'shard')}; ask for "
-                "fewer shards or "
-                "for more samples"
+                f"shard {number}/{count}: {held} a pixel {'makes' if parts == 1 else 'make'} at most "
+                f"{counted(parts, 'shard')}; ask for fewer shards or for more samples"
             )
         if self.settings.error is not None:
             raise UsageError(

@@ -104,7 +104,8 @@ def _located(path_or_name: str | Path) -> Path:
     if path.suffix.lower() in (".toml", ".json"):
         return path
     if builtin and not path.exists():
-        raise SceneError(f"there is no built-in scene {quoted(text)}{suggestion(text, builtin_names())}")
+        known = suggestion(text, builtin_names()) or "; `clrender scenes` lists them; files have endings"
+        raise SceneError(f"there is no built-in scene {quoted(text)}{known}")
     raise SceneError(f"{quoted(text)} is no scene: name a .toml or .json file, or a built-in scene (`clrender scenes`)")
 
 

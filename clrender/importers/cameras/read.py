@@ -212,6 +212,8 @@ def _picked(name: str, found: Mapping[str, CameraKeys], path: Path) -> str:
         return alike[0]
     if name.isdecimal() and int(name) < len(found):
         return list(found)[int(name)]
+    if not any(found):
+        raise UsageError(f"{path} has no camera {quoted(name)}; the only one has no name: leave out #{name}")
     raise UsageError(f"{path} has no camera {quoted(name)}{suggestion(name, found)}")
 
 
