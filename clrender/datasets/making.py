@@ -100,8 +100,9 @@ def make_dataset(
     records, rendered = Records(plan, folder), 0
     records.refuse_others()
     progress = DatasetProgress(-1, 0, len(wanted), 0, 0.0)
-    for line in plan.warnings if notify is not None else ():
-        notify(line)
+    if notify is not None:
+        for line in plan.warnings:
+            notify(line)
     with Session(device, notify=once(notify)) as session:
         for done, index in enumerate(wanted, 1):
             if not records.proved(index):

@@ -25,6 +25,10 @@ class _Paths(NamedTuple):
     cure: str
 
 
+def _light_paths(job: RenderJob) -> int:
+    return job.settings.light_paths or job.settings.width * job.settings.height
+
+
 _PATHS: Final[Mapping[str, _Paths]] = {
     "photon": _Paths(
         lambda job: job.settings.photons * job.sample_count,
@@ -32,8 +36,8 @@ _PATHS: Final[Mapping[str, _Paths]] = {
         "--photons N sets their number",
     ),
     "bdpt": _Paths(
-        lambda job: (job.settings.light_paths or job.settings.width * job.settings.height) * job.sample_count,
-        lambda job: f"{counted(job.settings.light_paths, 'light path')} for each sample",
+        lambda job: _light_paths(job) * job.sample_count,
+        lambda job: f"{counted(_light_paths(job), 'light path')} for each sample",
         "--light-paths N sets their number",
     ),
     "radiosity": _Paths(

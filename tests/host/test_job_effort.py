@@ -25,6 +25,12 @@ def test_many_more_photons_than_pixels_are_told() -> None:
     assert told("room", integrator="photon", size=(64, 64), photons=8192) is None
 
 
+def test_light_paths_of_a_whole_image_for_a_small_crop_are_told() -> None:
+    line = told("room", integrator="bdpt", size=(64, 64), crop=(0, 0, 8, 8), spp=1)
+    assert line is not None and "traces 4096 light paths for each sample, 64 times" in line
+    assert told("room", integrator="bdpt", size=(64, 64), spp=1) is None
+
+
 def test_a_solution_of_many_more_rays_than_the_image_has_is_told() -> None:
     line = told("cornell", integrator="radiosity", size=(64, 64), spp=16)
     assert line is not None and "256 rays from each of about 8000 patches, 31 times as many paths" in line
