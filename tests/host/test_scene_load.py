@@ -130,7 +130,7 @@ def test_builtin_scene_is_sound(name: str) -> None:
     assert 20 < len(description) < 130
     scene = scenes.load(name)
     flat = flatten(scene, scene.image.width, scene.image.height)
-    assert flat.light_count > 0 and not flat.warnings
+    assert flat.light_count > 0 and not flat.messages
     comment = [line for line in (scenes_folder() / f"{name}.toml").read_text().splitlines() if line.startswith("# ")]
     assert any("Exact answer" in line for line in comment) == (name in EXACT)
     if name not in EXACT:
