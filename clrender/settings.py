@@ -14,6 +14,7 @@ from clrender.errors import UsageError
 from clrender.integrators import INTEGRATORS
 from clrender.limits import Bands, Bytes, Choice, Domain, Flag, NotAllowed, Range, Region, given_too, nearest, shown
 from clrender.process.memory import check_image, film_bytes
+from clrender.wording import counted, grouped
 
 if TYPE_CHECKING:
     import numpy as np
@@ -403,7 +404,10 @@ class RenderSettings:
                 raise UsageError(f"{name} {error}") from None
             object.__setattr__(self, name, value)
         if (pixels := self.width * self.height) > PIXEL_LIMIT:
-            raise UsageError(f"an image of {self.width} x {self.height} has {pixels} pixels; at most {PIXEL_LIMIT} fit")
+            raise UsageError(
+                f"an image of {self.width} x {self.height} has {counted(pixels, 'pixel')}; at most "
+                f"{grouped(PIXEL_LIMIT)} fit"
+            )
         if self.crop is not None:
             self._check_crop(*self.crop)
         if self.kernels == "staged" and (self.lanes or 1) > 1:
@@ -445,7 +449,8 @@ class RenderSettings:
         if self.error is not None and self.spp < FIRST_LOOK * size:
             raise UsageError(
                 f"spp is {self.spp}, but with error it is the maximum number of samples per pixel, and the first test "
-                f"needs {FIRST_LOOK} replicates of {size}; set it to {FIRST_LOOK * size} or more, or leave it out"
+                f"needs {counted(FIRST_LOOK, 'replicate')} of {size}; set it to {FIRST_LOOK * size} or more, or "
+                "leave it out"
             )
         if self.spp % size:
             above = (self.spp // size + 1) * size

@@ -1,15 +1,14 @@
-"""Parts of error messages: quoted values, locations in a file, and the nearest known name."""
+"""Parts of messages: quoted values, numbers, locations in a file, and the nearest known name."""
 
 from __future__ import annotations
 
 import difflib
 import re
+import sys
 from collections.abc import Iterable
 from typing import Any
 
-import numpy as np
-
-__all__ = ["place", "quoted", "shown", "suggestion"]
+__all__ = ["counted", "grouped", "place", "quoted", "rounded", "shown", "suggestion"]
 
 _PLAIN = re.compile(r"[A-Za-z0-9_-]{1,60}\Z")
 
@@ -32,7 +31,8 @@ def shown(value: Any) -> str:
         return {None: "null", True: "true", False: "false"}[value]
     if isinstance(value, dict):
         return "a table"
-    if isinstance(value, np.ndarray):
+    numpy = sys.modules.get("numpy")  # commands that compute nothing do not load it
+    if numpy is not None and isinstance(value, numpy.ndarray):
         return f"an array of shape {value.shape}"
     if isinstance(value, list | tuple):
         return f"a list of {len(value)}" if len(value) != 1 else "a list of one"
@@ -42,6 +42,34 @@ def shown(value: Any) -> str:
     if isinstance(value, float):
         return repr(value)
     return _shortened(ascii(value), 40)
+
+
+def grouped(number: int) -> str:
+    """A whole number with all digits, in groups of three if there are more than four: 1470, 58,880,000."""
+    return f"{number:,}" if abs(number) >= 10_000 else f"{number}"
+
+
+def counted(number: int, one: str, many: str | None = None) -> str:
+    """A number and what is counted, in the singular or the plural: 1 sample, 58,880,000 samples.
+
+    Parameters
+    ----------
+    number : int
+    one : str
+        What is counted, in the singular.
+    many : str, optional
+        The plural; default: the singular and an s.
+    """
+    return f"{grouped(number)} {one if number == 1 else many or one + 's'}"
+
+
+def rounded(number: float, digits: int = 3) -> str:
+    """A number with so many significant digits, but all those of a whole number, and no exponent: 0.125, 1470, 58,880.
+
+    Below a ten-thousandth it has an exponent, as no digit could be told from the zeros.
+    """
+    number = float(f"{number:.{digits}g}") if abs(number) < 10.0**digits else round(number)
+    return grouped(int(number)) if number == int(number) else f"{number:.{digits}g}"
 
 
 def suggestion(wrong: object, known: Iterable[str]) -> str:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from clrender.errors import SceneError
 from clrender.scene.groups import Instance
-from clrender.wording import quoted, suggestion
+from clrender.wording import counted, grouped, quoted, suggestion
 
 if TYPE_CHECKING:
     from clrender.scene import Scene
@@ -113,7 +113,7 @@ class Labelling:
                 known[shape.name] = count + 1
             count += len(scene.transforms(at).maps) if many else 1
         if count > _MOST:
-            text = f"{count} instances, but a layer numbers at most {_MOST}; ask for other layers"
+            text = f"{counted(count, 'instance')}, but a layer numbers at most {grouped(_MOST)}; ask for other layers"
             raise SceneError(f"{scene.source}: has {text}")
         categories = {shape.category for _, shape in scene.all_shapes()} | {
             each.category for _, each in scene.instances()

@@ -96,7 +96,8 @@ def check_aovs(names: Iterable[str]) -> tuple[str, ...]:
     wanted = tuple(dict.fromkeys(given))
     for name in wanted:
         if name not in AOVS:
-            raise UsageError(f"aov: there is no layer {name!r}{suggestion(name, AOVS)}")
+            known = suggestion(name, AOVS) or f"; there are {', '.join(AOVS)}"
+            raise UsageError(f"aov: there is no layer {name!r}{known}")
     return wanted
 
 

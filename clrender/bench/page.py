@@ -10,6 +10,7 @@ from clrender.drawing.html import html_document, html_table, paragraphs
 from clrender.drawing.pictures import figure_of
 from clrender.drawing.svg import BLUE, GREY, INK, draw
 from clrender.drawing.table import Table
+from clrender.wording import counted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,7 +40,7 @@ def bench_page(rows: Sequence[dict[str, Any]], lines: Sequence[dict[str, Any]], 
     """
     own = next((line for line in lines if line["renderer"] == OWN), {})
     where = (
-        [f"clrender {own['version']} on {own['device']} ({own['driver']}), {own['processors']} processors."]
+        [f"clrender {own['version']} on {own['device']} ({own['driver']}), {counted(own['processors'], 'processor')}."]
         if own
         else []
     )

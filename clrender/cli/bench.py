@@ -11,6 +11,7 @@ import click
 from clrender.cli.completing import complete_benchmarks, complete_devices
 from clrender.cli.options import number, setting_option, size
 from clrender.cli.pages import check_page, write_page
+from clrender.wording import counted
 
 __all__ = ["bench"]
 
@@ -74,7 +75,10 @@ def bench(
     if plot is not None:
         from clrender.bench.page import bench_page
 
-        how = f"{wanted[0]} × {wanted[1]} pixels, {spp} samples per pixel, {repeats} runs; paths have 14 segments."
+        how = (
+            f"{wanted[0]} × {wanted[1]} pixels, {counted(spp, 'sample')} per pixel, {counted(repeats, 'run')}; "
+            "paths have 14 segments."
+        )
         write_page(plot, bench_page(rows, [run.line() for run in runs], [how]))
 
 

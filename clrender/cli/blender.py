@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from clrender.wording import counted
+
 __all__ = ["blender"]
 
 
@@ -32,4 +34,7 @@ def blender(output: Path) -> None:
     check_writable(output)
     with atomic_write(output) as file:
         count = write_addon(file)
-    click.echo(f"{output}: the add-on, {count} files; in Blender: Edit, Preferences, Get Extensions, Install from Disk")
+    click.echo(
+        f"{output}: the add-on, {counted(count, 'file')}; in Blender: Edit, Preferences, Get Extensions, Install "
+        "from Disk"
+    )

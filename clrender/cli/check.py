@@ -12,6 +12,7 @@ from clrender.cli.completing import complete_scenes
 from clrender.cli.options import load_options
 from clrender.flatten.flat_scene import FlatScene, flatten
 from clrender.importers import load
+from clrender.wording import counted, grouped
 
 __all__ = ["check"]
 
@@ -30,15 +31,15 @@ def check(
     flat = flatten(loaded, loaded.image.width, loaded.image.height)
     rows = [
         ("image", f"{loaded.image.width} x {loaded.image.height}"),
-        ("shapes", f"{len(loaded.shapes)}"),
-        ("triangles", f"{flat.triangle_count}"),
-        ("spheres and disks", f"{flat.analytic_count - flat.curve_count}"),
-        *([("curves", f"{flat.curve_count}")] if flat.curve_count else []),
-        *([("instances", f"{flat.instances.count}")] if flat.instances.count else []),
-        *([("with instances", f"{flat.primitive_total} primitives")] if flat.instances.count else []),
-        ("lights", f"{flat.light_count}{_each(flat)}"),
-        ("materials", f"{len(loaded.materials)}"),
-        ("bytes on the device", f"{flat.nbytes} (without the BVH)"),
+        ("shapes", grouped(len(loaded.shapes))),
+        ("triangles", grouped(flat.triangle_count)),
+        ("spheres and disks", grouped(flat.analytic_count - flat.curve_count)),
+        *([("curves", grouped(flat.curve_count))] if flat.curve_count else []),
+        *([("instances", grouped(flat.instances.count))] if flat.instances.count else []),
+        *([("with instances", counted(flat.primitive_total, "primitive"))] if flat.instances.count else []),
+        ("lights", f"{grouped(flat.light_count)}{_each(flat)}"),
+        ("materials", grouped(len(loaded.materials))),
+        ("bytes on the device", f"{grouped(flat.nbytes)} (without the BVH)"),
         ("scene sha256", loaded.sha256()),
     ]
     if as_json:

@@ -15,6 +15,7 @@ from clrender.cli.options import allow_path_option, number, plugin_option, setti
 from clrender.cli.options import size as parse_size
 from clrender.cli.outputs import check_distinct
 from clrender.cli.pages import check_page, write_page
+from clrender.wording import counted, grouped
 
 __all__ = ["compare"]
 
@@ -122,7 +123,11 @@ def _verdict(found: dict[str, Any]) -> str:
     """Result of the test of two films, as one line of text."""
     if found["agree"]:
         return f"agree: no pixel of {found['pixels']} differs, nor does the mean, at the level {found['level']:g}"
-    what = [f"{found['differing_pixels']} of {found['pixels']} pixels"] if found["differing_pixels"] else []
+    what = (
+        [f"{grouped(found['differing_pixels'])} of {counted(found['pixels'], 'pixel')}"]
+        if found["differing_pixels"]
+        else []
+    )
     if found["first_differing"]:
         what[0] += " (most significant: column {}, row {})".format(*found["first_differing"])
     what += ["the mean of the image"] if found["mean_differs"] else []

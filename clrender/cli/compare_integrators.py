@@ -16,6 +16,7 @@ from clrender.cli.interrupt import interruptible
 from clrender.cli.outputs import check_distinct, scene_files
 from clrender.cli.progress import ProgressDisplay
 from clrender.integrators import INTEGRATORS
+from clrender.wording import counted
 
 if TYPE_CHECKING:
     import numpy as np
@@ -139,7 +140,8 @@ def _sentence(pair: Pair) -> str:
         text += f"; differences of {seen} would have been detected" if seen else "; both are black"
     elif kind == FAULT and n["tiles_with_fireflies"] > n["tiles"] / 100:
         text += (
-            f"; fireflies in {n['tiles_with_fireflies']} tiles make the test unreliable; repeat it with more samples"
+            f"; fireflies in {counted(n['tiles_with_fireflies'], 'tile')} make the test unreliable; repeat it "
+            "with more samples"
         )
     return text
 
@@ -149,8 +151,8 @@ def _table(numbers: dict[str, Any]) -> str:
     width = max(len(f"{pair['first']} / {pair['second']}") for pair in numbers["pairs"])
     spp = numbers["integrators"][0]["spp"]
     lines = [
-        f"{numbers['scene']}: {numbers['width']}x{numbers['height']}, {spp} samples per pixel "
-        f"in {numbers['batches']} batches, {numbers['tiles'][0]}x{numbers['tiles'][1]} tiles",
+        f"{numbers['scene']}: {numbers['width']}x{numbers['height']}, {counted(spp, 'sample')} per pixel "
+        f"in {counted(numbers['batches'], 'batch', 'batches')}, {numbers['tiles'][0]}x{numbers['tiles'][1]} tiles",
         "",
         f"{'':<{width}}  {_COLUMNS[0]:>14}  {_COLUMNS[1]:>19}  {_COLUMNS[2]:>17}  {_COLUMNS[3]:>9}",
     ]

@@ -12,6 +12,7 @@ from clrender.cli.options import load_options
 from clrender.cli.outputs import check_distinct, scene_files
 from clrender.errors import UsageError
 from clrender.files.access import atomic_write, check_writable
+from clrender.wording import counted
 
 __all__ = ["convert"]
 
@@ -74,9 +75,5 @@ def convert(
         file.write(data)
     for note in notes:
         click.echo(f"note: {note}", err=True)
-    beside = f", {_counted(len(export.files), 'file')} in {folder}" if export.files else ""
-    click.echo(f"{output}: {_counted(len(loaded.shapes), 'shape')}{beside}{sha256}")
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
+    beside = f", {counted(len(export.files), 'file')} in {folder}" if export.files else ""
+    click.echo(f"{output}: {counted(len(loaded.shapes), 'shape')}{beside}{sha256}")

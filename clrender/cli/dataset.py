@@ -13,6 +13,7 @@ from clrender.cli.completing import complete_files
 from clrender.cli.options import allow_path_option, device_option, plugin_option
 from clrender.errors import UsageError
 from clrender.limits import shown
+from clrender.wording import counted, grouped
 
 if TYPE_CHECKING:
     from clrender.datasets import DatasetPlan, DatasetProgress
@@ -86,6 +87,8 @@ def dataset(
     plan = DatasetPlan.load(spec, names, allow_paths, plugins)
     wanted = _wanted(plan.spec.images, images, part)
     if dry_run:
+        for line in () if quiet else plan.warnings:
+            click.echo(line, err=True)
         for index in wanted:
             click.echo(json.dumps(_told(plan, index)))
         return
@@ -112,7 +115,7 @@ def _wanted(count: int, images: tuple[int, int] | None, part: tuple[int, int] | 
     """Numbers of the images to make."""
     first, stop = images or (0, count)
     if stop > count:
-        raise UsageError(f"--images {first}:{stop}: the data set has {count} images, 0:{count}")
+        raise UsageError(f"--images {first}:{stop}: the data set has {counted(count, 'image')}, 0:{count}")
     if part is None:
         return range(first, stop)
     number, parts = part
@@ -144,17 +147,21 @@ class _Lines:
             return
         self._next = progress.seconds + min(progress.seconds, _LINES_APART_AT_MOST)
         left = progress.seconds * (progress.total - progress.done) / progress.done
-        line = f"{progress.done} of {progress.total} images, {progress.rendered} rendered, {left:.0f} s left"
+        line = (
+            f"{grouped(progress.done)} of {counted(progress.total, 'image')}, {progress.rendered} rendered, "
+            f"{left:.0f} s left"
+        )
         click.echo(line, err=True)
 
 
 def _result(folder: Path, plan: DatasetPlan, progress: DatasetProgress, what: str) -> str:
     """Summary of the result in one line."""
-    parts = [f"{folder}: {progress.rendered} {'image' if progress.rendered == 1 else 'images'} {what}"]
+    parts = [f"{folder}: {counted(progress.rendered, 'image')} {what}"]
     if progress.missing:
-        parts.append(f"{progress.missing} of {plan.spec.images} are missing")
+        are = "is" if progress.missing == 1 else "are"
+        parts.append(f"{grouped(progress.missing)} of {grouped(plan.spec.images)} {are} missing")
         return ", ".join(parts)
     from clrender.datasets.records import MANIFEST, file_sha256
 
     digest = file_sha256(folder / MANIFEST)
-    return ", ".join([*parts, f"all {plan.spec.images} are there, manifest sha256 {digest}"])
+    return ", ".join([*parts, f"all {grouped(plan.spec.images)} are there, manifest sha256 {digest}"])

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from clrender.wording import counted
+
 if TYPE_CHECKING:
     from clrender.drivers.diagnose import Finding
     from clrender.drivers.probe import DriverReport
@@ -54,7 +56,7 @@ def _print(reports: list[DriverReport], findings: list[Finding], good: bool) -> 
     for report in reports:
         click.echo(f"{report.driver.library or report.driver.origin}  [{report.driver.origin}]")
         for name, version, count in report.platforms:
-            click.echo(f"  {name}, {version}: {count} device{'' if count == 1 else 's'}")
+            click.echo(f"  {name}, {version}: {counted(count, 'device')}")
         for info in report.devices:
             click.echo(f"    {info.index}: {info.name} ({info.type}, driver {info.driver}): {info.probe}")
         if report.fault:

@@ -13,6 +13,7 @@ import click
 
 from clrender.errors import ClrenderError, UsageError
 from clrender.limits import shown
+from clrender.wording import counted
 
 if TYPE_CHECKING:
     from clrender.rendering.job import RenderJob
@@ -93,7 +94,7 @@ def frames(value: str) -> Frames:
     found = Frames(int(match[1]), int(match[2]), int(match[3] or 1))
     if found.step < 1 or not 1 <= len(found) <= _MOST:
         raise click.BadParameter(
-            f"{shown(value)} holds {max(len(found), 0) if found.step else 0} frames; name 1 to {_MOST}."
+            f"{shown(value)} holds {counted(max(len(found), 0) if found.step else 0, 'frame')}; name 1 to {_MOST}."
         )
     return found
 

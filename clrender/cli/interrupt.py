@@ -30,6 +30,8 @@ TERMINATED = 143
 
 _PATIENCE = 0.6
 """Seconds that the program has to notice a signal before there is an image to keep."""
+_SLOW = 1.5
+"""Seconds after which a stop that has an image to keep takes so long that the user is told what to do about it."""
 _CLEAN_UP = 10.0
 """Seconds from the exception that a signal raises to the end of the command; views wait 5 s for a file or a device."""
 
@@ -41,6 +43,11 @@ class Terminated(KeyboardInterrupt):
 class Interrupt:
     """Whether the user has requested a stop.
 
+    Parameters
+    ----------
+    tells : bool
+        Whether to tell on stderr, in plain words, that a stop takes long.
+
     Attributes
     ----------
     has_picture : threading.Event
@@ -48,13 +55,17 @@ class Interrupt:
         middle of a compilation.
     exit_code : int
         Exit code of a program that ends because of the first signal.
+    ended : threading.Event
+        Set at the end of the block.
     crash_message : CrashMessage
         Printed if a driver kills the process.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, tells: bool = False) -> None:
         self.has_picture = threading.Event()
         self.exit_code = INTERRUPTED
+        self.ended = threading.Event()
+        self._tells = tells
         self._wanted = threading.Event()
         self.crash_message = CrashMessage()
 
@@ -74,6 +85,12 @@ class Interrupt:
     def _watch(self) -> None:
         if not self.has_picture.wait(_PATIENCE):
             self._end("interrupted before the first sample; nothing was written")
+        # No call of a driver can be broken off, such as that of a compiler; and while it lasts, the device may hold
+        # samples that belong to the image.
+        if self._tells and not self.ended.wait(_SLOW):
+            what = "stopping as soon as the driver lets go of the device"
+            sys.stderr.write(f"\n{what}; interrupt again to end at once, without what is not written yet\n")
+            sys.stderr.flush()
 
     def _end(self, message: str) -> NoReturn:
         self.crash_message.cancel()
@@ -147,13 +164,14 @@ def _handlers(handler: Callable[[int, FrameType | None], None]) -> Iterator[list
 
 
 @contextmanager
-def interruptible() -> Iterator[Interrupt]:
+def interruptible(*, tells: bool = False) -> Iterator[Interrupt]:
     """Convert SIGINT and SIGTERM to an `Interrupt` while the block runs; only in the main thread.
 
     Python runs its signal handlers in the main thread between two instructions, so not while that thread waits for a
     device. But the interpreter writes each signal's number to a socket at once, where another thread reads it.
+    For `tells` see `Interrupt`.
     """
-    interrupt = Interrupt()
+    interrupt = Interrupt(tells=tells)
     if threading.current_thread() is not threading.main_thread():
         try:
             yield interrupt
@@ -180,6 +198,7 @@ def interruptible() -> Iterator[Interrupt]:
             yield interrupt
     finally:
         signal.set_wakeup_fd(previous_descriptor)
+        interrupt.ended.set()
         interrupt.has_picture.set()
         interrupt.crash_message.cancel()
         writer.close()

@@ -9,6 +9,7 @@ import click
 
 from clrender.cli.options import exr_options, outputs_option, tone_options, view_options
 from clrender.cli.outputs import check_distinct, check_formats, check_image_size
+from clrender.wording import counted, grouped
 
 if TYPE_CHECKING:
     from clrender.image.tone_map import DisplayMap
@@ -60,8 +61,9 @@ def merge(
     for path in outputs:
         image.save(path, tone_map, exposure, **exr)
     taken = merged.ledger.taken()
-    samples = f"{taken.min()}" if taken.min() == taken.max() else f"{taken.min()} to {taken.max()}"
+    least, most = int(taken.min()), int(taken.max())
+    samples = counted(most, "sample") if least == most else f"{grouped(least)} to {grouped(most)} samples"
     click.echo(
-        f"{' '.join(map(str, outputs))}: {merged.width}x{merged.height}, {samples} samples per pixel, of {len(films)} "
-        f"{'film' if len(films) == 1 else 'films'}, image sha256 {image.stats['image_sha256']}"
+        f"{' '.join(map(str, outputs))}: {merged.width}x{merged.height}, {samples} per pixel, of "
+        f"{counted(len(films), 'film')}, image sha256 {image.stats['image_sha256']}"
     )

@@ -18,6 +18,7 @@ from clrender.errors import UsageError
 from clrender.image.exposure import PHOTOGRAPHIC
 from clrender.limits import Choice, Domain, Flag, NotAllowed, Range, shown
 from clrender.settings import PIXEL_LIMIT, SETTINGS
+from clrender.wording import counted
 
 __all__ = [
     "TONE_MAPS",
@@ -146,7 +147,7 @@ def size(value: Any) -> tuple[int, int]:
         except NotAllowed as error:
             raise click.BadParameter(f"the {name} of {shown(value)} {error}.") from None
     if width * height > PIXEL_LIMIT:
-        raise click.BadParameter(f"{shown(value)} is more than {PIXEL_LIMIT} pixels.")
+        raise click.BadParameter(f"{shown(value)} is more than {counted(PIXEL_LIMIT, 'pixel')}.")
     return width, height
 
 
@@ -192,25 +193,30 @@ class _IntervalType(_ShutterType):
         return tuple(ends)
 
 
+def display_options(command: Any, *, of: str) -> Any:
+    """Decorator: tone mapping and exposure, of what is said."""
+    exposed = click.option(
+        "--exposure",
+        type=number(-128, 128),
+        default=0.0,
+        show_default=True,
+        metavar="EV",
+        help=f"Exposure of {of}, in stops.",
+    )
+    mapped = click.option(
+        "--tone-map",
+        type=DomainType(Choice(TONE_MAPS)),
+        default="srgb",
+        show_default=True,
+        help=f"Tone mapping of {of}.",
+    )
+    return mapped(exposed(command))
+
+
 def tone_options(command: Any, *, moving: bool = False) -> Any:
     """Decorator: the options of every command that writes display images; of `moving` ones with motion blur."""
     interval = " Or when it opens and closes, such as 0:1/48, for motion blur." if moving else ""
     options = [
-        click.option(
-            "--tone-map",
-            type=DomainType(Choice(TONE_MAPS)),
-            default="srgb",
-            show_default=True,
-            help="Tone mapping of .png and .jpg.",
-        ),
-        click.option(
-            "--exposure",
-            type=number(-128, 128),
-            default=0.0,
-            show_default=True,
-            metavar="EV",
-            help="Exposure of .png and .jpg, in stops.",
-        ),
         click.option(
             "--f-stop",
             type=DomainType(PHOTOGRAPHIC["f_stop"]),
@@ -229,7 +235,7 @@ def tone_options(command: Any, *, moving: bool = False) -> Any:
     ]
     for option in reversed(options):
         command = option(command)
-    return command
+    return display_options(command, of=".png and .jpg")
 
 
 def view_options(command: Any) -> Any:

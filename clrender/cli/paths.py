@@ -26,6 +26,7 @@ from clrender.cli.outputs import check_distinct, scene_files
 from clrender.cli.waiting import Waiting
 from clrender.errors import RenderError
 from clrender.settings import SETTINGS, WORK
+from clrender.wording import counted, grouped
 
 if TYPE_CHECKING:
     from clrender.inspection import PathMaps, PixelPaths
@@ -178,10 +179,13 @@ def _result_line(found: PixelPaths, outputs: Sequence[Path]) -> str:
     red, green, blue = found.radiance.tolist()
     parts = [f"{' '.join(map(str, outputs))}: pixel {x},{y}", f"radiance {red:.6g} {green:.6g} {blue:.6g}"]
     first = found.samples[0]
-    parts.append(f"{len(found.samples)} of {len(found.values)} samples")
+    parts.append(f"{grouped(len(found.samples))} of {counted(len(found.values), 'sample')}")
     if first.finite:
-        words = f"sample {first.index} contributes most: {first.share:.1%} of the pixel, {len(first.vertices)} vertices"
+        words = (
+            f"sample {first.index} contributes most: {first.share:.1%} of the pixel, "
+            f"{counted(len(first.vertices), 'vertex', 'vertices')}"
+        )
         parts.append(words)
     if found.nonfinite_samples:
-        parts.append(f"{found.nonfinite_samples} samples were not finite and were left out")
+        parts.append(f"{counted(found.nonfinite_samples, 'sample was', 'samples were')} not finite and left out")
     return ", ".join(parts)

@@ -14,6 +14,7 @@ from clrender.cli.options import size as parse_size
 from clrender.errors import UsageError
 from clrender.image.exposure import photographic_stops
 from clrender.settings import SETTINGS, settings_for
+from clrender.wording import counted
 
 if TYPE_CHECKING:
     from clrender.radiosity.dynamic import DynamicRadiosity
@@ -90,7 +91,7 @@ def radiosity(
     reach = (count - 1) * max(map(abs, by))
     if reach > COORDINATE_LIMIT:
         raise UsageError(
-            f"--by: {count} frames would move the shape {reach:g} metres; {COORDINATE_LIMIT:g} is the most"
+            f"--by: {counted(count, 'frame')} would move the shape {reach:g} metres; {COORDINATE_LIMIT:g} is the most"
         )
     exposure += photographic_stops(**(description.with_exposure(**photograph).camera.exposure or {}))
     own = {"patches": patches, "patch_rays": patch_rays, "radiosity_display": radiosity_display}
@@ -109,7 +110,10 @@ def radiosity(
                 did = frame.update
                 seconds.append(did.seconds)
                 share = did.rays / did.all_rays
-                click.echo(f"{path}: {share:.1%} of {did.all_rays} rays, {did.sweeps} sweeps, {did.seconds:.3f} s")
+                click.echo(
+                    f"{path}: {share:.1%} of {counted(did.all_rays, 'ray')}, {counted(did.sweeps, 'sweep')}, "
+                    f"{did.seconds:.3f} s"
+                )
             if len(seconds) > 1:
                 click.echo(_verdict(dynamic, seconds[1:]))
         finally:

@@ -40,6 +40,7 @@ from clrender.cli.progress import STYLES, ProgressDisplay, ProgressView, duratio
 from clrender.cli.waiting import Waiting
 from clrender.errors import ClrenderError, RenderError, UsageError
 from clrender.limits import Range
+from clrender.wording import counted, grouped, rounded
 
 if TYPE_CHECKING:
     from clrender.image.tone_map import DisplayMap
@@ -205,7 +206,7 @@ def render(
         layers, reading["hide_environment"] = _with_alpha(layers, outputs), True
     exr = {"exr_type": exr_type, "exr_compression": exr_compression, "exr_tile": exr_tile}
     _check_exr((*layers, "instance") if amodal else layers, exr)
-    with interruptible() as interrupt, ExitStack() as stack:
+    with interruptible(tells=not quiet and progress == "auto") as interrupt, ExitStack() as stack:
         from clrender.aov import FLOWS
         from clrender.importers import load
         from clrender.rendering.job import RenderJob
@@ -326,10 +327,11 @@ def _render_frames(
         Of the display.
     """
     from clrender.rendering.session import Session
+    from clrender.rendering.telling import once
 
     style = None if quiet else STYLES[progress]()
     kept = 0
-    with Session(list(devices) or None, notify=waiting.say, on_stage=waiting.stage) as session:
+    with Session(list(devices) or None, notify=once(waiting.say), on_stage=waiting.stage) as session:
         for number in frames:
             paths, job = named(outputs, number), job_at(number * spacing)
             if number == frames.first:
@@ -350,7 +352,7 @@ def _render_frames(
             _write(image, paths, how, None, None)
             click.echo(f"frame {number}: {_result_line(image, paths)}")
     if kept:
-        click.echo(f"{kept} of {len(frames)} frames were done before")
+        click.echo(f"{grouped(kept)} of {counted(len(frames), 'frame was', 'frames were')} done before")
 
 
 def _check_outputs(ctx: click.Context, outputs: Sequence[Path], stats: Path | None) -> None:
@@ -576,9 +578,12 @@ def _result_line(image: RenderedImage, outputs: Sequence[Path]) -> str:
     held = image.film.samples
     parts = [f"{' '.join(map(str, outputs))}: {width}x{height}"]
     if image.interrupted:
-        parts.append(f"stopped early with {held} of {total} samples ({held / (width * height):.3g} a pixel)")
+        parts.append(
+            f"stopped early with {grouped(held)} of {counted(total, 'sample')} ({rounded(held / (width * height))} "
+            "a pixel)"
+        )
     else:
-        parts.append(f"{wanted} samples per pixel")
+        parts.append(f"{counted(wanted, 'sample')} per pixel")
     if "converged" in numbers:
         parts.append(_convergence_words(numbers, width * height))
     resumed = numbers.get("resumed_samples", 0)
@@ -589,7 +594,7 @@ def _result_line(image: RenderedImage, outputs: Sequence[Path]) -> str:
     parts.append(f"{seconds:.2f} s" if seconds < 10 else duration(seconds))
     parts.append(f"{speed} samples/s on {_device_names(numbers)}")
     if numbers.get("nonfinite_samples"):
-        parts.append(f"{numbers['nonfinite_samples']} samples were not finite and were discarded")
+        parts.append(f"{counted(numbers['nonfinite_samples'], 'sample was', 'samples were')} not finite and discarded")
     parts.append(f"image sha256 {numbers['image_sha256']}")
     return ", ".join(parts)
 
@@ -597,8 +602,10 @@ def _result_line(image: RenderedImage, outputs: Sequence[Path]) -> str:
 def _convergence_words(numbers: Mapping[str, Any], pixels: int) -> str:
     """Convergence of a render that stops by its error, as text."""
     left = numbers["unconverged_pixels"]
-    words = f"{left} of {pixels} pixels ({left / pixels:.2%}) not within {numbers['error']:.3g} of their luminance"
-    return f"{words} at {numbers['confidence']:.4g} confidence" + ("" if numbers["converged"] else ": NOT CONVERGED")
+    how = f"within {numbers['error']:.3g} of their luminance at {numbers['confidence']:.4g} confidence"
+    if numbers["converged"]:
+        return f"converged: {grouped(pixels - left)} of {counted(pixels, 'pixel')} ({1.0 - left / pixels:.2%}) {how}"
+    return f"{grouped(left)} of {counted(pixels, 'pixel')} ({left / pixels:.2%}) not {how}: NOT CONVERGED"
 
 
 def _device_names(numbers: Mapping[str, Any]) -> str:

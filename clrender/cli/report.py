@@ -11,6 +11,7 @@ from clrender.cli.completing import complete_devices
 from clrender.cli.interrupt import interruptible
 from clrender.cli.options import size as parse_size
 from clrender.errors import UsageError
+from clrender.wording import counted
 
 __all__ = ["report"]
 
@@ -47,7 +48,9 @@ def report(folder: Path, quick: bool, wanted: tuple[int, int] | None, device: st
             sys.exit(interrupt.exit_code)
         interrupt.has_picture.set()  # writing is short and should not be interrupted
         write_files(folder, files)
-    click.echo(f"{folder / 'report.html'}: {sum(map(len, files.values())) / 1e6:.1f} MB in {len(files)} files")
+    click.echo(
+        f"{folder / 'report.html'}: {sum(map(len, files.values())) / 1e6:.1f} MB in {counted(len(files), 'file')}"
+    )
 
 
 def _check_folder(folder: Path) -> None:

@@ -14,6 +14,7 @@ from clrender.cli.completing import complete_devices, complete_scenes
 from clrender.cli.options import EnvironmentType, allow_path_option, number, plugin_option
 from clrender.cli.progress import ProgressDisplay
 from clrender.errors import UsageError
+from clrender.wording import counted, grouped
 
 if TYPE_CHECKING:
     from clrender.datasets import DatasetVerification
@@ -173,7 +174,10 @@ def _numbers(found: Verification | DatasetVerification) -> dict[str, object]:
 
 def _confidence_in_set(found: DatasetVerification) -> str:
     """The conclusion if nothing is wrong with a data set, as text."""
-    done = f"{found.files} files of {found.images} images as the manifest says, {found.checked} rendered again"
+    done = (
+        f"{counted(found.files, 'file')} of {counted(found.images, 'image')} as the manifest says, "
+        f"{found.checked} rendered again"
+    )
     line = f"{done}, identical bit for bit"
     if found.checked == found.images:
         return line
@@ -184,12 +188,16 @@ def _confidence_in_set(found: DatasetVerification) -> str:
 
 def _confidence(found: Verification) -> str:
     """The conclusion if no difference was found, as text."""
-    done = f"{found.checked} of {found.tiles} tiles rendered again ({found.samples} samples)"
+    done = (
+        f"{grouped(found.checked)} of {counted(found.tiles, 'tile')} rendered again "
+        f"({counted(found.samples, 'sample')})"
+    )
     if found.checked == found.tiles:
         return f"{done}, identical bit for bit"
     least = found.detected()
     return (
-        f"{done}, identical bit for bit; if {least} or more of the {found.tiles} tiles were wrong, this check would "
+        f"{done}, identical bit for bit; if {least} or more of the {counted(found.tiles, 'tile')} were wrong, this "
+        "check would "
         f"have detected it with probability {found.detection(least):.1%}, a single wrong tile with "
         f"{found.detection(1):.1%}"
     )

@@ -14,6 +14,7 @@ import click
 
 from clrender.cli.options import (
     device_option,
+    display_options,
     environment_option,
     load_options,
     scene_argument,
@@ -63,6 +64,7 @@ class _SceneFile:
 @device_option
 @partial(setting_options, without=("time_limit",))
 @environment_option
+@partial(display_options, of="the page's picture, where it can be changed")
 @load_options
 def view(
     *,
@@ -74,6 +76,8 @@ def view(
     size: tuple[int, int] | None,
     devices: tuple[str, ...],
     environment: Path | float | None,
+    tone_map: str,
+    exposure: float,
     reading: dict[str, Any],
     **settings: Any,
 ) -> None:
@@ -121,6 +125,8 @@ def view(
                     source=source,
                     outputs=outputs,
                     background=True,
+                    tone_map=tone_map,
+                    exposure=exposure,
                     **chosen,
                 )
             with engine:

@@ -19,6 +19,7 @@ from clrender.extras import install_command
 from clrender.scheduling.member import Member
 from clrender.scheduling.watchdog import TimeLimits
 from clrender.scheduling.worker import Candidate
+from clrender.wording import counted
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -285,7 +286,7 @@ class DaskTeam:
             return
         if self.cluster.silent_seconds > PATIENCE / 2:
             raise RenderError(f"{address}: the scheduler has not answered for {waited:.0f} s, and no worker either")
-        there = f"of {len(peers)} workers none answers" if peers else "no worker is there"
+        there = f"of {counted(len(peers), 'worker')} none answers" if peers else "no worker is there"
         raise RenderError(f"{address}: {there}, since {waited:.0f} s; start some with `dask worker`")
 
     def members(self) -> list[Member | None]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 from clrender.meshes.data import COORDINATE_LIMIT
+from clrender.wording import counted, grouped
 
 __all__ = ["POINT_LIMIT", "CurveData"]
 
@@ -79,7 +80,10 @@ class CurveData:
         if not len(rows):
             raise SceneError(f"{label} has no control points")
         if len(rows) > POINT_LIMIT:
-            raise SceneError(f"{label} has {len(rows)} control points; at most {POINT_LIMIT} are possible; divide it")
+            raise SceneError(
+                f"{label} has {counted(len(rows), 'control point')}; at most {grouped(POINT_LIMIT)} are possible; "
+                "divide it"
+            )
         points = np.ascontiguousarray(rows[:, :3], np.float64)
         good = np.abs(points) <= COORDINATE_LIMIT
         if not good.all():

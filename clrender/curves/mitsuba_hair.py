@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from clrender.curves.data import POINT_LIMIT, CurveData
 from clrender.errors import SceneError
 from clrender.files.named import read_named_file
+from clrender.wording import counted
 
 __all__ = ["read_mitsuba_hair"]
 
 _BINARY: Final = b"BINARY_HAIR"
 _FILE_LIMIT: Final = 2**32
-_TOO_MANY: Final = f"has more than {POINT_LIMIT} points, which is the most; divide it"
+_TOO_MANY: Final = f"has more than {counted(POINT_LIMIT, 'point')}, which is the most; divide it"
 
 
 def read_mitsuba_hair(name: str, base_folder: Path, allow_paths: Sequence[Path], place: str) -> CurveData:

@@ -14,6 +14,7 @@ from clrender.curves.data import POINT_LIMIT, CurveData
 from clrender.errors import SceneError
 from clrender.files.named import read_named_file
 from clrender.files.npy import read_npy_header, read_npy_items
+from clrender.wording import counted
 
 __all__ = ["COLUMNS", "CURVE_ENDINGS", "curves_of_array", "read_curves"]
 
@@ -52,7 +53,7 @@ def _numpy(file: BinaryIO, label: str) -> CurveData:
     if len(header.shape) not in (2, 3) or header.shape[-1] not in COLUMNS or header.kind.kind not in "fiu":
         raise SceneError(f"{label} holds {header}, but must hold numbers of the shape (points, 3, 4 or 7)")
     if np.prod(header.shape[:-1], dtype=np.float64) > 2 * POINT_LIMIT:
-        raise SceneError(f"{label} has more than {POINT_LIMIT} control points, which is the most; divide it")
+        raise SceneError(f"{label} has more than {counted(POINT_LIMIT, 'control point')}, which is the most; divide it")
     return curves_of_array(read_npy_items(file, header), label)
 
 
@@ -99,9 +100,11 @@ def _text(file: BinaryIO, label: str) -> CurveData:
     sizes = np.unique(words[words > 0]).tolist()
     if sizes not in ([3], [4], []):
         odd = int(np.flatnonzero((words > 0) & (words != (4 if 4 in sizes else 3)))[0])
-        raise ValueError(f"line {odd + 1} has {words[odd]} numbers; each line has x y z and perhaps the radius")
+        raise ValueError(
+            f"line {odd + 1} has {counted(words[odd], 'number')}; each line has x y z and perhaps the radius"
+        )
     if len(lines) > 2 * POINT_LIMIT:
-        raise SceneError(f"{label} has more than {POINT_LIMIT} control points, which is the most; divide it")
+        raise SceneError(f"{label} has more than {counted(POINT_LIMIT, 'control point')}, which is the most; divide it")
     try:
         rows = np.array(text.split(), np.float64).reshape(-1, sizes[0] if sizes else 3)
     except ValueError:

@@ -21,9 +21,11 @@ from clrender.datasets.variation import DatasetPlan
 from clrender.errors import UsageError
 from clrender.plugins import Plugin, as_plugins
 from clrender.rendering.session import Session
+from clrender.rendering.telling import once
 from clrender.scene import builtin_names
 from clrender.verification.checking import check_plugins
 from clrender.verification.confidence import SampledCheck
+from clrender.wording import counted
 
 if TYPE_CHECKING:
     from clrender.device import Device
@@ -95,7 +97,7 @@ def verify_dataset(
     on_progress : callable, optional
         Called with the number of images rendered again, and of all that will be.
     notify : callable, optional
-        See `clrender.render`.
+        See `make_dataset`.
 
     Returns
     -------
@@ -119,7 +121,7 @@ def verify_dataset(
     chosen = np.random.default_rng(seed).choice(len(images), count, replace=False).tolist() if images else []
     again = sorted({*chosen, *damaged})
     plan = _plan(folder, manifest, spec, scene, allow_paths, as_plugins(plugins))
-    with Session(device, notify=notify) as session:
+    with Session(device, notify=once(notify)) as session:
         for number, index in enumerate(again, 1):
             made = ImageFiles(None, keep=index in damaged)
             record = produce(plan, session, index, made)
@@ -168,7 +170,7 @@ def _contradictions(manifest: Mapping[str, Any], spec: Spec, images: Sequence[Ma
     if manifest["spec_sha256"] != spec.sha256():
         faults.append(f"{MANIFEST}: the hash of the description does not match its spec_sha256")
     if len(images) != spec.images:
-        faults.append(f"{MANIFEST}: has {len(images)} images, but the description says {spec.images}")
+        faults.append(f"{MANIFEST}: has {counted(len(images), 'image')}, but the description says {spec.images}")
     return faults
 
 

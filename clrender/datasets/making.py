@@ -18,6 +18,7 @@ from clrender.datasets.writers import WRITERS_BY_NAME
 from clrender.errors import RenderError, UsageError
 from clrender.files.access import atomic_write
 from clrender.rendering.session import Session
+from clrender.rendering.telling import once
 
 if TYPE_CHECKING:
     from clrender.device import Device
@@ -99,7 +100,10 @@ def make_dataset(
     records, rendered = Records(plan, folder), 0
     records.refuse_others()
     progress = DatasetProgress(-1, 0, len(wanted), 0, 0.0)
-    with Session(device, notify=_once(notify)) as session:
+    if notify is not None:
+        for line in plan.warnings:
+            notify(line)
+    with Session(device, notify=once(notify)) as session:
         for done, index in enumerate(wanted, 1):
             if not records.proved(index):
                 files = ImageFiles(folder)
@@ -237,17 +241,3 @@ class _Hashed:
     def write(self, data: bytes) -> int:
         self.digest.update(data)
         return self._file.write(data)
-
-
-def _once(notify: Callable[[str], None] | None) -> Callable[[str], None] | None:
-    """A function that passes each line on only the first time."""
-    if notify is None:
-        return None
-    told = set[str]()
-
-    def tell(line: str) -> None:
-        if line not in told and len(told) < 10000:
-            told.add(line)
-            notify(line)
-
-    return tell

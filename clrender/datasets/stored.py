@@ -11,6 +11,7 @@ import numpy as np
 
 from clrender.datasets.files import channels_sha256, decoded
 from clrender.files.access import UnreadableFile, open_regular
+from clrender.wording import grouped
 
 __all__ = ["StoredFiles"]
 
@@ -91,5 +92,5 @@ class StoredFiles:
         if not len(places):
             return f"{name}: its numbers are of another kind than the manifest says"
         row, column = places[0].tolist()
-        what = "1 pixel differs" if len(places) == 1 else f"{len(places)} pixels differ, the first"
+        what = "1 pixel differs" if len(places) == 1 else f"{grouped(len(places))} pixels differ, the first"
         return f"{name}: {what} from the manifest, in column {column} of row {row}"

@@ -238,6 +238,19 @@ class DatasetPlan:
         except UsageError as error:
             raise UsageError(f"{self.source}: render: {error}") from None
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """One line for each listed category that nothing in the images has, whose annotations stay empty."""
+        if any(key.rpartition(".")[2] == "category" for key in self.spec.vary):
+            return ()
+        there = _categories_there(self.spec, self.base)
+        return tuple(
+            f"warning: {self.source}: categories[{number}]: nothing in the scene has the category {quoted(name)}, so "
+            f"that no image shows it{suggestion(name, sorted(there))}"
+            for number, name in enumerate(self.categories)
+            if name not in there
+        )
+
     def _check_categories(self, scene: Scene) -> None:
         known = set(self.categories)
         for _, shape in (*scene.all_shapes(), *scene.instances()):
@@ -261,6 +274,11 @@ def _categories(spec: Spec, base: Scene) -> tuple[str, ...]:
     """The data set's categories: as listed, else those of the scene and of distractors, sorted."""
     if spec.categories is not None:
         return spec.categories
+    return tuple(sorted(_categories_there(spec, base)))
+
+
+def _categories_there(spec: Spec, base: Scene) -> set[str]:
+    """The categories of the scene and of distractors."""
     found = {shape.category for _, shape in (*base.all_shapes(), *base.instances())}
     found |= {table.category for table in spec.distractors}
-    return tuple(sorted(each for each in found if each is not None))
+    return {each for each in found if each is not None}

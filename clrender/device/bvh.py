@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from clrender.device.radix_sort import CHUNK, launch_each, scan, sort
 from clrender.errors import RenderError
+from clrender.wording import counted
 
 if TYPE_CHECKING:
     from clrender.device.device import Argument, Buffer, Device
@@ -351,7 +352,7 @@ def joined(device: Device, trees: Sequence[tuple[Part, int, int]]) -> tuple[Bvh,
     """
     totals = [sum(counts) for counts in zip(*(tree.counts for tree, _, _ in trees), strict=True)]
     if max(totals[1:]) > _MOST_BLOCKS:
-        raise _too_many(f"{len(trees)} groups of shapes", max(totals[1:]))
+        raise _too_many(f"{counted(len(trees), 'group')} of shapes", max(totals[1:]))
     program = device.common_program()
     words, numbers = (NODE_WORDS, TRIANGLE_BLOCK_WORDS, ANALYTIC_BLOCK_WORDS), (0, _TRIANGLE_ID, _ANALYTIC_ID)
     buffers = [
@@ -439,7 +440,9 @@ def cost(device: Device, tree: Bvh) -> float:
 
 
 def _too_many(what: str, blocks: int) -> RenderError:
-    return RenderError(f"the tree over {what} takes {blocks} blocks and holds {_MOST_BLOCKS} of them: split the scene")
+    return RenderError(
+        f"the tree over {what} takes {counted(blocks, 'block')} and holds {_MOST_BLOCKS} of them: split the scene"
+    )
 
 
 @dataclass(frozen=True)
@@ -597,7 +600,7 @@ class _Builder:
             for level in levels:
                 self._release(level.tasks, *level.counts)
             self._release_units()
-            raise _too_many(f"{self.unit_count} triangles and spheres", max(blocks))
+            raise _too_many(f"{counted(self.unit_count, 'triangle')} and spheres", max(blocks))
         node_buffer = device.empty(4 * NODE_WORDS * nodes)
         columns = [device.empty(4 * max(8 * count, 1)) for count in blocks]
         made, ranges = [0, 0, 0], list[range]()

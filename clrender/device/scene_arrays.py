@@ -18,6 +18,7 @@ from clrender.files.package_data import kernels_folder
 from clrender.flatten.chains import chain_table
 from clrender.flatten.spectral import spectral_arrays
 from clrender.process.memory import shown
+from clrender.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Container, Iterable, Mapping
@@ -93,7 +94,8 @@ def texel_pages(device: Device, texels: NDArray[np.uint8]) -> tuple[list[Buffer]
     count = -(-len(texels) >> bits)
     if count > _PAGES:
         raise RenderError(
-            f"{device.info.title} takes {_PAGES * 64 << bits} bytes of textures, but the scene has {texels.nbytes}; "
+            f"{device.info.title} takes {counted(_PAGES * 64 << bits, 'byte')} of textures, but the scene has "
+            f"{texels.nbytes}; "
             "use smaller pictures, or another device"
         )
     pages = [device.share(texels[page << bits : (page + 1) << bits]) for page in range(count)]

@@ -162,10 +162,12 @@ def open_input(path: str | Path) -> Iterator[IO[bytes]]:
     Raises
     ------
     UsageError
-        When it cannot be opened or read, or is a folder, a device, a pipe or a socket.
+        When it cannot be opened or read, or is empty, a folder, a device, a pipe or a socket.
     """
     try:
         with open_regular(path) as file:
+            if os.fstat(file.fileno()).st_size == 0:
+                raise UsageError(f"{path}: the file is empty; make it again, or name another.")
             yield file
     except UnreadableFile as error:
         raise UsageError(f"{path}: {error}.") from None

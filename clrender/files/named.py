@@ -9,7 +9,7 @@ from typing import BinaryIO, TypeVar
 
 from clrender.errors import SceneError
 from clrender.files.access import UnreadableFile, open_regular
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["allowed_file", "open_named_file", "open_scene_file", "read_named_file"]
 
@@ -45,7 +45,7 @@ def open_scene_file(path: Path, label: str, limit: int, beneath: Path | None = N
     size = os.fstat(file.fileno()).st_size
     if size > limit:
         file.close()
-        raise SceneError(f"{label} has {size} bytes, but at most {limit} are read")
+        raise SceneError(f"{label} has {counted(size, 'byte')}, but at most {limit} are read")
     return file, size
 
 

@@ -14,6 +14,8 @@ from typing import IO, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.wording import counted
+
 __all__ = ["NpyHeader", "read_npy_header", "read_npy_items"]
 
 _HEADER_LIMIT: Final = 4096
@@ -52,7 +54,7 @@ def read_npy_header(file: IO[bytes]) -> NpyHeader:
         raise ValueError("it does not begin as NumPy's files do")
     length = int.from_bytes(file.read(2 if start[6] == 1 else 4), "little")
     if length > _HEADER_LIMIT:
-        raise ValueError(f"its header is longer than {_HEADER_LIMIT} bytes")
+        raise ValueError(f"its header is longer than {counted(_HEADER_LIMIT, 'byte')}")
     try:
         header = ast.literal_eval(file.read(length).decode("latin-1").strip())
         kind, shape, fortran = np.dtype(str(header["descr"])), tuple(header["shape"]), bool(header["fortran_order"])
@@ -80,6 +82,6 @@ def read_npy_items(file: IO[bytes], header: NpyHeader) -> NDArray[Any]:
     size = math.prod(header.shape) * header.kind.itemsize
     held = os.fstat(file.fileno()).st_size - file.tell()
     if held != size:
-        raise ValueError(f"it has {max(held, 0)} bytes of numbers, but its header promises {size}")
+        raise ValueError(f"it has {counted(max(held, 0), 'byte')} of numbers, but its header promises {size}")
     order = "F" if header.fortran else "C"
     return np.frombuffer(file.read(size), header.kind).reshape(header.shape, order=order)  # type: ignore[call-overload,no-any-return]

@@ -26,6 +26,7 @@ from clrender.film.request import differences, film_size, options_for
 from clrender.film.running import RunningFilm
 from clrender.image.files import DISPLAY_ENDINGS, LINEAR_ENDINGS
 from clrender.limits import checked_path
+from clrender.wording import counted
 
 __all__ = ["Checkpoint", "check_checkpoint"]
 
@@ -292,7 +293,11 @@ class Checkpoint:
         else:
             self._failures += 1
             if last:
-                kept = f"the checkpoint holds {self._held} samples" if self.path.exists() else "there is no checkpoint"
+                kept = (
+                    f"the checkpoint holds {counted(self._held, 'sample')}"
+                    if self.path.exists()
+                    else "there is no checkpoint"
+                )
                 self._notify(f"warning: {save.error}; {kept}, the image all")
             elif not self._failing:
                 kept = "its last checkpoint stays, " if self.path.exists() else ""

@@ -26,6 +26,7 @@ from clrender.errors import UsageError
 from clrender.files.access import atomic_write, open_input
 from clrender.film.ledger import Ledger
 from clrender.film.unit import blocks_across
+from clrender.wording import counted
 
 __all__ = ["FORMAT", "FilmReader", "write_film"]
 
@@ -188,7 +189,9 @@ class FilmReader:
     ) -> None:
         if isinstance(error, _DAMAGES):
             reason = textwrap.shorten(str(error), 200) or type(error).__name__
-            raise UsageError(f"{self.path}: not a whole clrender film ({reason}); render it again.") from None
+            film = self.path.suffix.lower() == ".film"
+            cure = "render it again" if film else "name a .film, which `clrender render -o FILE.film` writes"
+            raise UsageError(f"{self.path}: not a whole clrender film ({reason}); {cure}.") from None
 
 
 def _write_member(
@@ -219,7 +222,7 @@ def _read_member(
 ) -> npt.NDArray[Any]:
     info = _stored(archive, name)
     if info.file_size > _HEADER_LIMIT:
-        raise ValueError(f"{name} is larger than {_HEADER_LIMIT} bytes")
+        raise ValueError(f"{name} is larger than {counted(_HEADER_LIMIT, 'byte')}")
     with archive.open(info) as member:
         found = _expect(member, shape, kind)
         return np.frombuffer(member.read(), kind).reshape(found)

@@ -27,6 +27,7 @@ from clrender.film.unit import Unit, UnitSums
 from clrender.process.huge_pages import LARGE_BYTES, prefer_large_pages, withdraw_preference
 from clrender.process.memory import film_bytes
 from clrender.settings import present
+from clrender.wording import counted
 
 __all__ = ["Film"]
 
@@ -193,14 +194,14 @@ class Film:
         slots = unit.slot_count
         if result.sums.shape != (slots, 3, 4) or result.counts.shape != (slots,) or 16 * len(result.done) != slots:
             raise RenderError(
-                f"a unit of {slots} slots came with sums of shape {result.sums.shape}, counts of shape "
-                f"{result.counts.shape} and {len(result.done)} blocks."
+                f"a unit of {counted(slots, 'slot')} came with sums of shape {result.sums.shape}, counts of shape "
+                f"{result.counts.shape} and {counted(len(result.done), 'block')}."
             )
         self._check_done(unit, result.done)
         words, squares = _words(result.sums), None  # (slots, 3, 2)
         if self.replicate_spp and result.done.any():
             if result.squares is None or result.squares.shape != (slots, 3, 8):
-                raise RenderError(f"a unit of {slots} slots came without the squares of its replicates.")
+                raise RenderError(f"a unit of {counted(slots, 'slot')} came without the squares of its replicates.")
             squares = _words(result.squares)
         films = (self,) if part is None else (self, part)
         with ExitStack() as held:
@@ -218,10 +219,10 @@ class Film:
     def _check_done(self, unit: Unit, done: npt.NDArray[np.uint32]) -> None:
         """Check that the numbers of samples of a unit's blocks are possible."""
         if int(done.max(initial=0)) > unit.sample_count:
-            raise RenderError(f"a unit of {unit.sample_count} samples came with {int(done.max())}.")
+            raise RenderError(f"a unit of {counted(unit.sample_count, 'sample')} came with {int(done.max())}.")
         whole = self.replicate_spp or 1
         if unit.first_sample % whole or (done % np.uint32(whole)).any():
-            raise RenderError(f"a unit came with parts of replicates of {whole} samples.")
+            raise RenderError(f"a unit came with parts of replicates of {counted(whole, 'sample')}.")
 
     def receive(self, delivered: FilmCopy, units: Sequence[tuple[Unit, HeldUnit]]) -> None:
         """Replace the sums by those that a device holds: this film's, and those of some units.

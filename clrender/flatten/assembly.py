@@ -23,7 +23,7 @@ from clrender.scene.resting import carried, opened, placements, resting
 from clrender.scene.shapes import AnyShape, Curves, Mesh
 from clrender.scene.transforms import Affine, affine, combined
 from clrender.scene.values import SHAPE_LIMIT
-from clrender.wording import place, quoted
+from clrender.wording import counted, grouped, place, quoted
 
 __all__ = ["Assembly", "assemble", "written_out"]
 
@@ -253,7 +253,9 @@ def _numbered(entry: int, count: int, turn: int) -> NDArray[np.int64]:
 def _check_number(scene: Scene, index: int, total: int, places: int, shining: int) -> None:
     if total > SHAPE_LIMIT:
         text = (
-            f"places {places} times a group of which {shining} shapes shine or have a grid; at most {SHAPE_LIMIT} may"
+            f"places {places} times a group of which "
+            f"{counted(shining, 'shape shines or has', 'shapes shine or have')} a grid; "
+            f"at most {grouped(SHAPE_LIMIT)} may"
         )
         raise SceneError(f"{scene.source}: shapes[{index}] {text}")
 
@@ -301,8 +303,8 @@ def written_out(scene: Scene) -> Scene:
         array, group = placements(scene, index), _shapes_of(scene, instance.group)
         _check_similar(scene, index, instance.group, group, array)
         if len(shapes) + len(group) * len(array) > SHAPE_LIMIT:
-            text = f"places {len(array)} times a group of {len(group)} shapes, which have to be written out here"
-            raise SceneError(f"{scene.source}: shapes[{index}] {text}; at most {SHAPE_LIMIT} can be")
+            text = f"places {len(array)} times a group of {counted(len(group), 'shape')} to be written out here"
+            raise SceneError(f"{scene.source}: shapes[{index}] {text}; at most {grouped(SHAPE_LIMIT)} can be")
         shapes += _written(group, array, scene, index, media)
     return scene.assembled(shapes, media)
 

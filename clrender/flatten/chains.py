@@ -14,6 +14,7 @@ from clrender.flatten.alias import alias_table
 from clrender.flatten.lamps import POINT_KINDS
 from clrender.flatten.surfaces import triangle_areas
 from clrender.flatten.texture_rows import SLOTS
+from clrender.wording import counted
 
 if TYPE_CHECKING:
     from clrender.flatten.flat_scene import FlatScene
@@ -50,7 +51,8 @@ def chain_table(flat: FlatScene) -> NDArray[np.float32]:
     primitives, areas, glass = _surfaces(flat)
     if len(primitives) > _MOST_SURFACES:
         raise SceneError(
-            f"specular chains know at most {_MOST_SURFACES} triangles of mirrors and glass, and the scene has "
+            f"specular chains know at most {counted(_MOST_SURFACES, 'triangle')} of mirrors and glass, and the "
+            "scene has "
             f"{len(primitives)}; render it without, or use simpler meshes for them"
         )
     rows = flat.arrays["lights"]

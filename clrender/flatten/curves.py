@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.errors import SceneError
+from clrender.wording import counted
 
 if TYPE_CHECKING:
     from clrender.curves import CurveData
@@ -128,7 +129,10 @@ def bezier_segments(
     if wrong.any():
         number = int(np.argmax(wrong))
         needs = "4, 7, 10 and so on" if basis == "bezier" else f"at least {least}"
-        text = f"strand {number} has {counts[number]} control points, but curves of the basis {basis} need {needs}"
+        text = (
+            f"strand {number} has {counted(counts[number], 'control point')}, but curves of the basis {basis} "
+            f"need {needs}"
+        )
         raise SceneError(f"{place}: {text}")
     firsts = np.cumsum(counts) - counts
     each = (counts - unused) // step

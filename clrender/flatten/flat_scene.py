@@ -103,7 +103,11 @@ class FlatScene:
     notes : tuple of str
         One sentence for each thing that reading the scene file left out or changed.
     warnings : tuple of str
-        One sentence for each shape left out or changed, and for light that cannot be found.
+        One sentence for each shape left out or changed, and for the whole scene.
+    lost_light : str
+        Which light only some integrators find, or over mirrors and through glass only one; empty if all find it.
+    lost_in_fog : bool
+        Whether a warning says that fog keeps out the light of a light.
     origin : (3,) float
         World space, metres: the origin of all coordinates in the arrays and the camera. `scene_origin` chooses it. It
         changes only when the camera moves far; until then the arrays stay the same.
@@ -130,6 +134,8 @@ class FlatScene:
     arrays_sha256: str
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    lost_light: str = ""
+    lost_in_fog: bool = False
     origin: Vector = (0.0, 0.0, 0.0)
     light_groups: tuple[str, ...] = ()
     camera_free: float = math.inf
@@ -146,8 +152,38 @@ class FlatScene:
 
     @property
     def messages(self) -> list[str]:
-        """All notes and warnings, each as the line that users see."""
-        return [f"note: {each}" for each in self.notes] + [f"warning: {each}" for each in self.warnings]
+        """All notes and warnings, each as the line that users see, whatever the integrator."""
+        return self.messages_with(self._lost_by_most)
+
+    def lost_by(self, integrator: str, specular_chains: bool) -> str:
+        """What is to be said of light that an integrator does not find; empty: nothing.
+
+        Parameters
+        ----------
+        integrator : str
+        specular_chains : bool
+            Whether it solves for chains of mirrors and glass.
+        """
+        if not self.lost_light or integrator == "photon" or specular_chains:
+            return ""
+        if integrator == "bdpt":
+            return (
+                f"{self.lost_light}: the integrator bdpt finds it on what the camera sees directly; what is seen in "
+                "mirrors or through glass lacks it without specular_chains on, or the integrator photon"
+            )
+        return self._lost_by_most
+
+    def messages_with(self, lost: str) -> list[str]:
+        """All notes and warnings, each as the line that users see, with this one of light that is not found."""
+        warnings = [*self.warnings, lost] if lost else self.warnings
+        return [f"note: {each}" for each in self.notes] + [f"warning: {each}" for each in warnings]
+
+    @property
+    def _lost_by_most(self) -> str:
+        return self.lost_light and (
+            f"{self.lost_light}: only the integrators bdpt and photon find it, and path with specular_chains on, whose "
+            "variance there has no bound at the edges of caustics; elsewhere it is missing"
+        )
 
     @property
     def moves(self) -> bool:
@@ -289,6 +325,7 @@ def flatten(
     moves = instances.moves or len(lights.knots) > 0
     if media.subsurface and not moves:  # lights may come to be inside
         _darken(arrays, triangle_count, lights.count, instances)
+    in_fog = _lost_in_fog(scene)
     unbounded = _mark_open(arrays, triangle_count, media) if media.scatters else []
     digest = hashlib.sha256(f"{lights.environment} {triangle_count} {analytic_count} {lights.count}".encode())
     for name, array in arrays.items():
@@ -342,10 +379,11 @@ def flatten(
             *surfaces.warnings,
             *other_shape(scene, width, height),
             *(() if media.glows else _no_light(scene, lights)),
-            *_lost_light(scene, media.no_boundary),
-            *_lost_in_fog(scene),
+            *in_fog,
             *_endless(scene, arrays, media, unbounded),
         ),
+        lost_light=_lost_light(scene, media.no_boundary),
+        lost_in_fog=bool(in_fog),
         origin=origin,
         light_groups=lights.groups,
         film=scene.camera.film,
@@ -459,8 +497,8 @@ def _no_light(scene: Scene, lights: FlatLights) -> list[str]:
     ]
 
 
-def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> list[str]:
-    """Warn of light from delta lights over mirrors and through glass, which paths from the camera cannot find."""
+def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> str:
+    """The light of delta lights over mirrors and through glass, which paths from the camera cannot find, if any."""
     used = {name for name, _ in {solid_of(shape) for _, shape in scene.all_shapes()} - no_boundary if name is not None}
     glass = {name for name in used if _is_glass(scene.materials[name])}
     mirrors = {name for name in used if _is_mirror(scene.materials[name])}
@@ -473,14 +511,11 @@ def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> list[str]:
     }
     shining = [name for kind, name in kinds.items() if any(isinstance(light, kind) for light in scene.lights)]
     if not (glass or mirrors) or not shining:
-        return []
+        return ""
     through = [f"through the dielectric {min(glass)!r}"] if glass else []
     over = [f"reflected by the mirror {min(mirrors)!r}"] if mirrors else []
     which = f"{' and '.join(shining)} lights, {' and '.join([*through, *over])}"
-    return [
-        f"{scene.source}: light of {which}: only the integrators bdpt and photon find it, and path with "
-        "specular_chains on, whose variance there has no bound at the edges of caustics; elsewhere it is missing"
-    ]
+    return f"{scene.source}: light of {which}"
 
 
 def _lost_in_fog(scene: Scene) -> list[str]:

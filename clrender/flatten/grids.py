@@ -17,6 +17,7 @@ from clrender.exact.matrices import inverse, times
 from clrender.scene.grid_placement import grid_placement
 from clrender.scene.medium import Temperature
 from clrender.spectra.colors import blackbody_color
+from clrender.wording import counted
 
 if TYPE_CHECKING:
     from clrender.grids import GridData
@@ -176,7 +177,7 @@ def _all_words(scene: Scene, media: Sequence[tuple[str, Grids]]) -> _Words:
             begins.append(total)
             total += len(part)
         if total > _WORD_LIMIT:
-            text = f"the grids of its media take more than {_WORD_LIMIT} numbers; make them coarser"
+            text = f"the grids of its media take more than {counted(_WORD_LIMIT, 'number')}; make them coarser"
             raise SceneError(f"{scene.source}: media.{name}.{key}: {text}")
         parts.extend(more)
         return begins

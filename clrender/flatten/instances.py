@@ -16,6 +16,7 @@ from clrender.flatten.motion import Knots, knot_rows, swept_boxes
 from clrender.flatten.poses import FlatPoses, flat_poses
 from clrender.flatten.surface_arrays import FlatSurfaces
 from clrender.scene.values import Vector
+from clrender.wording import counted, grouped
 
 __all__ = ["NUMBER_LIMIT", "FlatGroup", "FlatInstances", "box_of", "flat_instances"]
 
@@ -239,7 +240,10 @@ def flat_instances(assembly: Assembly, surfaces: FlatSurfaces) -> FlatInstances:
     counts = np.array([group.count for group in groups], np.int64)[group_of]
     numbers = triangles + analytic + np.concatenate([[0], np.cumsum(counts)])
     if numbers[-1] > NUMBER_LIMIT:
-        text = f"{int(counts.sum())} triangles with all instances counted, but {NUMBER_LIMIT} is the most"
+        text = (
+            f"{counted(int(counts.sum()), 'triangle')} with all instances counted, but {grouped(NUMBER_LIMIT)} "
+            "is the most"
+        )
         raise SceneError(f"{assembly.scene.source}: shapes hold {text}; place fewer, or simpler groups")
     motion_of = assembly.motion_of[present]
     moving = motion_of >= 0

@@ -34,7 +34,7 @@ from clrender.scene.motion import Track, matrices_of
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.spectra import SpectralColor
 from clrender.scene.values import POWER_LIMIT, Color, length
-from clrender.wording import place
+from clrender.wording import counted, place
 
 __all__ = ["FlatLights", "flat_environment", "flat_lights"]
 
@@ -164,7 +164,8 @@ def flat_lights(
         if total + count > _LIGHT_LIMIT:
             at = place((*scene.place_of(index), "emission"))
             raise SceneError(
-                f"{scene.source}: {at}: more than {_LIGHT_LIMIT} triangles would shine; use fewer, or an environment"
+                f"{scene.source}: {at}: more than {counted(_LIGHT_LIMIT, 'triangle')} would shine; use fewer, or an "
+                "environment"
             )
         some, areas = _area_lights(scene, surfaces, index)
         moving = instances.moving_light(int(surfaces.first[index]), len(surfaces.triangles))

@@ -13,7 +13,7 @@ from clrender.errors import SceneError
 from clrender.exact.angles import sin_cos
 from clrender.measured import MeasuredFile, MerlTable, RglTables
 from clrender.measured.tables import MERL_SHAPE
-from clrender.wording import place
+from clrender.wording import counted, place
 
 if TYPE_CHECKING:
     from clrender.scene.description import Scene
@@ -97,7 +97,7 @@ def _flat(scene: Scene) -> MeasuredArrays:
         head, words = _file_words(scene.measured(name, material), total)
         total += len(words)
         if total > _WORD_LIMIT:
-            text = f"measured materials take more than {_WORD_LIMIT} numbers; use fewer"
+            text = f"measured materials take more than {counted(_WORD_LIMIT, 'number')}; use fewer"
             raise SceneError(f"{scene.source}: {place(('materials', name, 'file'))}: {text}")
         head_of[material.file] = 2 * len(rows)
         rows.append(head)

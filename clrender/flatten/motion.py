@@ -15,7 +15,7 @@ from clrender.errors import SceneError
 from clrender.exact.elementary import angles_of
 from clrender.exact.matrices import determinant, inner, product
 from clrender.scene.motion import aligned, matrices_of, polar, quaternion_of
-from clrender.wording import place
+from clrender.wording import grouped, place
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -122,7 +122,8 @@ def _moments(track: _Turning, begin: float, end: float, turn: float = _TURN) -> 
             pieces = max(1, math.ceil(track.turning(index) * share / turn))
         if len(moments) + pieces > _MOST:
             raise ValueError(
-                f"turns too often while the shutter is open: more than {_MOST} times by {math.degrees(turn):g} degrees"
+                f"turns too often while the shutter is open: more than {grouped(_MOST)} times by "
+                f"{math.degrees(turn):g} degrees"
             )
         moments += [first + (last - first) * step / pieces for step in range(1, pieces)] + [last]
     return np.array(moments)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final, TypeAlias
 
@@ -93,7 +94,7 @@ def _used(scene: Scene) -> tuple[Plugin, ...]:
         kind = "bsdf" if isinstance(part, PluginMaterial) else "texture"
         if part.plugin not in given:
             near = suggestion(part.plugin, given) if given else ""
-            cure = "give its file with --plugin FILE (in Python: plugins=[FILE])"
+            cure = f"give its file with --plugin {_file_of(scene, part.plugin)} (in Python: plugins=[FILE])"
             raise SceneError(f"{where} names the plugin {quoted(part.plugin)}, which is not given; {cure}{near}")
         plugin = given[part.plugin]
         if plugin.kind != kind:
@@ -105,6 +106,13 @@ def _used(scene: Scene) -> tuple[Plugin, ...]:
         used.add(part.plugin)
     _check_terminators(scene)
     return tuple(given[name] for name in sorted(used))
+
+
+def _file_of(scene: Scene, name: str) -> str:
+    """The file beside the scene that is called like a plugin, as a shell takes it; ``FILE`` if there is none."""
+    folders = (scene.base_folder / each for each in ("", "plugins", "scenes/plugins"))
+    found = (folder / f"{name}.cl" for folder in folders) if name.isidentifier() else ()
+    return next((shlex.quote(ascii(str(path))[1:-1]) for path in found if path.is_file()), "FILE")
 
 
 def _check(scene: Scene, at: _Place, part: PluginMaterial | PluginTexture, plugin: Plugin) -> None:

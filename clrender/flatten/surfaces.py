@@ -34,6 +34,7 @@ from clrender.scene.description import Scene
 from clrender.scene.shapes import Curves, Disk, Mesh, Shape, Sphere
 from clrender.scene.transforms import Affine, affine
 from clrender.scene.values import Vector
+from clrender.wording import counted, grouped
 from clrender.wording import place as place_in_file
 
 if TYPE_CHECKING:
@@ -148,7 +149,10 @@ def flat_surfaces(
             placed_normals(mesh.normals, transform, here, there[:kept], some, flip=shape.flip_normals)
             turned = turned_away(here, there[:kept], some)
             if count_turned := int(np.count_nonzero(turned)):
-                text = f"{place}: the normals of {count_turned} of {kept} triangles point to their backs and were"
+                text = (
+                    f"{place}: the normals of {grouped(count_turned)} of {counted(kept, 'triangle')} point to "
+                    "their backs and were"
+                )
                 warnings.append(
                     f"{text} turned round: seen from its front, the vertices of a triangle run anticlockwise"
                 )

@@ -14,6 +14,7 @@ from clrender.exact.elementary import sines_cosines
 from clrender.flatten.curves import bezier_segments, strand_radii
 from clrender.meshes.data import MeshData
 from clrender.scene.shapes import Curves
+from clrender.wording import counted
 
 __all__ = ["AROUND", "STEPS", "curve_mesh"]
 
@@ -80,7 +81,10 @@ def _ribbons(shape: Curves, data: CurveData, place: str, steps: int) -> MeshData
     normals = np.array(shape.normals) if shape.normals else data.normals
     if normals is not None:
         if len(normals) not in (1, len(data.points)):
-            text = f"has {len(normals)} entries; give one, or {len(data.points)} for the control points of the file"
+            text = (
+                f"has {counted(len(normals), 'entry', 'entries')}; give one, or {len(data.points)} for the "
+                "control points of the file"
+            )
             raise SceneError(f"{place}.normals {text}")
         columns.append(np.broadcast_to(normals, data.points.shape))
     controls, strand = bezier_segments(np.column_stack(columns), data.counts, shape.basis, place)

@@ -18,6 +18,7 @@ import numpy as np
 from clrender.furnace.energy import COPIES, Energy
 from clrender.furnace.measure import Measured
 from clrender.statistics.student_t import critical_value
+from clrender.wording import counted, grouped
 
 __all__ = ["ALARM", "ALLOWED", "RECIPROCAL", "Finding", "corrected", "findings"]
 
@@ -184,7 +185,8 @@ def _directions(measured: Measured, level: float) -> Iterator[Finding]:
             yield Finding(
                 "directions", True, together,
                 f"directions do not follow the density at {where}: χ² {worst.fit.statistic:.0f} with "
-                f"{worst.fit.freedom} degrees of freedom, p = {together:.2g}; the density integrates to "
+                f"{counted(worst.fit.freedom, 'degree of freedom', 'degrees of freedom')}, p = {together:.2g}; the "
+                "density integrates to "
                 f"{worst.integral:.4f}",
             )  # fmt: skip
         else:
@@ -233,10 +235,18 @@ def _samples(measured: Measured) -> Iterator[Finding]:
     tally = measured.tally
     if tally.nonfinite:
         yield Finding(
-            "nonfinite", True, tally.nonfinite, f"{tally.nonfinite} of {tally.samples} samples are not finite"
+            "nonfinite",
+            True,
+            tally.nonfinite,
+            f"{grouped(tally.nonfinite)} of {counted(tally.samples, 'sample is', 'samples are')} not finite",
         )
     if tally.negative:
-        yield Finding("negative", True, tally.negative, f"{tally.negative} of {tally.samples} samples are negative")
+        yield Finding(
+            "negative",
+            True,
+            tally.negative,
+            f"{grouped(tally.negative)} of {counted(tally.samples, 'sample is', 'samples are')} negative",
+        )
     if tally.unseen > ALLOWED * tally.samples:
         yield Finding(
             "unseen", True, tally.unseen,

@@ -17,7 +17,7 @@ from clrender.errors import SceneError
 from clrender.grids.compression import require_blosc, unblosced, unzipped
 from clrender.grids.data import GridData
 from clrender.grids.sparse import DenseBox, chosen_grid
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["read_openvdb", "vdb_names"]
 
@@ -104,7 +104,7 @@ class _Stream:
         """A table of names and contents."""
         (count,) = self.unpack("I")
         if count > _MOST_ENTRIES:
-            raise ValueError(f"it says that it has {count} entries of metadata")
+            raise ValueError(f"it says that it has {counted(count, 'entry', 'entries')} of metadata")
         found = {}
         for _ in range(count):
             name, _ = self.text(), self.text()
@@ -242,7 +242,7 @@ class _Tree:
         """Cubes of a side."""
         self._count += len(values)
         if self._count > _MOST_TILES:
-            raise ValueError(f"its tree has more than {_MOST_TILES} tiles")
+            raise ValueError(f"its tree has more than {counted(_MOST_TILES, 'tile')}")
         if len(values):
             self.cubes.append((origins, side, values))
 

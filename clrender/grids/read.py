@@ -15,7 +15,7 @@ from clrender.grids.data import VALUE_LIMIT, GridData
 from clrender.grids.nanovdb import nanovdb_names, read_nanovdb
 from clrender.grids.openvdb import read_openvdb, vdb_names
 from clrender.grids.vol import read_vol
-from clrender.wording import quoted
+from clrender.wording import counted, grouped, quoted
 
 __all__ = ["SPARSE_ENDINGS", "grid_names", "read_grid"]
 
@@ -72,5 +72,8 @@ def _numpy(file: BinaryIO, label: str) -> GridData:
         raise SceneError(f"{label} holds {header}, but must hold numbers of the shape (nz, ny, nx), or (nz, ny, nx, 3)")
     count = math.prod(header.shape)
     if count > VALUE_LIMIT:
-        raise SceneError(f"{label} has {count} numbers; at most {VALUE_LIMIT} are possible; make the grid coarser")
+        raise SceneError(
+            f"{label} has {counted(count, 'number')}; at most {grouped(VALUE_LIMIT)} are possible; make the grid "
+            "coarser"
+        )
     return GridData.checked(read_npy_items(file, header), label)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from clrender.errors import SceneError
 from clrender.exact.matrices import determinant
 from clrender.grids.data import SIDE_LIMIT, VALUE_LIMIT, GridData
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["DenseBox", "chosen_grid"]
 
@@ -85,7 +85,7 @@ class DenseBox:
             shape = " x ".join(str(side) for side in sides)
             raise SceneError(f"{label} has {shape} numbers; at most {VALUE_LIMIT} are possible; make the grid coarser")
         if int(np.prod(sides)) > max(_ALWAYS_TAKEN, _SPARSEST * stored):
-            text = f"spreads {stored} numbers over a box of {' x '.join(str(side) for side in sides)}"
+            text = f"spreads {counted(stored, 'number')} over a box of {' x '.join(str(side) for side in sides)}"
             raise SceneError(f"{label} {text}; leave out what is far away, or divide the grid")
         self._label, self._low = label, first - 1
         self._values = np.full(sides + 2, background, np.float32)  # x, y, z, as trees count

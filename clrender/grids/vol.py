@@ -11,6 +11,7 @@ import numpy as np
 
 from clrender.errors import SceneError
 from clrender.grids.data import SIDE_LIMIT, VALUE_LIMIT, GridData
+from clrender.wording import counted
 
 __all__ = ["read_vol"]
 
@@ -44,11 +45,13 @@ def read_vol(file: BinaryIO, label: str) -> GridData:
     if not all(1 <= side <= SIDE_LIMIT for side in (nx, ny, nz)) or nx * ny * nz > VALUE_LIMIT:
         raise ValueError(f"it says that it has {nx} x {ny} x {nz} numbers")
     if channels not in (1, 3):
-        raise SceneError(f"{label} has {channels} channels, but a number has one and a colour three; convert it")
+        raise SceneError(
+            f"{label} has {counted(channels, 'channel')}, but a number has one and a colour three; convert it"
+        )
     size = nx * ny * nz * channels * _KINDS[kind].itemsize
     held = os.fstat(file.fileno()).st_size - _HEAD.size
     if held != size:
-        raise ValueError(f"it has {max(held, 0)} bytes of numbers, but its head promises {size}")
+        raise ValueError(f"it has {counted(max(held, 0), 'byte')} of numbers, but its head promises {size}")
     numbers = np.frombuffer(file.read(size), _KINDS[kind]).reshape((nz, ny, nx) if channels == 1 else (nz, ny, nx, 3))
     values = numbers.astype(np.float32)
     if kind == 3:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from clrender.errors import UsageError
 from clrender.image.flip import flip_map
+from clrender.wording import counted
 
 __all__ = ["RELATIVE_FLOOR", "compare_images", "relative_squared_error"]
 
@@ -112,5 +113,7 @@ def _finite(image: npt.ArrayLike, name: str) -> _Array:
         raise UsageError(f"{name} is not an array of (height, width, 3) numbers but of {array.shape}.")
     bad = sum(int(np.count_nonzero(~np.isfinite(array[rows]).all(axis=2))) for rows in _bands(array))
     if bad:
-        raise UsageError(f"{name} has {bad} pixels that are not finite; replace them before comparing.")
+        raise UsageError(
+            f"{name} has {counted(bad, 'pixel that is', 'pixels that are')} not finite; replace them before comparing."
+        )
     return array

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from clrender.exact.matrices import times
 from clrender.image.colorimetry import rec_709_matrix
 from clrender.image.display import PIXEL_LIMIT, check_size
+from clrender.wording import counted
 
 __all__ = ["exr_attribute", "exr_size", "read_exr"]
 
@@ -91,7 +92,9 @@ def _colour_part(headers: list[dict[str, Any]]) -> tuple[int, tuple[str, str, st
         found = [i for i, channels in enumerate(names) if set(wanted) <= set(channels)]
         if len(found) > 1:
             parts = ", ".join(str(headers[i].get("name", i)) for i in found[:8])
-            raise ValueError(f"it holds {len(found)} images, the parts {parts}: export the one that is meant")
+            raise ValueError(
+                f"it holds {counted(len(found), 'image')}, the parts {parts}: export the one that is meant"
+            )
         if found:
             channels = names[found[0]]
             if {"RY", "BY"} & set(channels) or any(

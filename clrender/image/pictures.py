@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from clrender.image.display import check_size, deep_pixels, is_deep, open_display
 from clrender.image.raster import RASTER_ENDINGS, open_raster, raster_floats, raster_words
+from clrender.wording import grouped
 
 __all__ = ["CODED_ENDINGS", "PICTURE_ENDINGS", "PICTURE_LIMIT", "Picture", "open_picture", "picture_room"]
 
@@ -158,7 +159,7 @@ def open_picture(file: IO[bytes], ending: str) -> Picture:
 def _check(width: int, height: int) -> None:
     check_size(width, height)
     if width * height > PICTURE_LIMIT:
-        raise ValueError(f"it has {width} x {height} pixels, but at most {PICTURE_LIMIT} are read")
+        raise ValueError(f"it has {width} x {height} pixels, but at most {grouped(PICTURE_LIMIT)} are read")
 
 
 def _open_webp(file: IO[bytes]) -> Any:

@@ -32,6 +32,7 @@ __all__ = [
     "LUMINANCE",
     "TONE_MAPS",
     "DisplayMap",
+    "check_display",
     "display_values",
     "record_of",
     "srgb_decode",
@@ -135,6 +136,20 @@ TONE_MAPS: Final = tuple(_OPERATORS)
 """Names of the operators."""
 
 
+def check_display(tone_map: str | DisplayMap, exposure: float) -> None:
+    """Check how an image is to be shown; see `display_values`.
+
+    Raises
+    ------
+    UsageError
+        Unknown operator, or an exposure that is not a number between -128 and 128.
+    """
+    if isinstance(tone_map, str) and tone_map not in _OPERATORS:
+        raise UsageError(f"tone map {tone_map!r} is unknown; choose one of {', '.join(TONE_MAPS)}.")
+    if not abs(exposure) <= EXPOSURE_LIMIT:
+        raise UsageError(f"exposure {exposure} is not a number between {-EXPOSURE_LIMIT:g} and {EXPOSURE_LIMIT:g}.")
+
+
 def display_values(linear: npt.ArrayLike, tone_map: str | DisplayMap = "srgb", exposure: float = 0.0) -> _Array:
     """Display values of linear radiance.
 
@@ -157,10 +172,7 @@ def display_values(linear: npt.ArrayLike, tone_map: str | DisplayMap = "srgb", e
     UsageError
         Unknown operator, or an exposure that is not a number between -128 and 128.
     """
-    if isinstance(tone_map, str) and tone_map not in _OPERATORS:
-        raise UsageError(f"tone map {tone_map!r} is unknown; choose one of {', '.join(TONE_MAPS)}.")
-    if not abs(exposure) <= EXPOSURE_LIMIT:
-        raise UsageError(f"exposure {exposure} is not a number between {-EXPOSURE_LIMIT:g} and {EXPOSURE_LIMIT:g}.")
+    check_display(tone_map, exposure)
     values = np.asarray(linear, np.float64) * math.ldexp(2.0 ** (exposure % 1.0), math.floor(exposure))
     values = np.clip(np.nan_to_num(values, nan=0.0, posinf=_LARGEST), 0.0, _LARGEST)
     return np.clip(_OPERATORS[tone_map](values) if isinstance(tone_map, str) else tone_map.shown(values), 0.0, 1.0)

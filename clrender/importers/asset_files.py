@@ -11,7 +11,7 @@ from urllib.parse import unquote, unquote_to_bytes
 
 from clrender.errors import SceneError
 from clrender.files.named import open_named_file, open_scene_file
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["AssetFiles"]
 
@@ -137,7 +137,9 @@ def _data(uri: str, label: str, limit: int) -> bytes:
     if not comma:
         raise SceneError(f"{label}: the data URI has no comma between its kind and its data")
     if len(body) > 2 * limit + 4:
-        raise SceneError(f"{label}: the data URI has {len(body)} characters, which is too much; keep it in a file")
+        raise SceneError(
+            f"{label}: the data URI has {counted(len(body), 'character')}, which is too much; keep it in a file"
+        )
     if not head.lower().endswith(";base64"):
         return unquote_to_bytes(body)
     try:

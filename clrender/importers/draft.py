@@ -13,6 +13,7 @@ from clrender.meshes.data import MeshData
 from clrender.scene.environment import EnvironmentPicture
 from clrender.scene.groups import TransformArray
 from clrender.scene.ies import IesProfile
+from clrender.wording import counted
 
 __all__ = ["Draft"]
 
@@ -120,4 +121,8 @@ class Draft:
 
     def said(self) -> list[str]:
         """All notes, and a last one with the number of omitted notes."""
-        return [*self.notes, f"{self._more} more things were left out or changed"] if self._more else self.notes
+        return (
+            [*self.notes, f"{counted(self._more, 'more thing was', 'more things were')} left out or changed"]
+            if self._more
+            else self.notes
+        )

@@ -17,7 +17,7 @@ from clrender.importers.draft import Draft
 from clrender.importers.framing import FRAMED, completed
 from clrender.limits import checked_path, shown
 from clrender.plugins import as_plugins
-from clrender.scene import Camera, Scene
+from clrender.scene import Camera, Scene, SunSkyLight
 from clrender.scene.load import load as load_own
 from clrender.wording import quoted
 
@@ -170,14 +170,25 @@ def load(
     changed = _changed(scene.with_origin(origin).with_plugins(allowed), environment, camera, hide_environment)
     # A pose at one moment is that, whatever the time; what moves from there on has the times of the animation
     posed = ending in _ANIMATED and shutter is None
-    return _timed(changed, None if posed else time_at, shutter)
+    return _timed(changed, None if posed else time_at, shutter, has_note=ending in _ANIMATED)
 
 
-def _timed(scene: Scene, time_at: float | None, shutter: tuple[float, float] | None) -> Scene:
-    """The scene at a time, seen through a shutter."""
+def _timed(
+    scene: Scene, time_at: float | None, shutter: tuple[float, float] | None, *, has_note: bool = False
+) -> Scene:
+    """The scene at a time, seen through a shutter; with a note where that changes nothing, unless it `has_note`."""
     said = {"camera.time": time_at, "camera.shutter": None if shutter is None else tuple(shutter)}
     said = {key: value for key, value in said.items() if value is not None}
-    return scene.changed(said) if said else scene
+    if not said:
+        return scene
+    if not (scene.has_motion or scene.camera.motion or has_note):
+        asked = " and ".join(name for name, value in (("time", time_at), ("shutter", shutter)) if value is not None)
+        changes = "change" if " and " in asked else "changes"
+        of_day = any(isinstance(light, SunSkyLight) and light.time is not None for light in scene.lights)
+        cure = "; the time of day is `time` of its sun_sky light" if of_day and time_at is not None else ""
+        note = f"{scene.source}: nothing in it moves, so that the {asked} asked for {changes} nothing{cure}"
+        scene = scene.with_notes([*scene.notes, note])
+    return scene.changed(said)
 
 
 def _changed(scene: Scene, environment: Any, camera: Any, hide_environment: bool) -> Scene:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from clrender.errors import SceneError
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["MtlMaterial", "MtlPicture", "read_mtl"]
 
@@ -182,7 +182,9 @@ def read_mtl(data: bytes, label: str) -> dict[str, MtlMaterial]:
             now = MtlMaterial(rest, label)
             found.setdefault(rest, now)
             if len(found) > _MATERIAL_LIMIT:
-                raise SceneError(f"{label} holds more than {_MATERIAL_LIMIT} materials; at most that many are read")
+                raise SceneError(
+                    f"{label} holds more than {counted(_MATERIAL_LIMIT, 'material')}; at most that many are read"
+                )
         elif now is None:
             raise SceneError(
                 f"{label}: line {number}: {quoted(keyword)} stands before the first newmtl; name a material"

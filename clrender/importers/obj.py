@@ -23,7 +23,7 @@ from clrender.meshes.obj_records import ObjRecords, Statement, read_records
 from clrender.meshes.read import FILE_LIMIT, checked_mesh
 from clrender.scene.materials import BASE_COLORS
 from clrender.scene.values import NAME_LIMIT
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["read"]
 
@@ -119,9 +119,9 @@ def _note_statements(records: ObjRecords, faces: ObjFaces, draft: Draft) -> None
     listed = [each for each in records.others.items() if each[0] != "g"]
     for keyword, count in listed[:8]:
         what = f", {kinds[keyword]}," if keyword in kinds else ""
-        draft.note(f"{count} lines with {quoted(keyword)}{what} are not read")
+        draft.note(f"{counted(count, 'line')} with {quoted(keyword)}{what} not read")
     if len(listed) > 8:
-        draft.note(f"{len(listed) - 8} more kinds of lines are not read")
+        draft.note(f"{counted(len(listed) - 8, 'more kind of line is', 'more kinds of lines are')} not read")
     widths = {part.shape[1] for part in records.positions}
     if len(widths) > 1 or records.some_colored:
         draft.note("some vertices have colours and others have none: none is read")
@@ -172,7 +172,7 @@ def _forget_missing(runs: _Runs, library: dict[str, MtlMaterial], note: Callable
     for number in np.flatnonzero(missing)[1:_MISSING_SHOWN].tolist():
         note(f"the material {quoted(runs.names[number])} is in no library: grey is taken")
     if (more := int(missing.sum()) - _MISSING_SHOWN) > 0:
-        note(f"{more} more materials are in no library")
+        note(f"{counted(more, 'more material is', 'more materials are')} in no library")
     runs.materials[missing[runs.materials]] = 0
 
 
@@ -205,7 +205,7 @@ def _add_shapes(draft: Draft, faces: ObjFaces, runs: _Runs, materials: dict[int,
         return
     parts = len(np.unique(keys))
     if parts > _SHAPE_LIMIT:
-        draft.note(f"{parts} parts of objects are too many: those of one material are one shape")
+        draft.note(f"{counted(parts, 'part')} of objects are too many: those of one material are one shape")
         keys = keys % of_object
     order = np.argsort(keys, kind="stable")
     begins = np.flatnonzero(np.diff(keys[order], prepend=-1))

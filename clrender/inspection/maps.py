@@ -24,6 +24,7 @@ from clrender.rendering.job import RenderJob
 from clrender.rendering.session import Session
 from clrender.settings import REPLICATE_SPP
 from clrender.version import __version__
+from clrender.wording import counted
 
 if TYPE_CHECKING:
     from clrender.device import Device
@@ -236,7 +237,8 @@ def maps_in(
     settings = dataclasses.replace(job.settings, replicate_spp=replicate)
     if job.sample_count < 2 * replicate:
         raise UsageError(
-            f"spp is {job.sample_count}, but errors need at least two replicates of {replicate} samples; give "
+            f"spp is {job.sample_count}, but errors need at least two replicates of {counted(replicate, 'sample')}; "
+            "give "
             f"{2 * replicate} or more"
         )
 

@@ -15,6 +15,7 @@ from clrender.drawing.html import html_document, html_table, paragraphs
 from clrender.drawing.pictures import data_uri, figure_of, shrunk
 from clrender.drawing.table import Table
 from clrender.image.tone_map import LUMINANCE, to_display
+from clrender.wording import counted
 
 __all__ = ["Shown", "maps_page"]
 
@@ -65,7 +66,9 @@ def maps_page(maps: Shown) -> str:
     about, name = maps.about, Path(maps.about["scene"]).stem
     size, spp = f"{about['width']} × {about['height']} pixels", about["spp"]
     parts = [
-        *paragraphs([f"{name}, {size}, {spp} samples per pixel, seed {about['seed']}. clrender {about['version']}."]),
+        *paragraphs(
+            [f"{name}, {size}, {counted(spp, 'sample')} per pixel, seed {about['seed']}. clrender {about['version']}."]
+        ),
         figure_of(_picture(maps.image, maps.stops, f"The image of {name}"), "The image."),
         "<h2>What each bounce adds</h2>",
         *paragraphs(
@@ -121,7 +124,7 @@ def _bounce(maps: Shown, number: int) -> str:
     words, part = _words(maps, number), maps.bounces[number]
     more = _stops_to(part, maps.image)
     picture = _picture(part, maps.stops + more, f"Light after scattering events: {words}")
-    brighter = f", {more} stops brighter" if more > 1 else ", 1 stop brighter" if more else ""
+    brighter = f", {counted(more, 'stop')} brighter" if more else ""
     return figure_of(picture, f"{words} ({maps.shares[number]:.1%}{brighter})")
 
 

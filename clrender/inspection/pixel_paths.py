@@ -17,6 +17,7 @@ from clrender.files.access import atomic_write
 from clrender.inspection.document import document
 from clrender.inspection.light_path import LightPath
 from clrender.limits import shown
+from clrender.wording import counted, grouped
 
 if TYPE_CHECKING:
     from clrender.inspection.surroundings import Surroundings
@@ -89,7 +90,7 @@ class PixelPaths:
 
     def __repr__(self) -> str:
         x, y = self.pixel
-        return f"<light paths of pixel {x},{y}: {len(self.samples)} of {len(self.values)} samples>"
+        return f"<light paths of pixel {x},{y}: {grouped(len(self.samples))} of {counted(len(self.values), 'sample')}>"
 
     def to_json(self) -> str:
         """The paths as JSON, in the format ``clrender light paths 1``."""

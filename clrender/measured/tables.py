@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.spectra.colors import reflectance_weights
+from clrender.wording import counted, grouped
 
 __all__ = ["MERL_SHAPE", "MerlTable", "RglTables", "merl_table", "rgl_tables"]
 
@@ -140,7 +141,7 @@ def merl_table(content: NDArray[np.uint8]) -> MerlTable:
         raise ValueError(f"its numbers of steps are {said}, but 90 x 90 x 180 are known")
     size = 12 + 3 * 8 * MERL_SHAPE[0] * MERL_SHAPE[1] * MERL_SHAPE[2]
     if len(content) != size:
-        raise ValueError(f"it has {len(content)} bytes, but its head promises {size}")
+        raise ValueError(f"it has {counted(len(content), 'byte')}, but its head promises {size}")
     numbers = content[12:].view("<f8").reshape(3, *MERL_SHAPE)
     values = np.empty((*MERL_SHAPE, 3), np.float32)
     for channel, scale in enumerate(_MERL_SCALES):
@@ -160,7 +161,7 @@ def _floats(fields: Mapping[str, NDArray[Any]], name: str, axes: int) -> _Floats
     if array.dtype != np.dtype("<f4") or array.ndim != axes:
         raise ValueError(f"{name} holds {array.dtype} {array.shape}, but must hold float32 with {axes} axes")
     if array.size > _MOST_NUMBERS:
-        raise ValueError(f"{name} has {array.size} numbers; at most {_MOST_NUMBERS} are possible")
+        raise ValueError(f"{name} has {counted(array.size, 'number')}; at most {grouped(_MOST_NUMBERS)} are possible")
     return np.ascontiguousarray(array, np.float32)
 
 
@@ -184,7 +185,7 @@ def _densities(fields: Mapping[str, NDArray[Any]], name: str, seen: tuple[int, i
     if array.shape[:2] != seen or min(array.shape) < 1 or min(array.shape[2:]) < 2:
         raise ValueError(f"{name} has the shape {array.shape}, which does not fit its angles")
     if max(array.shape[2:]) > _MOST_SIDE:
-        raise ValueError(f"{name} has {array.shape} numbers; at most {_MOST_SIDE} along a side are known")
+        raise ValueError(f"{name} has {array.shape} numbers; at most {grouped(_MOST_SIDE)} along a side are known")
     if not array.any(axis=(2, 3)).all():
         raise ValueError(f"{name} is 0 for all half vectors of a direction")
     return array

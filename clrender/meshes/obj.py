@@ -14,6 +14,7 @@ from clrender.meshes.data import TRIANGLE_LIMIT, MeshData, crossed_warning
 from clrender.meshes.obj_records import ObjRecords, read_records
 from clrender.meshes.polygons import triangulate
 from clrender.meshes.vertex_colors import VertexColors, linear_colors
+from clrender.wording import counted, grouped
 
 __all__ = ["ObjFaces", "read_obj"]
 
@@ -138,7 +139,9 @@ class ObjFaces:
         sizes = self.sizes if faces is None else self.sizes[faces]
         total = int(sizes.sum()) - 2 * len(sizes)
         if total > TRIANGLE_LIMIT:
-            raise SceneError(f"{self.label} holds {total} triangles, but at most {TRIANGLE_LIMIT} are read")
+            raise SceneError(
+                f"{self.label} holds {counted(total, 'triangle')}, but at most {grouped(TRIANGLE_LIMIT)} are read"
+            )
         corners, corner_uvs, corner_normals = self._of(faces, sizes)
         uvs, warning = self._uvs(corner_uvs)
         triangles, crossed = None, 0

@@ -18,6 +18,7 @@ from clrender.meshes.data import TRIANGLE_LIMIT, filled
 from clrender.meshes.obj_bulk import Run, alike_corners, alike_vectors, runs
 from clrender.meshes.obj_faces import Lines, bad_line, face_corners
 from clrender.meshes.text import CONTINUATION, Block, line_blocks, parse_numbers, word_spans
+from clrender.wording import grouped
 
 __all__ = ["ObjRecords", "Statement", "read_records"]
 
@@ -167,7 +168,9 @@ def read_records(
                 _read_block(run.block, found, label, colors, statements)
         for kind, what in (("v", "vertices"), ("vt", "texture coordinates"), ("vn", "normals"), ("f", "faces")):
             if found.counts[kind] > TRIANGLE_LIMIT:
-                raise SceneError(f"{label} holds more than {TRIANGLE_LIMIT} {what}; at most that many are read")
+                raise SceneError(
+                    f"{label} holds more than {grouped(TRIANGLE_LIMIT)} {what}; at most that many are read"
+                )
     for kind, what in (("v", "vertices"), ("f", "faces")):
         if found.counts[kind] == 0:
             raise SceneError(f"{label} holds no {what}; a mesh needs vertices and faces")
@@ -305,7 +308,7 @@ def _read_block(block: Block, found: ObjRecords, label: str, colors: bool | None
 def _add_statements(block: Block, found: ObjRecords, keys: _Whole, lines: _Whole, faces: _Whole, label: str) -> None:
     """Add statements of a block, whose keywords begin at these bytes."""
     if len(found.statements) > _STATEMENT_LIMIT:
-        raise SceneError(f"{label} changes object or material more than {_STATEMENT_LIMIT} times; split it")
+        raise SceneError(f"{label} changes object or material more than {grouped(_STATEMENT_LIMIT)} times; split it")
     for key, line, count in zip(keys.tolist(), lines.tolist(), faces.tolist(), strict=True):
         text = block.text[key : block.text.index(b"\n", key)].replace(CONTINUATION, b" ").decode("utf-8", "replace")
         keyword, *rest = text.split(None, 1)

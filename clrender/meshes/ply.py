@@ -23,6 +23,7 @@ from clrender.meshes.ply_header import Element, PlyHeader, Property, read_header
 from clrender.meshes.ply_records import Lists
 from clrender.meshes.polygons import triangulate
 from clrender.meshes.vertex_colors import VertexColors, linear_colors
+from clrender.wording import counted, grouped
 
 __all__ = ["READ_OF_FACES", "READ_OF_VERTICES", "has_colors", "read_packed_ply", "read_ply"]
 
@@ -65,7 +66,9 @@ def read_ply(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
     header = read_header(file, label)
     least = header.size + sum(element.least_bytes for element in header.elements)
     if header.encoding != "ascii" and size < least:
-        raise SceneError(f"{label} is truncated: it has {size} bytes, but its header promises at least {least}")
+        raise SceneError(
+            f"{label} is truncated: it has {counted(size, 'byte')}, but its header promises at least {least}"
+        )
     vertex, face = header.element("vertex"), header.surface
     assert vertex is not None and face is not None
     held = {entry.name for entry in vertex.properties if not entry.count_kind}
@@ -101,7 +104,10 @@ def read_ply(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
     indices, sizes = _of_strips(*lists[0]) if strips else lists[0]
     mesh = _mesh(table, indices, sizes, part(normal), part(uv), linear, corners, label)
     if header.unknown:
-        text = f"{header.unknown} lines of its header are none of PLY's, and not read"
+        text = (
+            f"{counted(header.unknown, 'line of its header is', 'lines of its header are')} not known to PLY, "
+            "and not read"
+        )
         mesh = replace(mesh, warning="; ".join(each for each in (text, mesh.warning) if each), forgiven=1)
     return mesh
 
@@ -120,7 +126,7 @@ def read_packed_ply(file: BinaryIO, size: int, label: str, colors: VertexColors 
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise SceneError(f"{label} is damaged: {error}; pack it again") from None
     if len(data) > _UNPACKED_LIMIT:
-        raise SceneError(f"{label} has more than {_UNPACKED_LIMIT} bytes when unpacked; unpack and split it")
+        raise SceneError(f"{label} has more than {counted(_UNPACKED_LIMIT, 'byte')} when unpacked; unpack and split it")
     return read_ply(io.BytesIO(data), len(data), label, colors)
 
 
@@ -173,7 +179,7 @@ def _mesh(
         raise SceneError(f"{label}: face {int(np.argmax(sizes < 3))} has fewer than three vertices")
     total = len(corners) - 2 * len(sizes)
     if total > TRIANGLE_LIMIT:
-        raise SceneError(f"{label} holds {total} triangles, but at most {TRIANGLE_LIMIT} are read")
+        raise SceneError(f"{label} holds {counted(total, 'triangle')}, but at most {grouped(TRIANGLE_LIMIT)} are read")
     low, high = int(corners.min()), int(corners.max())
     if low < 0 or high >= len(table):
         wrong = low if low < 0 else high
@@ -217,4 +223,8 @@ def _corner_table(
         return values.reshape(-1, width), ""
     table = np.zeros((int(sizes.sum()), width), np.float32)
     table[np.repeat(held, sizes)] = values[np.repeat(held, counts)].reshape(-1, width)
-    return table, f"{int((~held).sum())} faces have no list {name} of {width} numbers for each corner, and got zeros"
+    return (
+        table,
+        f"{counted(int((~held).sum()), 'face has', 'faces have')} no list {name} of {counted(width, 'number')} for "
+        "each corner, and got zeros",
+    )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from clrender.errors import SceneError
 from clrender.meshes.ply_header import Element, PlyHeader, Property
 from clrender.meshes.ply_records import Lists, joined_lists, property_table, widened
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["BinaryRecords"]
 
@@ -97,7 +97,10 @@ class BinaryRecords:
     def end(self) -> None:
         """Raise an error if anything follows."""
         if self._left:
-            raise SceneError(f"{self._label} has not the length its header promises: {self._left} bytes are left over")
+            raise SceneError(
+                f"{self._label} has not the length its header promises: "
+                f"{counted(self._left, 'byte is', 'bytes are')} left over"
+            )
 
     def _pieces(self, element: Element, take: Callable[[bytes, int, int], tuple[_T, int, int]]) -> Iterator[_T]:
         """What `take` makes of some records at a time.
@@ -152,7 +155,10 @@ class BinaryRecords:
             signed = entry.count_kind.startswith("i")
             count = int.from_bytes(data[at:behind], "little" if self._little else "big", signed=signed)
             if count < 0:
-                raise SceneError(f"{self._label} is damaged: a list of {quoted(element.name)} has {count} entries")
+                raise SceneError(
+                    f"{self._label} is damaged: a list of {quoted(element.name)} has "
+                    f"{counted(count, 'entry', 'entries')}"
+                )
             counts.append(count)
             at = behind + count * entry.entry_bytes
         return places, counts, at

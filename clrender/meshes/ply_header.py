@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import BinaryIO, Final
 
 from clrender.errors import SceneError
-from clrender.wording import quoted
+from clrender.wording import grouped, quoted
 
 __all__ = ["Element", "PlyHeader", "Property", "read_header"]
 
@@ -171,7 +171,7 @@ def _element(words: list[str], label: str) -> Element:
     if not (words[2].isascii() and words[2].isdigit() and len(words[2]) <= 18):
         raise SceneError(f"{label} promises {quoted(words[2])} of element {quoted(words[1])}, which is no number")
     if int(words[2]) > _ELEMENT_LIMIT:
-        text = f"promises {words[2]} of element {quoted(words[1])}, but at most {_ELEMENT_LIMIT} are read"
+        text = f"promises {words[2]} of element {quoted(words[1])}, but at most {grouped(_ELEMENT_LIMIT)} are read"
         raise SceneError(f"{label} {text}")
     return Element(words[1], int(words[2]))
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
+from clrender.wording import grouped
 
 __all__ = ["CORNER_LIMIT", "triangulate"]
 
@@ -109,7 +110,7 @@ def _other_triangles(
         local[at[good]] = turned
         left = left[~good]
     if len(left) and count > CORNER_LIMIT:
-        what = f"has a concave polygon of {count} corners, but at most {CORNER_LIMIT} are split"
+        what = f"has a concave polygon of {count} corners, but at most {grouped(CORNER_LIMIT)} are split"
         raise SceneError(f"{label} {what}; export it as triangles")
     fans: list[int] = []
     for polygon, at_one in zip(left.tolist(), np.searchsorted(others, left).tolist(), strict=True):

@@ -13,7 +13,7 @@ from clrender.errors import OutOfMemory, SceneError
 from clrender.files.named import allowed_file, open_named_file
 from clrender.meshes.data import COORDINATE_LIMIT, CORNER_ARRAYS, MeshData, filled
 from clrender.meshes.vertex_colors import VertexColors
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["FILE_LIMIT", "checked_mesh", "read_mesh", "read_serialized_mesh"]
 
@@ -159,7 +159,10 @@ def _finite(mesh: MeshData) -> MeshData:
             rows = changes.get(name, getattr(mesh, name))
             changes[name] = None if rows is None else rows[kept]
         if not kept.all():
-            said.append(f"{np.count_nonzero(~kept)} triangles have a corner that is not finite: left out")
+            said.append(
+                f"{counted(int(np.count_nonzero(~kept)), 'triangle has', 'triangles have')} a corner that is not "
+                "finite: left out"
+            )
             left_out += 1
     return replace(mesh, **changes, warning="; ".join(said), forgiven=forgiven, left_out=left_out) if changes else mesh
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 from clrender.meshes.data import TRIANGLE_LIMIT, MeshData
+from clrender.wording import counted
 
 __all__ = ["SerializedMesh", "read_serialized"]
 
@@ -161,7 +162,7 @@ def _mesh(stream: _Stream, version: int, label: str) -> SerializedMesh:
             if stream.read(1) == b"\0":
                 break
         else:
-            raise SceneError(f"{label} has a name of more than {_NAME_LIMIT} bytes; shorten it")
+            raise SceneError(f"{label} has a name of more than {counted(_NAME_LIMIT, 'byte')}; shorten it")
     vertices, triangles = struct.unpack("<QQ", stream.read(16))
     for found, what in ((vertices, "vertices"), (triangles, "triangles")):
         if not 0 < found <= TRIANGLE_LIMIT:

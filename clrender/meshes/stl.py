@@ -15,6 +15,7 @@ from clrender.errors import SceneError
 from clrender.meshes.data import TRIANGLE_LIMIT, MeshData
 from clrender.meshes.stl_text import read_facets
 from clrender.meshes.vertex_colors import VertexColors
+from clrender.wording import counted, grouped
 
 __all__ = ["read_stl"]
 
@@ -73,19 +74,20 @@ def _binary(
 ) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Corners (F, 3, 3) and normals (F, 3) of the facets."""
     if count < 0:
-        raise SceneError(f"{label} is no STL file: it has {size} bytes, but a binary one has 84 at least")
+        raise SceneError(f"{label} is no STL file: it has {counted(size, 'byte')}, but a binary one has 84 at least")
     whole, rest = divmod(size - _HEAD, 50)
     if size != _HEAD + 50 * count and whole and (rest == 0 or count <= whole):
         # Writers that do not know the number beforehand, or add something of their own
         known = whole if count == 0 or count > whole else count
-        faults.append(f"says that it holds {count} facets, but has bytes for {whole}: {known} are read")
+        faults.append(f"says that it holds {counted(count, 'facet')}, but has bytes for {whole}: {known} are read")
         count = known
     if count > TRIANGLE_LIMIT:
-        raise SceneError(f"{label} holds {count} triangles, but at most {TRIANGLE_LIMIT} are read")
+        raise SceneError(f"{label} holds {counted(count, 'triangle')}, but at most {grouped(TRIANGLE_LIMIT)} are read")
     promised = _HEAD + 50 * count
     if size < promised:
         raise SceneError(
-            f"{label} is truncated: {count} facets are {promised} bytes, but it has {size}; export it again"
+            f"{label} is truncated: {counted(count, 'facet is', 'facets are')} {counted(promised, 'byte')}, but it "
+            f"has {size}; export it again"
         )
     points, normals = np.empty((count, 3, 3), np.float32), np.empty((count, 3), np.float32)
     colored = b"COLOR=" in head[:80]

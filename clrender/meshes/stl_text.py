@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from clrender.errors import SceneError
 from clrender.meshes.data import TRIANGLE_LIMIT
 from clrender.meshes.text import Block, line_blocks, parse_numbers
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["read_facets"]
 
@@ -59,7 +59,9 @@ def read_facets(file: BinaryIO, label: str) -> tuple[_Floats, _Floats]:
         total += len(numbers)
         last = block.first_line + block.text.count(b"\n") - 1
         if total > TRIANGLE_LIMIT:
-            raise SceneError(f"{label} holds more than {TRIANGLE_LIMIT} triangles; at most that many are read")
+            raise SceneError(
+                f"{label} holds more than {counted(TRIANGLE_LIMIT, 'triangle')}; at most that many are read"
+            )
     if rest:
         raise SceneError(f"{label}: line {last}: the file ends within a facet; it may be cut off: export it again")
     table = np.concatenate(parts) if parts else np.empty((0, 4, 3))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 from clrender.meshes.decimals import decimal_values
+from clrender.wording import counted
 
 __all__ = ["CONTINUATION", "Block", "line_blocks", "parse_numbers", "parse_whole", "word_spans"]
 
@@ -106,7 +107,7 @@ def line_blocks(file: BinaryIO, label: str, first_line: int = 1, obj: bool = Fal
             end = text.rfind(b"\n", 0, end - 1) + 1
         whole, pending = text[:end], text[end:]
         if len(pending) > _LINE_LIMIT:
-            raise SceneError(f"{label}: line {line + whole.count(10)} is longer than {_LINE_LIMIT} bytes")
+            raise SceneError(f"{label}: line {line + whole.count(10)} is longer than {counted(_LINE_LIMIT, 'byte')}")
         if whole:
             block = Block(_joined(whole) if obj else whole, line)
             line += int(np.count_nonzero(np.frombuffer(whole, np.uint8) == ord("\n")))

@@ -12,7 +12,7 @@ from clrender.plugins.header import Header
 from clrender.plugins.kernel_rules import COMMENT, line_faults
 from clrender.plugins.loops import loop_faults
 from clrender.plugins.vocabulary import INCLUDES, Vocabulary, taken_prefix, vocabulary
-from clrender.wording import suggestion
+from clrender.wording import counted, suggestion
 
 __all__ = ["OPTIONAL", "check_code", "signatures"]
 
@@ -116,7 +116,7 @@ def check_code(header: Header, text: str, source: str) -> None:
         faults.setdefault(line, what)
     if faults:
         line = min(faults)
-        more = f" (and {len(faults) - 1} more lines with faults)" if len(faults) > 1 else ""
+        more = f" (and {counted(len(faults) - 1, 'more line', 'more lines')} with faults)" if len(faults) > 1 else ""
         raise UsageError(f"{source}:{line}: {faults[line]}{more}")
 
 

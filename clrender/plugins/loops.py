@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Final
 
+from clrender.wording import counted
+
 __all__ = ["MOST_TURNS", "loop_faults"]
 
 MOST_TURNS: Final = 1024
@@ -58,7 +60,7 @@ def _fault(head: re.Match[str], macros: Mapping[str, str], body: str) -> str:
         return f"a loop has to read {_FORM}"
     turns = (abs(high - low) + 1) // stride
     if turns > MOST_TURNS:
-        return f"this loop has {turns} turns; at most {MOST_TURNS} are possible"
+        return f"this loop has {counted(turns, 'turn')}; at most {MOST_TURNS} are possible"
     rest = body[: head.start()] + body[head.end() :]
     changed = rf"\b{name}\s*(?:[-+*/%&|^]|<<|>>)?=(?!=)|\b{name}\s*(?:\+\+|--)|(?:\+\+|--)\s*{name}\b|&\s*{name}\b"
     for other in _FOR.finditer(rest):  # other loops may count by the same name

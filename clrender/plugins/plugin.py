@@ -12,7 +12,7 @@ from typing import Any, Final
 from clrender.errors import UsageError
 from clrender.plugins.code_rules import check_code
 from clrender.plugins.header import Header, Parameter, header_of
-from clrender.wording import shown
+from clrender.wording import counted, shown
 
 __all__ = ["PLUGIN_FILE_LIMIT", "Plugin", "as_plugins", "combined", "plugin"]
 
@@ -119,7 +119,9 @@ def _read(path: Path) -> str:
             what = "a folder" if path.is_dir() else "no regular file" if path.exists() else "missing"
             raise UsageError(f"{name}: the plugin is {what}; name its .cl file")
         if path.stat().st_size > PLUGIN_FILE_LIMIT:
-            raise UsageError(f"{name}: the plugin is larger than {PLUGIN_FILE_LIMIT} bytes; name its .cl file")
+            raise UsageError(
+                f"{name}: the plugin is larger than {counted(PLUGIN_FILE_LIMIT, 'byte')}; name its .cl file"
+            )
         return path.read_bytes().decode("utf-8")
     except UnicodeDecodeError as error:
         line = error.object.count(b"\n", 0, error.start) + 1

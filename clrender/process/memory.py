@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from clrender.errors import MemoryRefused, UsageError
+from clrender.wording import counted
 
 __all__ = [
     "ERROR_BYTES",
@@ -44,7 +45,7 @@ def shown(nbytes: float) -> str:
     for unit, size in (("GiB", 2**30), ("MiB", 2**20), ("KiB", 2**10)):
         if nbytes >= size:
             return f"{nbytes / size:.1f} {unit}"
-    return f"{int(nbytes)} bytes"
+    return counted(int(nbytes), "byte")
 
 
 def film_bytes(replicates: bool) -> int:

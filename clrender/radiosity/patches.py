@@ -22,6 +22,7 @@ from clrender.radiosity.textured import patch_coordinates, patch_reflectance, te
 from clrender.scene.description import EnvironmentLight, Lambert, Light, Scene
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.values import Vector
+from clrender.wording import counted, grouped
 
 __all__ = ["Patches", "cut_into_patches"]
 
@@ -164,7 +165,8 @@ class Patches:
         if flat.triangle_count != len(self):
             lost = len(self) - flat.triangle_count
             raise SceneError(
-                f"{self.scene.source}: {lost} of {len(self)} patches have no area in single precision; "
+                f"{self.scene.source}: {grouped(lost)} of {counted(len(self), 'patch has', 'patches have')} no area "
+                "in single precision; "
                 "ask for fewer with --patches"
             )
         return flat

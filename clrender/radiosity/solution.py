@@ -27,6 +27,7 @@ from clrender.radiosity.sides import (
 )
 from clrender.radiosity.solve import Balance, gather
 from clrender.radiosity.tracer import MOST_DIRECT_SAMPLES, Stopped, Tracer
+from clrender.wording import counted
 
 if TYPE_CHECKING:
     from clrender.device.device import Device
@@ -158,8 +159,10 @@ def summary(solution: Solution) -> str:
         return "radiosity: stopped before it was solved"
     sums = solution.factors.row_sums()
     text = (
-        f"radiosity: {len(solution.patches)} patches, {len(solution.factors.sides)} sides in use, mean form factor "
-        f"to all others {sums.mean():.3f}; solved in {sum(solution.seconds.values()):.1f} s and {solution.steps} steps"
+        f"radiosity: {counted(len(solution.patches), 'patch', 'patches')}, "
+        f"{counted(len(solution.factors.sides), 'side')} in use, mean form factor "
+        f"to all others {sums.mean():.3f}; solved in {sum(solution.seconds.values()):.1f} s and "
+        f"{counted(solution.steps, 'step')}"
     )
     if solution.unshot > 1e-3:
         text += f"; warning: not converged, {solution.unshot:.1%} of the light is unshot, as surfaces absorb hardly any"

@@ -16,6 +16,7 @@ from clrender.device.radix_sort import launch_each, scan
 from clrender.device.worker import DeviceWorker
 from clrender.errors import UsageError
 from clrender.integrators.descriptor import Pipeline
+from clrender.wording import counted
 
 if TYPE_CHECKING:
     from clrender.device.device import Argument, Buffer, Device
@@ -154,7 +155,9 @@ class Tracer:
     def _all_rays(self, kernel: str, sides: _Uints, rays: int, cells: NDArray[np.float32] | None = None) -> _Uints:
         total = len(sides) * rays
         if total > 2**31:
-            raise UsageError(f"{len(sides)} sides of patches with {rays} rays each are too many; take fewer of either")
+            raise UsageError(
+                f"{counted(len(sides), 'side')} of patches with {rays} rays each are too many; take fewer of either"
+            )
         device, met = self.device, np.empty((len(sides), rays), np.uint32)
         program = self._worker.program(_FORM.entry)
         of, hits = device.upload(sides), device.empty(met.nbytes)

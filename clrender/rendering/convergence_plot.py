@@ -17,6 +17,7 @@ import numpy.typing as npt
 from clrender.drawing.axes import log_axis, plain_number
 from clrender.errors import UsageError
 from clrender.rendering.convergence import ConvergenceRun, ErrorMeasure, Measured, Metric
+from clrender.wording import counted, rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -206,9 +207,9 @@ class ConvergencePlot:
             if known:
                 course = f"{self._number(first)} with {_samples(first)}"
                 course += f" to {self._number(last)} with {_samples(last)}" if last is not first else ""
-                parts.append(f"{name}{course}, in {last.seconds:.3g} seconds.")
+                parts.append(f"{name}{course}, in {rounded(last.seconds)} seconds.")
             else:
-                parts.append(f"{name}{_samples(last)} in {last.seconds:.3g} seconds.")
+                parts.append(f"{name}{_samples(last)} in {rounded(last.seconds)} seconds.")
         name = _NAMES[self._measure.metric][0]
         return " ".join([f"{name[0].upper()}{name[1:]}.", *parts] if known else parts)
 
@@ -262,7 +263,7 @@ def _with_errors(runs: Mapping[str, list[Measured]]) -> dict[str, list[Measured]
 
 
 def _samples(point: Measured) -> str:
-    number = plain_number(float(f"{point.samples:.4g}"))
+    number = rounded(point.samples, 4)
     return f"{number} sample{'' if number == '1' else 's'} per pixel"
 
 
@@ -284,9 +285,9 @@ def _guide(axes: Axes, values: list[float], through: tuple[float, float], slope:
 
 def _summary(points: list[Measured]) -> str:
     last = points[-1] if points else None
-    told = "" if last is None else f", {last.samples:.4g} samples per pixel after {last.seconds:.3g} s"
+    told = "" if last is None else f", {_samples(last)} after {rounded(last.seconds)} s"
     error = "" if last is None or last.error is None else f", relative error {last.error:.3g}"
-    return f"{len(points)} points{told}{error}"
+    return f"{counted(len(points), 'point')}{told}{error}"
 
 
 def _table(runs: Mapping[str, list[Measured]]) -> str:
@@ -297,7 +298,7 @@ def _table(runs: Mapping[str, list[Measured]]) -> str:
         step = max(1, len(points) // _TABLE_ROWS)
         for p in points[(len(points) - 1) % step :: step]:  # the last one among them
             cells = [label] if named else []
-            cells += [f"{p.samples:.4g}", f"{p.seconds:.3g}"]
+            cells += [rounded(p.samples, 4), rounded(p.seconds)]
             cells += ["" if p.error is None else f"{p.error:.3g}"] if known else []
             rows.append(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>")
     header = [*(["run"] if named else []), "samples per pixel", "seconds", *(["relative error"] if known else [])]

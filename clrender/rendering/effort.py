@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from clrender.wording import counted
+
 if TYPE_CHECKING:
     from clrender.rendering.job import RenderJob
 
@@ -23,20 +25,27 @@ class _Paths(NamedTuple):
     cure: str
 
 
+def _light_paths(job: RenderJob) -> int:
+    return job.settings.light_paths or job.settings.width * job.settings.height
+
+
 _PATHS: Final[Mapping[str, _Paths]] = {
     "photon": _Paths(
         lambda job: job.settings.photons * job.sample_count,
-        lambda job: f"{job.settings.photons} photons for each sample",
+        lambda job: f"{counted(job.settings.photons, 'photon')} for each sample",
         "--photons N sets their number",
     ),
     "bdpt": _Paths(
-        lambda job: (job.settings.light_paths or job.settings.width * job.settings.height) * job.sample_count,
-        lambda job: f"{job.settings.light_paths} light paths for each sample",
+        lambda job: _light_paths(job) * job.sample_count,
+        lambda job: f"{counted(_light_paths(job), 'light path')} for each sample",
         "--light-paths N sets their number",
     ),
     "radiosity": _Paths(
         lambda job: job.settings.patches * job.settings.patch_rays,
-        lambda job: f"{job.settings.patch_rays} rays from each of about {job.settings.patches} patches",
+        lambda job: (
+            f"{counted(job.settings.patch_rays, 'ray')} from each of about "
+            f"{counted(job.settings.patches, 'patch', 'patches')}"
+        ),
         "--patches N and --patch-rays N set their numbers",
     ),
 }

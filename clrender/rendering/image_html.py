@@ -15,6 +15,7 @@ import numpy.typing as npt
 from clrender.aov import LABELS, MATTES
 from clrender.image.display import jpeg_bytes, png_bytes
 from clrender.image.tone_map import LUMINANCE, to_display
+from clrender.wording import grouped, rounded
 
 __all__ = ["IMAGE_SIDE", "LAYER_SIDE", "ShownImage", "image_html", "shrunk"]
 
@@ -230,19 +231,19 @@ def _numbers(stats: Mapping[str, Any]) -> list[tuple[str, str]]:
 
     def number(key: str, words: str) -> list[str]:
         value = stats.get(key)
-        return [] if value is None else [f"{value:.4g}{words}"]
+        return [] if value is None else [f"{rounded(value, 4)}{words}"]
 
     devices = [str(device["name"]) for device in stats.get("devices", [])]
     taken = stats.get("samples", 0) / max(stats.get("width", 0) * stats.get("height", 0), 1)
     rows = {
         "Integrator": [str(stats["integrator"])] if "integrator" in stats else [],
-        "Samples per pixel": [f"{taken:.4g}"] if taken else [],
+        "Samples per pixel": [rounded(taken, 4)] if taken else [],
         "Seed": [str(stats["seed"])] if "seed" in stats else [],
         "Standard error of the mean": _means(stats.get("mean_stderr")),
         "Devices": devices,
         "Time": number("render_seconds", " s"),
         "Speed": number("msamples_per_second", " million samples/s") + number("mrays_per_second", " million rays/s"),
-        "Samples that were not finite": [str(stats["nonfinite_samples"])] if stats.get("nonfinite_samples") else [],
+        "Samples that were not finite": [grouped(stats["nonfinite_samples"])] if stats.get("nonfinite_samples") else [],
         "SHA-256": [str(stats["image_sha256"])] if "image_sha256" in stats else [],
         "Version": [str(stats["version"])] if "version" in stats else [],
     }

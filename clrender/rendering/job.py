@@ -26,6 +26,7 @@ from clrender.scene import Camera, Scene
 from clrender.scene.portable import scene_from_portable, scene_to_portable
 from clrender.settings import REPLICATE_SPP, RenderSettings, check_memory, present, settings_for
 from clrender.version import __version__
+from clrender.wording import counted
 
 if TYPE_CHECKING:
     from clrender.guiding.field import GuidingField
@@ -179,8 +180,9 @@ class RenderJob:
             size = settings.replicate_spp or REPLICATE_SPP
             if stop - first < 2 * size:
                 raise UsageError(
-                    f"aov: standard errors take two replicates or more, and {stop - first} samples are fewer than two "
-                    f"of {size}; ask for {2 * size} samples or more, or for smaller replicates"
+                    "aov: standard errors take two replicates or more, and "
+                    f"{counted(stop - first, 'sample is', 'samples are')} fewer than two "
+                    f"of {size}; ask for {counted(2 * size, 'sample')} or more, or for smaller replicates"
                 )
             if settings.replicate_spp is None:
                 settings = dataclasses.replace(settings, replicate_spp=size)
@@ -262,10 +264,12 @@ class RenderJob:
         whole = self.settings.replicate_spp or 1
         parts = self.sample_count // whole
         if count > parts:
-            what = "samples" if whole == 1 else f"replicates of {whole} samples"
+            held = counted(parts, "sample")
+            if whole > 1:
+                held = counted(parts, f"replicate of {whole} samples", f"replicates of {whole} samples")
             raise UsageError(
-                f"shard {number}/{count}: {parts} {what} a pixel make at most {parts} shards; ask for fewer shards or "
-                "for more samples"
+                f"shard {number}/{count}: {held} a pixel {'makes' if parts == 1 else 'make'} at most "
+                f"{counted(parts, 'shard')}; ask for fewer shards or for more samples"
             )
         if self.settings.error is not None:
             raise UsageError(
@@ -444,7 +448,9 @@ def _check_parts(settings: RenderSettings, first: int, stop: int) -> None:
     """Check that a range of samples holds whole replicates, and all samples if the render stops by its error."""
     whole = settings.replicate_spp or 1
     if first % whole or stop % whole:
-        raise UsageError(f"samples is {(first, stop)}; with replicates of {whole} samples both must be multiples of it")
+        raise UsageError(
+            f"samples is {(first, stop)}; with replicates of {counted(whole, 'sample')} both must be multiples of it"
+        )
     if settings.error is not None and (first, stop) != (0, settings.spp):
         raise UsageError(f"samples is {(first, stop)}; a render that stops by its error takes all of them, from 0 on")
 

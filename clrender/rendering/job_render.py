@@ -64,6 +64,7 @@ from clrender.scheduling.run import Tally, WorkerTally, run
 from clrender.scheduling.tally import failures_told
 from clrender.scheduling.until_converged import run_until_converged
 from clrender.spectra.kernel_table import band_edges
+from clrender.wording import counted, grouped
 
 if TYPE_CHECKING:
     from clrender.device.preparation import DevicePreparation
@@ -75,6 +76,8 @@ __all__ = ["JobRender", "Recorded"]
 
 STAND_INS: Final = True
 """Whether programs for any scene may trace samples while a scene's own is not compiled."""
+
+_LIGHTS_OF_SHAPES: Final = (layout.LIGHT_AREA_TRIANGLE, layout.LIGHT_AREA_SPHERE, layout.LIGHT_AREA_DISK)
 
 _LIVE_SECONDS: Final = 0.008
 """Target duration of a launch in interactive rendering, where a different image may be requested at any time."""
@@ -445,14 +448,24 @@ class JobRender:
         stats = image.stats
         if lost := stats["nonfinite_samples"]:
             self._residency.tell(
-                f"warning: {lost} of {stats['samples']} samples were not finite, or brighter than 2^43, and are left "
+                f"warning: {grouped(lost)} of {counted(stats['samples'], 'sample')} "
+                f"{'was' if lost == 1 else 'were'} not finite, or brighter than 2^43, and left "
                 "out: the image is too dark where they were"
             )
         elif (flat.light_count or flat.environment != layout.NONE) and stats["samples"] and not image.linear.any():
-            self._residency.tell(
-                "warning: every pixel is black: no light reaches the camera. A shape emits light from its front only, "
-                "on which its corners are in counter-clockwise order"
+            if self._lost(flat) or flat.lost_in_fog:
+                return  # that was said when the scene was read, and why
+            of_shapes = np.isin(flat.arrays["lights"]["kind"][: flat.light_count], _LIGHTS_OF_SHAPES).any()
+            cure = (
+                "A shape emits light from its front only, on which its corners are in counter-clockwise order"
+                if of_shapes
+                else "`clrender view` shows from elsewhere what stands between"
             )
+            self._residency.tell(f"warning: every pixel is black: no light reaches the camera. {cure}")
+
+    def _lost(self, flat: FlatScene) -> str:
+        """What is to be said of light that the integrator does not find."""
+        return flat.lost_by(self._settings.integrator, self._settings.specular_chains == "on")
 
     def part(self, wanted: Ledger, check: Callable[[Mapping[str, Any]], None]) -> Film:
         """Render only some samples of some blocks of pixels.
@@ -516,7 +529,7 @@ class JobRender:
             flat = self._residency.flat(self._job)
         flattened = memory["read_peak_rss_bytes"] if known else peak_rss()
         memory |= {"flatten_peak_rss_bytes": flattened, "flat_bytes": flat.nbytes}
-        for line in flat.messages:
+        for line in flat.messages_with(self._lost(flat)):
             self._residency.tell(line)
         if flat.film is not None and not self._job.settings.spectral:
             self._residency.tell("warning: the response of the camera counts with wavelengths only; set spectral")

@@ -8,6 +8,7 @@ from clrender.report.founding import GROUPS, TITLE
 from clrender.report.results import Results
 from clrender.report.wording import percent, significant
 from clrender.version import __version__
+from clrender.wording import counted
 
 __all__ = ["differences", "introduction", "method"]
 
@@ -60,7 +61,8 @@ def method(results: Results) -> list[str]:
         "render measures how many paths end on lights. Table 1 shows the deepest paths that resulted. Depth counts "
         "scattering events, including the one that the last shadow ray serves.",
         "Noise is relMSE, the mean over pixels and channels of (x − r)² / (r² + 0.01), against a reference r of "
-        f"{results.reference_samples} samples per pixel, with other seeds and clrender's roulette. The reference is "
+        f"{counted(results.reference_samples, 'sample')} per pixel, with other seeds and clrender's roulette. The "
+        "reference is "
         "the mean of two renders, whose difference gives its own relMSE "
         f"({significant(results.reference_noise, 2)}), which is subtracted. Intervals are 95 % t-intervals, each by "
         "itself. They assume that runs are independent, which their seeds ensure, and that their means are normally "

@@ -17,7 +17,7 @@ from clrender.image.pictures import Picture
 from clrender.image.texel_tiles import TILE_BYTES, StoredPicture, fill_tiles, picture_sha256, tile_count
 from clrender.meshes.data import COORDINATE_LIMIT, CORNER_ARRAYS, TRIANGLE_LIMIT, MeshData
 from clrender.scene.environment import EnvironmentPicture
-from clrender.wording import quoted, shown, suggestion
+from clrender.wording import counted, grouped, quoted, shown, suggestion
 
 __all__ = ["environment_of_array", "grid_of_array", "mesh_of_arrays", "picture_of_array", "strands_of_array"]
 
@@ -143,10 +143,14 @@ def mesh_of_arrays(name: str, given: Mapping[str, Any], former: MeshData | None)
         raise SceneError(f"{place}: vertices have numbers that are not finite, or beyond {COORDINATE_LIMIT:g} metres")
     faces = _faces(given["faces"], f"{place}: faces") if "faces" in given else former.triangles  # type: ignore[union-attr]
     if len(faces) and int(faces.max()) >= len(vertices):
-        text = f"faces have the index {int(faces.max())}, but there are {len(vertices)} vertices"
+        text = (
+            f"faces have the index {int(faces.max())}, but the mesh has {counted(len(vertices), 'vertex', 'vertices')}"
+        )
         raise SceneError(f"{place}: {text}; indices count from 0")
     if max(len(vertices), len(faces)) > TRIANGLE_LIMIT:
-        raise SceneError(f"{place}: has more than {TRIANGLE_LIMIT} vertices or faces, which is the most; divide it")
+        raise SceneError(
+            f"{place}: has more than {grouped(TRIANGLE_LIMIT)} vertices or faces, which is the most; divide it"
+        )
     if moves and former is not None and former.normals is not None and "normals" not in given:
         raise SceneError(f"{place}: has normals, which do not follow its vertices; give new ones, or None for none")
     arrays: dict[str, Any] = {"vertices": vertices, "triangles": faces}
@@ -182,7 +186,7 @@ def _normals(given: Mapping[str, Any], former: MeshData | None, count: int, plac
         return None
     array = _rows(given["normals"], f"{place}: normals", 3)
     if len(array) != count:
-        raise SceneError(f"{place}: there are {len(array)} normals, but {count} vertices")
+        raise SceneError(f"{place}: it has {counted(len(array), 'normal')}, but {counted(count, 'vertex', 'vertices')}")
     if not np.isfinite(array).all():
         raise SceneError(f"{place}: normals have numbers that are not finite")
     return array
@@ -195,7 +199,9 @@ def _corners(
     if key not in given:
         kept: npt.NDArray[np.float32] | None = None if former is None else getattr(former, key)
         if kept is not None and len(kept) != len(faces):
-            raise SceneError(f"{place}: has {key} of {len(kept)} faces, but there are {len(faces)}; give {key} as well")
+            raise SceneError(
+                f"{place}: has {key} of {counted(len(kept), 'face')}, but there are {len(faces)}; give {key} as well"
+            )
         return kept
     if given[key] is None:
         return None
@@ -239,7 +245,9 @@ def picture_of_array(name: str, value: Any) -> tuple[StoredPicture, npt.NDArray[
         raise SceneError(f"{where} has the shape {kind}, but must have {text}")
     height, width, channels = array.shape
     if max(height, width) > _SIDE_LIMIT:
-        raise SceneError(f"{where} has {width} x {height} pixels, but at most {_SIDE_LIMIT} a side are possible")
+        raise SceneError(
+            f"{where} has {width} x {height} pixels, but at most {grouped(_SIDE_LIMIT)} a side are possible"
+        )
     if coding in ("half", "float") and not np.isfinite(array).all():
         raise SceneError(f"{where} has numbers that are not finite")
     if coding == "half":

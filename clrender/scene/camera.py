@@ -23,6 +23,7 @@ from clrender.scene.camera_motion import CameraMotion, CameraTrack
 from clrender.scene.poses import TIME_LIMIT, Seconds
 from clrender.scene.spectra import Response
 from clrender.scene.values import Finite, Flag, Length, Part, Row, Vector, cross, fault, length
+from clrender.wording import counted
 
 __all__ = ["Camera", "Distortion"]
 
@@ -82,7 +83,7 @@ class Distortion(Part):
     def _has_what_its_model_has(self) -> Distortion:
         most = _TERMS[self.model]
         if len(self.k) > most:
-            raise fault("distortion", f"has {len(self.k)} numbers, but {self.model} has at most {most}", "k")
+            raise fault("distortion", f"has {counted(len(self.k), 'number')}, but {self.model} has at most {most}", "k")
         if self.model == "kannala-brandt" and any(self.p):
             raise fault("distortion", "is for the model brown-conrady only; leave it out", "p")
         return self

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError
 from clrender.errors import SceneError
 from clrender.scene.former_keys import present_keys
 from clrender.scene.validation_errors import scene_error
-from clrender.wording import place, quoted, shown, suggestion
+from clrender.wording import counted, place, quoted, shown, suggestion
 
 __all__ = ["changes_by_place", "plain", "with_changes"]
 
@@ -169,7 +169,9 @@ def _list(node: tuple[Any, ...] | list[Any], changes: Changes, at: Place, source
         index = int(step) if isinstance(step, int) or step.isdecimal() else -1
         new = isinstance(change, _New) and change.value is not None
         if not 0 <= index < len(entries) + new:
-            has = f"has {len(node)} entries, from [0] on; the index after the last one adds an entry"
+            has = (
+                f"has {counted(len(node), 'entry', 'entries')}, from [0] on; the index after the last one adds an entry"
+            )
             raise SceneError(f"{source}: {place((*at, step))} is not there: {place(at)} {has}")
         if not isinstance(change, _New):
             entries[index] = with_changes(entries[index], change, (*at, index), source)

@@ -9,6 +9,7 @@ from pydantic import AliasChoices, Field, create_model, model_validator
 from clrender.integrators import INTEGRATORS
 from clrender.scene.values import Part, SettingValue, fault
 from clrender.settings import PIXEL_LIMIT, SETTINGS, Setting, not_taken
+from clrender.wording import counted, grouped
 
 __all__ = ["Image", "Render"]
 
@@ -31,8 +32,8 @@ class _Size(Part):
     def _fits(self) -> _Size:
         assert isinstance(self, Image)
         if self.width * self.height > PIXEL_LIMIT:
-            size = f"{self.width} x {self.height} is {self.width * self.height} pixels"
-            raise fault("image", f"is too large: {size}, but {PIXEL_LIMIT} is the most")
+            size = f"{self.width} x {self.height} is {counted(self.width * self.height, 'pixel')}"
+            raise fault("image", f"is too large: {size}, but {grouped(PIXEL_LIMIT)} is the most")
         return self
 
 

@@ -20,6 +20,7 @@ from clrender.scene.poses import Motion
 from clrender.scene.shapes import AnyShape, Shape, Transform
 from clrender.scene.transforms import affine
 from clrender.scene.values import INLINE_LIMIT, SHAPE_LIMIT, FileName, Matrix, Name, Part, fault
+from clrender.wording import counted, grouped
 
 __all__ = ["INSTANCE_LIMIT", "Group", "Instance", "ShapeOrInstance", "TransformArray"]
 
@@ -160,7 +161,9 @@ class TransformArray:
             text = f"holds an array {shape} of {kind}, but must hold (n, 3, 4) or (n, 4, 4) floating-point"
             raise SceneError(f"{place} {text} numbers")
         if shape[0] > INSTANCE_LIMIT:
-            raise SceneError(f"{place} holds {shape[0]} transforms, but {INSTANCE_LIMIT} is the most")
+            raise SceneError(
+                f"{place} holds {counted(shape[0], 'transform')}, but {grouped(INSTANCE_LIMIT)} is the most"
+            )
 
     @classmethod
     def of(cls, instance: Instance) -> TransformArray:

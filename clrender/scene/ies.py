@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from clrender.errors import SceneError
 from clrender.files.named import open_named_file
 from clrender.scene.values import POWER_LIMIT
-from clrender.wording import quoted
+from clrender.wording import counted, grouped, quoted
 
 __all__ = ["IesProfile", "ies_text", "read_ies"]
 
@@ -211,7 +211,10 @@ class _Numbers:
         if value != int(value) or value < least:
             self.fail(f"{what} is {value:g}; it must be a whole number of at least {least}")
         if value > left:
-            self.fail(f"{what} is {value:g}, but only {left} numbers follow; the file may be cut off: get it again")
+            self.fail(
+                f"{what} is {value:g}, but only {counted(left, 'number follows', 'numbers follow')}; the file may "
+                "be cut off: get it again"
+            )
         return int(value)
 
     def several(self, what: str, count: int) -> _Floats:
@@ -258,7 +261,7 @@ def _profile(numbers: _Numbers, year: int, tilt: _Floats) -> IesProfile:
     verticals = numbers.count("the number of vertical angles", 2)
     horizontals = numbers.count("the number of horizontal angles", 1)
     if verticals * horizontals > _COUNT_LIMIT:
-        numbers.fail(f"{verticals} times {horizontals} intensities are too many; {_COUNT_LIMIT} is the most")
+        numbers.fail(f"{verticals} times {horizontals} intensities are too many; {grouped(_COUNT_LIMIT)} is the most")
     photometry = numbers.number("the photometric type")
     if photometry != 1.0:
         known = _TYPES.get(int(photometry)) if photometry in _TYPES else None

@@ -60,7 +60,8 @@ def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) ->
     for folder in folders:
         if not folder.is_dir():
             raise SceneError(f"{quoted(str(folder))} is no folder, so nothing in it can be allowed")
-    source = ascii(str(path))[1:-1]
+    builtin = path.parent == scenes_folder() and path != Path(path_or_name)
+    source = str(path_or_name) if builtin else ascii(str(path))[1:-1]  # as typed, wherever it is installed
     content = parsed_file(path, source)
     try:
         scene = Scene.model_validate(content)
@@ -103,7 +104,8 @@ def _located(path_or_name: str | Path) -> Path:
     if path.suffix.lower() in (".toml", ".json"):
         return path
     if builtin and not path.exists():
-        raise SceneError(f"there is no built-in scene {quoted(text)}{suggestion(text, builtin_names())}")
+        known = suggestion(text, builtin_names()) or "; `clrender scenes` lists them; files have endings"
+        raise SceneError(f"there is no built-in scene {quoted(text)}{known}")
     raise SceneError(f"{quoted(text)} is no scene: name a .toml or .json file, or a built-in scene (`clrender scenes`)")
 
 

@@ -26,7 +26,7 @@ from clrender.image.texel_tiles import (
     tiled_picture,
 )
 from clrender.scene.textures import AnyTexture, Checker, Ramp
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["TexelStore"]
 
@@ -83,7 +83,7 @@ class TexelStore:
         for name, label in places.items():
             room += tile_count(drawn[name]) if name in drawn else files.mosttile_count(name, label)
             if room * TILE_BYTES > _BYTES_LIMIT:
-                text = f"more than {_BYTES_LIMIT} bytes of texels, which is the most; use smaller pictures"
+                text = f"more than {counted(_BYTES_LIMIT, 'byte')} of texels, which is the most; use smaller pictures"
                 raise SceneError(f"{label} and the scene's other pictures need {text}")
         self._used = 0
         try:

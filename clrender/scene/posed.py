@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.errors import SceneError
-from clrender.wording import place
+from clrender.wording import counted, place
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -67,7 +67,7 @@ def pose_meshes(scene: SceneContents, at: _Place, shape: Mesh) -> list[MeshData]
         key = "vertices" if shape.file is None else "file"
         where = f"{scene.source}: {place((*here, key))}"
         if len(posed.vertices) != len(own.vertices):
-            text = f"has {len(posed.vertices)} vertices, and the mesh has {len(own.vertices)}"
+            text = f"has {counted(len(posed.vertices), 'vertex', 'vertices')}, and the mesh has {len(own.vertices)}"
             raise SceneError(f"{where} {text}; a pose moves the vertices of one mesh")
         if not np.array_equal(posed.triangles, own.triangles):
             raise SceneError(f"{where} has other triangles than the mesh; a pose moves the vertices of one mesh")

@@ -26,6 +26,7 @@ from clrender.scene.values import (
     fault,
     length,
 )
+from clrender.wording import counted
 
 __all__ = [
     "AnyShape",
@@ -232,7 +233,10 @@ class Mesh(Surface):
                 key = "file" if self.file is not None else "vertices"
                 raise fault("mesh", f"needs `{key}`, as the mesh itself has", "poses", number)
             if self.file is None and len(pose.vertices) != len(self.vertices):
-                text = f"has {len(pose.vertices)} entries, but the mesh has {len(self.vertices)} vertices"
+                text = (
+                    f"has {counted(len(pose.vertices), 'entry', 'entries')}, but the mesh has "
+                    f"{counted(len(self.vertices), 'vertex', 'vertices')}"
+                )
                 raise fault("mesh", text, "poses", number, "vertices")
         return self
 
@@ -251,7 +255,11 @@ class Mesh(Surface):
             if key not in given:
                 raise fault("mesh", f"has no `{key}`; an inline mesh needs both `vertices` and `faces`")
             if len(getattr(self, key)) < least:
-                raise fault("mesh", f"has {len(getattr(self, key))} entries, but at least {least} are needed", key)
+                raise fault(
+                    "mesh",
+                    f"has {counted(len(getattr(self, key)), 'entry', 'entries')}, but at least {least} are needed",
+                    key,
+                )
         for i, face in enumerate(self.faces):
             for j, corner in enumerate(face):
                 if corner >= len(self.vertices):
@@ -259,7 +267,10 @@ class Mesh(Surface):
                     raise fault("mesh", text, "faces", i, j)
         for key in ("uvs", "uvs_1", "colors"):
             if getattr(self, key) and len(getattr(self, key)) != len(self.vertices):
-                text = f"has {len(getattr(self, key))} entries, but there are {len(self.vertices)} vertices"
+                text = (
+                    f"has {counted(len(getattr(self, key)), 'entry', 'entries')}, but the mesh has "
+                    f"{counted(len(self.vertices), 'vertex', 'vertices')}"
+                )
                 raise fault("mesh", text, key)
         return self
 
@@ -312,12 +323,15 @@ class Curves(Surface):
         if self.file is not None and self.counts:
             raise fault("curves", "is for `points`; a file has its own strands", "counts")
         if self.counts and sum(self.counts) != len(self.points):
-            text = f"add up to {sum(self.counts)}, but there are {len(self.points)} points"
+            text = f"add up to {sum(self.counts)}, but the curves have {counted(len(self.points), 'point')}"
             raise fault("curves", text, "counts")
         if self.file is None and not self.radius:
             raise fault("curves", "is missing; give a number of metres", "radius")
         if self.file is None and len(self.radius) not in (1, 2, len(self.points)):
-            text = f"has {len(self.radius)} entries; give one, two for roots and tips, or {len(self.points)}"
+            text = (
+                f"has {counted(len(self.radius), 'entry', 'entries')}; give one, two for roots and tips, or "
+                f"{len(self.points)}"
+            )
             raise fault("curves", text, "radius")
         if self.radius and max(self.radius) == 0.0:
             raise fault("curves", "is 0, which nothing can be seen of; give a number of metres", "radius")
@@ -327,7 +341,7 @@ class Curves(Surface):
             if not any(normal):
                 raise fault("curves", "is zero, which has no direction", "normals", index)
         if self.file is None and len(self.normals) not in (0, 1, len(self.points)):
-            text = f"has {len(self.normals)} entries; give one, or {len(self.points)}"
+            text = f"has {counted(len(self.normals), 'entry', 'entries')}; give one, or {len(self.points)}"
             raise fault("curves", text, "normals")
         if self.emission is not None:
             raise fault("curves", "is not for curves, which cannot shine; leave it out", "emission")

@@ -37,6 +37,7 @@ from clrender.spectra.colors import table_wavelengths
 from clrender.spectra.film import film_color, reflectance_film_weights, sensor_table
 from clrender.spectra.glasses import GLASSES, LINE_D, abbe_indices, cauchy_indices, sellmeier_indices
 from clrender.spectra.illuminants import ILLUMINANTS, blackbody_spectrum, illuminant_spectrum
+from clrender.wording import counted
 
 __all__ = [
     "Coefficient",
@@ -66,7 +67,7 @@ _Wavelengths: TypeAlias = Annotated[
 
 def _check_table(wavelengths: tuple[float, ...], values: tuple[float, ...]) -> None:
     if len(wavelengths) != len(values):
-        counts = f"{len(wavelengths)} wavelengths and {len(values)} values"
+        counts = f"{counted(len(wavelengths), 'wavelength')} and {counted(len(values), 'value')}"
         raise fault("spectrum", f"has {counts}; give a value for each wavelength", "values")
     if any(b <= a for a, b in pairwise(wavelengths)):
         raise fault("spectrum", "have to ascend; sort them, and leave out repeated ones", "wavelengths")
@@ -143,7 +144,10 @@ class Response(Part):
         _check_table(self.wavelengths, self.wavelengths)
         for key in ("red", "green", "blue"):
             if len(getattr(self, key)) != len(self.wavelengths):
-                counts = f"has {len(getattr(self, key))} numbers, and there are {len(self.wavelengths)} wavelengths"
+                counts = (
+                    f"has {counted(len(getattr(self, key)), 'number')}, and there are "
+                    f"{counted(len(self.wavelengths), 'wavelength')}"
+                )
                 raise fault("response", f"{counts}; give one for each", key)
             if not self._table(key).any():
                 raise fault("response", "sees nothing from 360 to 830 nm; give the numbers of a sensor", key)
@@ -313,7 +317,7 @@ class Dispersion(Part):
             raise fault("dispersion", "needs one of glass, abbe, cauchy, sellmeier and a table")
         _check_table(self.wavelengths, self.values)
         if self.sellmeier is not None and len(self.sellmeier) % 2:
-            raise fault("dispersion", f"has {len(self.sellmeier)} numbers; give a C for each B", "sellmeier")
+            raise fault("dispersion", f"has {counted(len(self.sellmeier), 'number')}; give a C for each B", "sellmeier")
         if self.abbe is None:
             self._check(self._indices(table_wavelengths(), 1.0), given[0])
         return self

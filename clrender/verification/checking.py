@@ -22,6 +22,7 @@ from clrender.limits import checked_path
 from clrender.plugins import Plugin, as_plugins
 from clrender.rendering.job import RenderJob
 from clrender.rendering.session import Session
+from clrender.rendering.telling import once
 from clrender.scene import Scene, builtin_names
 from clrender.verification.claim import Claim, claim_of
 from clrender.verification.confidence import SampledCheck
@@ -141,7 +142,7 @@ def verify(
     found = _scene(path, claim, scene, environment, allow_paths).with_plugins(allowed)
     check_plugins(str(path), claim.request.get("plugins", {}), found.plugins)
     job = _job(path, claim, found, guiding_field)
-    with Session(device, notify=notify) as session:
+    with Session(device, notify=once(notify)) as session:
         film = session.render_part(job, wanted, lambda here: _check(path, claim, here), on_progress)
     comparison = Comparison.of(claim, film, [_rectangle(claim, tile) for tile in chosen.tolist()])
     faults = [explanation(comparison)] if comparison.differing else []

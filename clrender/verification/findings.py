@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import numpy.typing as npt
 
+from clrender.wording import counted, grouped
+
 if TYPE_CHECKING:
     from clrender.film import Film
     from clrender.verification.claim import Claim
@@ -74,7 +76,7 @@ def explanation(comparison: Comparison) -> str:
     where = f"columns {left} to {right - 1} of rows {top} to {bottom - 1}"
     if len(comparison.pixels) == 1:
         where = "the pixel in column {} of row {}".format(*comparison.pixels[0])
-    first = f"{wrong} of {checked} tiles rendered again {'differs' if wrong == 1 else 'differ'}"
+    first = f"{grouped(wrong)} of {counted(checked, 'tile')} rendered again {'differs' if wrong == 1 else 'differ'}"
     first += f", first {where}" if wrong > 1 else f": {where}"
     if comparison.relative == 0.0:
         return f"{first}, in their squares, on which error estimates rest, and not in the image: the file was changed"

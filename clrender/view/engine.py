@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from clrender.errors import DeviceError, UsageError
+from clrender.image.tone_map import check_display
 from clrender.process.driver_threads import driver_thread
 from clrender.rendering.rendered_image import Progress, RenderedImage
 from clrender.rendering.session import Session
@@ -54,6 +55,10 @@ class Engine:
         To read the scene anew from when its files change.
     outputs : sequence of path
         Files that a viewer may have written; no others are.
+    tone_map : str
+        How viewers show the image at first: one of `clrender.image.tone_map.TONE_MAPS`.
+    exposure : float
+        At first, stops, in addition to that of the camera; from -128 to 128.
     background : bool
         Whether to render at a low priority, so that a browser on the same machine stays responsive. The threads of a
         CPU driver keep it for as long as the process lives.
@@ -75,9 +80,13 @@ class Engine:
         device: Any = None,
         source: Source | None = None,
         outputs: Sequence[str | Path] = (),
+        tone_map: str = "srgb",
+        exposure: float = 0.0,
         background: bool = False,
         **settings: Any,
     ) -> None:
+        check_display(tone_map, exposure)
+        self._look = {"tone_map": tone_map, "exposure": float(exposure)}
         self.frames = Frames()
         self._broadcaster = Broadcaster()
         self._status = StatusReporter(self._broadcaster)
@@ -93,7 +102,7 @@ class Engine:
             session, self._device = opener.submit(self._opened, device).result()
         self._progressive = Progressive(session, self._status.frame_available, self._launch_done)
         self._progressive.restart(self._edited.job, {})
-        self._broadcaster.retain("hello", tables.hello([], list(self._outputs)))
+        self._broadcaster.retain("hello", tables.hello([], list(self._outputs), self._look))
         self._broadcaster.send("scene", tables.scene(self._edited))
         self._send_state()
         self._thread = driver_thread(self._render_loop, name="clrender view")
@@ -416,5 +425,5 @@ class Engine:
             return
         importlib.import_module("clrender.view.tracer")  # so that no image waits for it later
         devices = tables.devices()
-        self._broadcaster.retain("hello", tables.hello(devices, list(self._outputs)))
+        self._broadcaster.retain("hello", tables.hello(devices, list(self._outputs), self._look))
         self._broadcaster.send("devices", {"devices": devices})

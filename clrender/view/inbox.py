@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from clrender.errors import UsageError
 from clrender.view.messages import Message, MoveCamera
+from clrender.wording import counted
 
 if TYPE_CHECKING:
     from clrender.view.viewer import Viewer
@@ -53,7 +54,7 @@ class Inbox:
                 merged = {**last.camera, **message.camera}
                 self._messages[-1] = viewer, message.model_copy(update={"camera": merged})
             elif len(self._messages) >= _MOST:
-                raise UsageError(f"{_MOST} messages wait already; send fewer at a time")
+                raise UsageError(f"{counted(_MOST, 'message')} wait already; send fewer at a time")
             else:
                 self._messages.append((viewer, message))
             self._changed.notify_all()

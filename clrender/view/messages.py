@@ -12,6 +12,7 @@ from clrender.image.tone_map import TONE_MAPS
 from clrender.meshes.data import COORDINATE_LIMIT
 from clrender.view.environments import KINDS
 from clrender.view.lights import ADDED
+from clrender.wording import counted
 
 __all__ = [
     "MESSAGE_BYTES",
@@ -274,7 +275,7 @@ def parse(text: str) -> _Any:
         It is none, in one sentence.
     """
     if len(text) > MESSAGE_BYTES or len(text.encode(errors="replace")) > MESSAGE_BYTES:
-        raise UsageError(f"a message has at most {MESSAGE_BYTES} bytes")
+        raise UsageError(f"a message has at most {counted(MESSAGE_BYTES, 'byte')}")
     try:
         return _adapter().validate_json(text)
     except ValidationError as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from clrender.errors import ClrenderError
@@ -28,7 +28,7 @@ _MOST_LIGHTS: Final = 200
 """Lights and shining shapes that are listed."""
 
 
-def hello(known: Sequence[dict[str, Any]], saves: Sequence[str]) -> dict[str, Any]:
+def hello(known: Sequence[dict[str, Any]], saves: Sequence[str], look: Mapping[str, Any]) -> dict[str, Any]:
     """What does not change while a view runs.
 
     Parameters
@@ -37,6 +37,8 @@ def hello(known: Sequence[dict[str, Any]], saves: Sequence[str]) -> dict[str, An
         As of `devices`; empty while they are being looked for.
     saves : sequence of str
         Names of files that may be written.
+    look : mapping
+        ``tone_map`` and ``exposure`` with which pages begin.
     """
     needs = {"stderr": "replicates", "error": "replicates"}
     no_denoiser = importlib.util.find_spec("pyoidn") is None
@@ -75,6 +77,7 @@ def hello(known: Sequence[dict[str, Any]], saves: Sequence[str]) -> dict[str, An
         ],
         "install_denoiser": install_command("denoise") if no_denoiser else "",
         "tone_maps": list(TONE_MAPS),
+        "look": dict(look),
         "saves": list(saves),
         "light_kinds": list(ADDED),
         "limits": {"message_bytes": MESSAGE_BYTES},

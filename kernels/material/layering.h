@@ -180,10 +180,9 @@ static void layering_film_averages(const Closure* c, const Parameters* p, vec3* 
     vec3 metals = vec3_all(0.0f), layers = vec3_all(0.0f);
     for (int i = 0; i < LAYERING_FILM_NODES; ++i) {
         const vfloat cosine = splat(LAYERING_FILM_COSINES[i]), weight = splat(LAYERING_FILM_WEIGHTS[i]);
-        vec3 bare = fresnel_schlick(p->color, one, cosine);
         vec3 seen = thin_film_schlick(&r->film, p->color, one, cosine);
         if (lane_any(r->measured)) {
-            bare = fresnel_metal(r->f0, r->f90, cosine);
+            const vec3 bare = fresnel_metal(r->f0, r->f90, cosine);
             seen = choose(r->measured, thin_film_reflects(&r->film, r->f0, r->f90, cosine, bare), seen);
         }
         metals = along(metals, seen, weight);

@@ -109,7 +109,7 @@ BAD_COMMAND_LINES: dict[str, tuple[str, tuple[str, ...]]] = {
     "size of nothing": ("render room -o a.png --size 0x600", ("--size", "width of '0x600' is 0", "at least 1")),
     "negative size": ("render room -o a.png --size -8x6", ("--size", "'-8x6'", "800x600")),
     "too wide": ("render room -o a.png --size 65537x1", ("--size", "width of '65537x1'", "at most 65536")),
-    "too large": ("render room -o a.png --size 65536x65536", ("--size", "1073741824 pixels")),
+    "too large": ("render room -o a.png --size 65536x65536", ("--size", "1,073,741,824 pixels")),
     "size with three sides": ("render room -o a.png --size 8x6x4", ("--size", "'8x6x4'")),
     "negative seed": ("render room -o a.png --seed -1", ("--seed", "at least 0")),
     "seed of 33 bits": ("render room -o a.png --seed 4294967296", ("--seed", "at most 4294967295")),
@@ -190,6 +190,18 @@ BAD_COMMAND_LINES: dict[str, tuple[str, tuple[str, ...]]] = {
     "tonemap without output": ("tonemap good.npy", ("'--output'",)),
     "tonemap of what is no image": ("tonemap text.npy -o a.png", ("text.npy", "not a readable .npy image")),
     "tonemap of what is no film": ("tonemap text.film -o a.png", ("text.film", "not a whole clrender film")),
+    "tonemap of an empty file": ("tonemap empty.exr -o a.png", ("empty.exr", "the file is empty", "name another")),
+    "merge of no films": ("merge good.npy -o a.film", ("good.npy", "not a whole clrender film", "name a .film")),
+    "an empty film": ("merge empty.film -o a.film", ("empty.film", "the file is empty")),
+    "an unknown layer that is like none": (
+        "render room -o a.exr --aov xyzzy",
+        ("no layer 'xyzzy'; there are alpha, ",),
+    ),
+    "an unknown scene that is like none": ("render xyzzy -o a.png", ('scene "xyzzy"', "`clrender scenes` lists them")),
+    "more shards than samples": (
+        "render room -o a.film --spp 1 --shard 1/2",
+        ("1 sample a pixel makes at most 1 shard", "more samples"),
+    ),
     "tonemap twice to one file": ("tonemap good.npy -o a.png -o ./a.png", ("a.png", "twice")),
     "tonemap of a pipe": ("tonemap pipe.npy -o a.png", ("pipe.npy", "only regular files")),
     "tonemap of a film that is a pipe": ("tonemap pipe.film -o a.png", ("pipe.film", "a pipe")),
@@ -200,7 +212,7 @@ BAD_COMMAND_LINES: dict[str, tuple[str, tuple[str, ...]]] = {
     "compare with nothing": ("compare good.npy nothing.exr", ("nothing.exr", "no such file")),
     "compare one": ("compare good.npy", ("'B'",)),
     "compare sizes": ("compare good.npy small.npy", ("4 x 3 and 2 x 2",)),
-    "compare what is not finite": ("compare good.npy nan.npy", ("1 pixels that are not finite",)),
+    "compare what is not finite": ("compare good.npy nan.npy", ("1 pixel that is not finite",)),
 }
 
 
@@ -210,6 +222,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("images")
     write_image(folder / "good.npy", np.ones((3, 4, 3)))
     write_image(folder / "small.npy", np.ones((2, 2, 3)))
+    for name in ("empty.exr", "empty.film"):
+        (folder / name).touch()
     odd = np.ones((3, 4, 3))
     odd[1, 1] = np.nan
     write_image(folder / "nan.npy", odd)

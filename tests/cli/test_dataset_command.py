@@ -48,6 +48,33 @@ def test_a_dry_run_renders_nothing(folder: Path) -> None:
     assert told["image"] == 1 and told["camera"]["type"] == "perspective" and "camera.distance" in told["drawn"]
 
 
+def test_a_category_that_nothing_has_is_told(tmp_path: Path) -> None:
+    write_dataset(tmp_path, images=1, writers=["coco"], size=[16, 12], categories=["furniture", "toys", "toy"])
+    for options in (("-o", "out"), ("--dry-run",)):
+        result = call("dataset", "set.json", *options, folder=tmp_path)
+        assert result.returncode == 0
+        (warning,) = [line for line in result.stderr.splitlines() if "categor" in line]
+        assert warning == (
+            'warning: set.json: categories[1]: nothing in the scene has the category "toys", so that no image shows it'
+            '; did you mean "toy"?'
+        )
+    assert call("dataset", "set.json", "--dry-run", "--quiet", folder=tmp_path).stderr == ""
+
+
+OBJ = "v -1 0 0\nv 1 0 0\nv 1 1 0\nv -1 1 0.5\nf 1 2 3\nf 1 3 4\n"
+
+
+def test_a_note_on_the_scene_comes_once(tmp_path: Path) -> None:
+    (tmp_path / "m.obj").write_text(OBJ)
+    camera = {"type": "hemisphere", "distance": 3.0, "elevation_degrees": [10.0, 70.0]}
+    spec = {"scene": "m.obj", "images": 3, "size": [8, 8], "writers": ["images"], "render": {"spp": 1}}
+    (tmp_path / "set.json").write_text(json.dumps({**spec, "camera": camera}))
+    for command in (("dataset", "set.json", "-o", "out"), ("verify", "out", "--sample", "3")):
+        result = call(*command, folder=tmp_path)
+        assert result.returncode == 0, result.stderr
+        assert result.stderr.count("there is no light in it") == 1
+
+
 BAD = {
     "no output": ("dataset set.json", ("--output", "-o DIR")),
     "no such file": ("dataset nothing.json -o a", ("nothing.json", "no such file")),

@@ -50,6 +50,13 @@ def hashes(text: str) -> dict[str, str]:
     return dict(re.findall(r"frame (-?\d+): .*image sha256 ([0-9a-f]{64})", text))
 
 
+def test_a_note_on_the_scene_comes_once(scene: Path, tmp_path: Path) -> None:
+    scene.write_text(SCENE.partition("[[lights]]")[0])
+    result = call("render", str(scene), "--frames", "0:2", "-o", str(tmp_path / "f%d.png"), *SMALL[:-1])
+    assert result.returncode == 0, result.stderr
+    assert result.stderr.count("nothing in it emits light") == 1 and result.stdout.count("frame ") == 3
+
+
 def test_frames_are_what_is_rendered_alone(scene: Path, tmp_path: Path) -> None:
     names = ["-o", str(tmp_path / "f_%03d.png"), "-o", str(tmp_path / "f_%03d.exr")]
     result = call("render", str(scene), "--frames", "-1:7:4", "--fps", "8", "--shutter", "0:1/16", *names, *SMALL)

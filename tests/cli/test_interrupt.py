@@ -39,6 +39,10 @@ def endless_render(folder: Path, *outputs: str) -> Iterator[subprocess.Popen[str
             child.kill()
 
 
+def _number(text: str) -> int:
+    return int(text.replace(",", ""))
+
+
 def processor_seconds(child: subprocess.Popen[str]) -> float:
     """Of a process that runs, and of its own children that have ended."""
     fields = Path(f"/proc/{child.pid}/stat").read_text().rpartition(")")[2].split()
@@ -76,15 +80,15 @@ def test_a_signal_in_mid_render_keeps_the_image_so_far(tmp_path: Path, number: s
         out, err = end(child, number)
     assert child.returncode == 128 + number
     assert "Traceback" not in err
-    held = re.search(r"stopped early with (\d+) of (\d+) samples", out)
-    assert held is not None and 0 < int(held[1]) < int(held[2]) == 160 * 120 * 1048576
+    held = re.search(r"stopped early with ([\d,]+) of ([\d,]+) samples", out)
+    assert held is not None and 0 < _number(held[1]) < _number(held[2]) == 160 * 120 * 1048576
     film = Film.load(tmp_path / "a.film")
-    assert film.samples == int(held[1])
+    assert film.samples == _number(held[1])
     image = read_image(tmp_path / "a.exr")
     np.testing.assert_array_equal(image, film.mean())
     assert image.shape == (120, 160, 3) and image.mean() > 0
     told = read_provenance(tmp_path / "a.png") or {}
-    assert told["samples"] - told["nonfinite_samples"] == int(held[1])
+    assert told["samples"] - told["nonfinite_samples"] == _number(held[1])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.exr", "a.film", "a.png"]
 
 

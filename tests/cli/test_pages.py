@@ -163,7 +163,7 @@ def test_a_benchmark_has_a_page_with_its_numbers(tmp_path: Path) -> None:
     page = (tmp_path / "b.html").read_text()
     check_alone(page)
     (rate,) = (line.split()[2] for line in done.stderr.splitlines() if line.split()[:2] == ["S1", "clrender"])
-    assert f">{rate}</td>" in page and "24 × 16 pixels, 1 samples per pixel, 2 runs" in page
+    assert f">{rate}</td>" in page and "24 × 16 pixels, 1 sample per pixel, 2 runs" in page
 
 
 def test_a_benchmark_beside_peers_plots_all_of_them() -> None:

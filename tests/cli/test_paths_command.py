@@ -64,6 +64,13 @@ def test_maps_in_the_place_of_a_pixel(made: Path, device: Device) -> None:
     assert len(read["bounces"]) == 3 and "What each bounce adds" in (made / "m.html").read_text()
 
 
+@pytest.mark.long
+def test_a_built_in_scene_has_its_name(tmp_path: Path, device: Device) -> None:
+    line = ("paths", "cornell", "--pixel", "3,3", "--size", "8x8", "--spp", "1", "--quiet", "-o", "a.json")
+    assert call(*line, "-d", str(device.info.index), folder=tmp_path).returncode == 0
+    assert json.loads((tmp_path / "a.json").read_text())["scene"] == "cornell"
+
+
 @for_each(
     ("line", "words"),
     [

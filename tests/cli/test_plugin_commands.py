@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 
 import pytest
@@ -38,11 +39,25 @@ def other(tmp_path: Path) -> tuple[str, str]:
 def test_a_scene_asks_for_its_plugins(tmp_path: Path) -> None:
     for command in (("render", MOON, "-o", str(tmp_path / "a.png")), ("check", MOON), ("furnace", MOON)):
         said = refused(*command)
-        assert 'materials.moon.plugin names the plugin "minnaert"' in said and "--plugin FILE" in said
+        assert (
+            'materials.moon.plugin names the plugin "minnaert"' in said
+            and f"--plugin {shlex.quote(GIVEN[1])} (" in said
+        )
     assert "missing" in refused("check", MOON, "--plugin", str(tmp_path / "no.cl"))
     assert not (tmp_path / "a.png").exists()
     checked = call("check", MOON, *GIVEN, "--json")
     assert checked.returncode == 0 and json.loads(checked.stdout)["materials"] == 2
+
+
+def test_the_file_of_a_plugin_is_found_beside_the_scene(tmp_path: Path) -> None:
+    scene = tmp_path / "a b" / "moon.toml"
+    folder = scene.parent / "scenes" / "plugins"
+    folder.mkdir(parents=True)
+    scene.write_text(Path(MOON).read_text())
+    assert "; give its file with --plugin FILE (" in refused("check", str(scene))
+    (folder / "minnaert.cl").write_text(MINNAERT)
+    said = refused("check", str(scene))
+    assert f"; give its file with --plugin '{folder / 'minnaert.cl'}' (in Python: plugins=[FILE])" in said
 
 
 def test_a_faulty_text_is_told_at_its_line(tmp_path: Path) -> None:

@@ -39,6 +39,14 @@ def rendered(device: Device, scene: Any = "room", **settings: Any) -> str:
     return digest
 
 
+def test_a_view_begins_as_it_is_asked_to(opened: Callable[..., Any]) -> None:
+    _, page = opened("room", tone_map="agx", exposure=2)
+    assert page.until_kind("hello").content["look"] == {"tone_map": "agx", "exposure": 2.0}
+    for wrong, words in (({"tone_map": "film"}, "tone map 'film' is unknown"), ({"exposure": 200.0}, "exposure 200")):
+        with pytest.raises(UsageError, match=words):
+            opened("room", **wrong)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("scene", "settings"),

@@ -86,6 +86,23 @@ def test_the_picture_is_that_of_render_in_every_tone_curve(
                 assert (far > 1).mean() < 0.001, (name, exposure)
 
 
+@pytest.mark.long
+def test_a_page_begins_with_the_exposure_and_tone_curve_of_the_command_line(browser: Any, scene: Path) -> None:
+    linear = clrender.render(clrender.load(scene), device=_DEVICE).linear
+    with (
+        Server(str(scene), "-d", _DEVICE, "--exposure", "-1.5", "--tone-map", "agx") as server,
+        view_of(browser, server, "look") as view,
+    ):
+        view.wait_until_done()
+        assert np.abs(_image(view).astype(int) - to_display(linear, "agx", -1.5)).max() <= 2
+        page = view.page
+        assert page.get_by_label("Tone curve", exact=True).input_value() == "agx"
+        assert page.get_by_label("Exposure", exact=True).input_value() == "-1.5"
+        _enter(view, "Tone curve", "srgb")
+        _enter(view, "Exposure", "1")
+        assert np.abs(_image(view).astype(int) - to_display(linear, "srgb", 1.0)).max() <= 2
+
+
 @pytest.mark.slow
 def test_orbit_pan_zoom_and_keys_change_the_image_and_reset_brings_it_back(browser: Any, server: Server) -> None:
     with view_of(browser, server, "orbit") as view:
@@ -457,6 +474,7 @@ def test_the_page_goes_on_when_the_server_is_back(browser: Any, scene: Path) -> 
             view.wait("view.hub.newest('state').settings.spp === 8")
             view.wait("document.querySelector('.cv-status').dataset.status === 'done'")
             view.wait("view.picture.frame().final && view.picture.frame().samples === 8")
+            assert view.page.get_by_label("Tone curve").input_value() == "linear", "what was chosen stays"
             view.errors.clear()
 
 

@@ -37,7 +37,7 @@ def test_scenes_are_what_they_say(tmp_path: Path, name: str) -> None:
     assert flat.triangle_count == TRIANGLES[name]
     assert flat.analytic_count == (0 if name.endswith("tess") else 2)
     assert flat.light_count == (1000 if name == "S4" else 4)
-    assert flat.warnings == ()
+    assert flat.messages == []
     corners = flat.arrays["vertices"][flat.arrays["triangles"]]
     assert (corners.min((0, 1)) >= [-2.001, -0.001, -2.001]).all()
     assert (corners.max((0, 1)) <= [2.001, 4.001, 6.001]).all()
@@ -90,7 +90,7 @@ def test_a_torus_is_closed_and_its_normals_look_outward() -> None:
 def test_light_is_hard_to_find_there(device: Device, tmp_path: Path, name: str, hard: bool) -> None:
     """A path sample has more than twice its own mean squared as variance, and less than that in the plain room."""
     scene = clrender.load(str(write_scene(name, tmp_path)))
-    assert flatten(scene, 8, 8).warnings == ()
+    assert flatten(scene, 8, 8).messages == []
     with clrender.Session(device) as session:
         images = np.array([session.render(scene, size=(32, 24), spp=16, seed=seed).linear for seed in range(8)])
     mean = images.mean(axis=0)

@@ -197,6 +197,9 @@ def test_cameras_of_transforms_json(tmp_path: Path) -> None:
         scene_with(path)
     with pytest.raises(UsageError, match=r"has no camera \"images/0009.png\"; did you mean"):
         scene_with(f"{path}#images/0009.png")
+    (tmp_path / "own.toml").write_text("[camera]\nposition = [0.0, 0.0, 5.0]\ntarget = [0.0, 0.0, 0.0]\n")
+    with pytest.raises(UsageError, match=r"has no camera \"x\"; the only one has no name: leave out #x"):
+        scene_with(f"{tmp_path / 'own.toml'}#x")
 
 
 def test_angles_in_transforms_json(tmp_path: Path) -> None:

@@ -110,7 +110,7 @@ def test_mutated_files_are_read_or_refused(tmp_path: Path) -> None:
         ({"radius": 0.0}, "radius is 0, which nothing"),
         ({"radius": -1.0}, "greater than or equal|not be negative|below 0|must be"),
         ({"radius": [0.1, 0.1, 0.2]}, "has 3 entries; give one, two for roots and tips, or 5"),
-        ({"counts": [2, 2]}, "add up to 4, but there are 5 points"),
+        ({"counts": [2, 2]}, "add up to 4, but the curves have 5 points"),
         ({"emission": 1.0}, "cannot shine|emission"),
         ({"interior": "fog"}, "have no inside"),
         ({"flip_normals": True}, "have no inside"),
@@ -129,8 +129,8 @@ def test_what_is_no_curve_is_refused(shape: dict[str, Any], text: str) -> None:
     [
         ("bspline", [3, 2], "strand 0 has 3 control points, but curves of the basis bspline need at least 4"),
         ("bezier", [5], "strand 0 has 5 control points, but curves of the basis bezier need 4, 7, 10 and so on"),
-        ("linear", [4, 1], "strand 1 has 1 control points, but curves of the basis linear need at least 2"),
-        ("catmull-rom", [1, 4], "strand 0 has 1 control points"),
+        ("linear", [4, 1], "strand 1 has 1 control point, but curves of the basis linear need at least 2"),
+        ("catmull-rom", [1, 4], "strand 0 has 1 control point, but"),
     ],
 )
 def test_strands_of_too_few_points_are_refused(basis: str, counts: list[int], text: str) -> None:

@@ -419,14 +419,15 @@ def test_a_scene_without_light_is_told() -> None:
 
 def test_light_that_glass_keeps_from_most_integrators_is_told() -> None:
     ball: dict[str, Any] = {"type": "sphere", "center": [0, 0, 0], "radius": 1}
-    (told,) = flat({**ball, "material": "glass"}, lights=(POINT,), materials=GLASS).warnings
-    assert (
-        "point lights, through the dielectric 'glass': only the integrators bdpt and photon find it, and path with"
-        in told
-    )
-    assert flat({**ball, "material": "glass"}, lights=(SKY,), materials=GLASS).warnings == ()
-    assert flat(ball, lights=(POINT,), materials=GLASS).warnings == ()
-    assert flat({**ball, "material": "same"}, lights=(POINT,), materials=GLASS).warnings == ()
+    found = flat({**ball, "material": "glass"}, lights=(POINT,), materials=GLASS)
+    (told,) = found.messages
+    text = "point lights, through the dielectric 'glass': only the integrators bdpt and photon find it, and path with"
+    assert text in told and text in found.lost_by("path", False) and text in found.lost_by("whitted", False)
+    assert found.lost_by("photon", False) == found.lost_by("path", True) == found.lost_by("bdpt", True) == ""
+    assert "what is seen in mirrors or through glass lacks it" in found.lost_by("bdpt", False)
+    assert flat({**ball, "material": "glass"}, lights=(SKY,), materials=GLASS).messages == []
+    assert flat(ball, lights=(POINT,), materials=GLASS).messages == []
+    assert flat({**ball, "material": "same"}, lights=(POINT,), materials=GLASS).messages == []
 
 
 def test_light_that_fog_keeps_out_is_told() -> None:

@@ -743,7 +743,7 @@ def test_many_faults_take_no_time_and_few_notes(tmp_path: Path) -> None:
     for _ in range(20_000):
         model.node(mesh=quad, scale=[0, 0, 0])
     scene = loaded(tmp_path, model)
-    assert scene.shapes == () and len(scene.notes) < 50 and any("19961 more things" in note for note in scene.notes)
+    assert scene.shapes == () and len(scene.notes) < 50 and any("19,961 more things" in note for note in scene.notes)
     model.root["scenes"][0]["nodes"].append(19_999)
     with pytest.raises(SceneError, match="/scenes/0/nodes/20000 is 19999, which is there already"):
         loaded(tmp_path, model, strict=True)
@@ -752,7 +752,7 @@ def test_many_faults_take_no_time_and_few_notes(tmp_path: Path) -> None:
 def test_indices_beyond_the_vertices(tmp_path: Path) -> None:
     model = _broken(lambda root: root)
     model.root["meshes"][0]["primitives"][0]["indices"] = model.accessor([0, 1, 4], "uint32")
-    with pytest.raises(SceneError, match="/meshes/0/primitives/0/indices hold 4, but there are only 4 vertices"):
+    with pytest.raises(SceneError, match="/meshes/0/primitives/0/indices hold 4, but the mesh has only 4 vertices"):
         loaded(tmp_path, model, strict=True)
 
 
@@ -771,7 +771,7 @@ def test_damaged_containers(tmp_path: Path) -> None:
         (whole[:-5], "byte 8: the GLB says that it has"),
         (whole[:15], "byte 15: the GLB ends within its header"),
         (whole[:4] + b"\1" + whole[5:], "byte 4: GLB of version 1"),
-        (whole[:12] + b"\xff\xff\xff\x7f" + whole[16:], "byte 12: the chunk of 2147483647 bytes"),
+        (whole[:12] + b"\xff\xff\xff\x7f" + whole[16:], "byte 12: the chunk of 2,147,483,647 bytes"),
         (b"[" * 100_000, "the JSON is nested too deeply"),
         (b'{"asset": NaN}', "NaN is no number of JSON"),
         (b'{"asset": ' + b"1" * 5000 + b"}", "a number that is too long"),

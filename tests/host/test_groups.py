@@ -90,7 +90,7 @@ def test_files_that_are_no_arrays(tmp_path: Path, data: bytes) -> None:
 
 
 @pytest.mark.parametrize(
-    ("count", "sentence"), [(2**36, f"holds {2**36} transforms, but"), (2**20, "is no sound NumPy file")]
+    ("count", "sentence"), [(2**36, f"holds {2**36:,} transforms, but"), (2**20, "is no sound NumPy file")]
 )
 def test_a_file_that_promises_too_much_takes_no_memory(tmp_path: Path, count: int, sentence: str) -> None:
     with (tmp_path / "places.npy").open("wb") as file:
@@ -244,7 +244,7 @@ def test_too_many_primitives_are_told() -> None:
     scene = scene.with_files(
         transforms={"a.npy": TransformArray(np.broadcast_to(np.eye(4)[:3], (NUMBER_LIMIT // 20_000 + 1, 3, 4)))}
     )
-    with pytest.raises(SceneError, match="triangles with all instances counted, but 4294967280 is the most"):
+    with pytest.raises(SceneError, match="triangles with all instances counted, but 4,294,967,280 is the most"):
         flatten(scene, 8, 8)
 
 

@@ -152,7 +152,7 @@ def test_ply_corners_of_faces(tmp_path: Path) -> None:
 def test_ply_faces_without_their_lists(tmp_path: Path) -> None:
     lists = "property list uchar float texcoord\n"
     some = ply(tmp_path, "", [""] * 4, lists, ["3 0 1 2 6 0 0 1 0 1 1", "3 0 2 3 0"]).mesh(0)
-    assert some.uvs is not None and not some.uvs[1].any() and "1 faces have no list texcoord" in some.warning
+    assert some.uvs is not None and not some.uvs[1].any() and "1 face has no list texcoord" in some.warning
     none = ply(tmp_path, "", [""] * 4, lists, ["3 0 1 2 2 0 0", "3 0 2 3 0"]).mesh(0)
     assert none.uvs is None and "lists texcoord of its faces have not 2 numbers" in none.warning
 

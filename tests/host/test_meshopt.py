@@ -235,7 +235,7 @@ def test_what_does_not_fit_is_told_with_its_place(tmp_path: Path, case: str) -> 
 def test_a_few_bytes_cannot_promise_much(tmp_path: Path) -> None:
     model = placeholder(count=12 * 2**20, byteLength=64)
     model.root["bufferViews"][0]["byteLength"] = model.more_buffers[0]["byteLength"] = 144 * 2**20
-    with pytest.raises(SceneError, match=f"{AT}/byteLength is 64, too few for 150994944 bytes"):
+    with pytest.raises(SceneError, match=f"{AT}/byteLength is 64, too few for 150,994,944 bytes"):
         loaded(tmp_path, model)
 
 

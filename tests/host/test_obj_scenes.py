@@ -204,8 +204,8 @@ def test_faces_without_texture_coordinates(tmp_path: Path) -> None:
         ("mtllib m.mtl\nusemtl a\n", "newmtl a\nTf 1 0 0\n", "has Tf, which is read of glass"),
         ("mtllib m.mtl\nusemtl a\n", "newmtl a\nmap_Kd -boost 2 g.png\n", "the option -boost of pictures is not read"),
         ("mtllib m.mtl\nusemtl a\n", "newmtl a\nmap_Kd -mm .5 1 g.png\n", "the base 0.5 of -mm is not added"),
-        ("l 1 2\nl 2 3\n", None, '2 lines with "l", lines, are not read'),
-        ("curv 0 1\n", None, '1 lines with "curv", curves, are not read'),
+        ("l 1 2\nl 2 3\n", None, '2 lines with "l", lines, not read'),
+        ("curv 0 1\n", None, '1 line with "curv", curves, not read'),
         ("v 0 0 0 1 1 1\n", None, "some vertices have colours and others have none"),
     ],
 )

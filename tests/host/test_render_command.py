@@ -199,7 +199,7 @@ def test_display_options_reach_the_file(renderer: FakeRenderer) -> None:
 def test_samples_left_out_are_reported(renderer: FakeRenderer, capsys: pytest.CaptureFixture[str]) -> None:
     renderer.nonfinite = 3
     assert run("render", "scene.toml", "-o", "a.npy", "--quiet") == 0
-    assert "3 samples were not finite and were discarded" in capsys.readouterr().out
+    assert "3 samples were not finite and discarded" in capsys.readouterr().out
 
 
 def test_one_bad_output_does_not_lose_the_others(
@@ -333,6 +333,25 @@ sys.modules["clrender.api"] = module
 from clrender.cli import main
 main(["render", "scene.toml", "-o", "a.npy"])
 """
+
+
+@pytest.mark.thorough
+def test_a_stop_that_takes_long_says_how_to_end_at_once(renderer: FakeRenderer) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", STUCK.format(done=5, sleep=60)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+    ) as child:
+        assert child.stdout is not None and child.stdout.readline() == "stuck\n" and child.stderr is not None
+        child.send_signal(signal.SIGINT)
+        for line in child.stderr:
+            if "interrupt again to end at once" in line:
+                child.send_signal(signal.SIGINT)
+                break
+        _, err = child.communicate(timeout=50)
+    assert child.returncode == 130 and "interrupted twice; nothing more was written" in err
 
 
 @pytest.mark.thorough

@@ -137,10 +137,10 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"meshes": {"body": arrays(vertices=VERTICES[:, :2])}}, "vertices have the shape (4, 2), but must have (n, 3)"),
     ({"meshes": {"body": arrays(vertices="abc")}}, "vertices is"),
     ({"meshes": {"body": arrays(vertices=VERTICES * np.nan)}}, "vertices have numbers that are not finite"),
-    ({"meshes": {"body": arrays(faces=FACES + 2)}}, "faces have the index 5, but there are 4 vertices"),
+    ({"meshes": {"body": arrays(faces=FACES + 2)}}, "faces have the index 5, but the mesh has 4 vertices"),
     ({"meshes": {"body": arrays(faces=FACES - 1)}}, "faces have the index -1; indices count from 0"),
     ({"meshes": {"body": arrays(faces=FACES * 0.5)}}, "must have (n, 3) of whole numbers"),
-    ({"meshes": {"body": arrays(normals=NORMALS[:2])}}, "there are 2 normals, but 4 vertices"),
+    ({"meshes": {"body": arrays(normals=NORMALS[:2])}}, "it has 2 normals, but 4 vertices"),
     (
         {"meshes": {"body": arrays(uvs=UVS[:3])}},
         "uvs have the shape (3, 2), but must have (4, 2), for vertices, or (2, 3, 2)",

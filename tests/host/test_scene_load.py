@@ -6,11 +6,13 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from cases import for_each
 from special_files import special
 
+import clrender
 from clrender import scene as scenes
 from clrender.errors import SceneError
 from clrender.files.package_data import scenes_folder
@@ -128,11 +130,17 @@ def test_builtin_scene_is_sound(name: str) -> None:
     assert 20 < len(description) < 130
     scene = scenes.load(name)
     flat = flatten(scene, scene.image.width, scene.image.height)
-    assert flat.light_count > 0 and not flat.warnings
+    assert flat.light_count > 0 and not flat.messages
     comment = [line for line in (scenes_folder() / f"{name}.toml").read_text().splitlines() if line.startswith("# ")]
     assert any("Exact answer" in line for line in comment) == (name in EXACT)
     if name not in EXACT:
         assert any("No exact answer is known" in line for line in comment)
+
+
+def test_builtin_scenes_are_named_as_typed_wherever_they_lie(tmp_path: Path) -> None:
+    assert scenes.load("room").source == "room"
+    path = scenes_folder() / "room.toml"
+    assert scenes.load(path).source == str(path) == scenes.load(str(path)).source
 
 
 def test_builtin_name_wins_over_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -186,3 +194,17 @@ def test_a_scene_that_is_no_file_is_refused_at_once(tmp_path: Path, kind: str, e
     path = tmp_path / f"s{ending}"
     with special(path, kind), pytest.raises(SceneError, match=r"only regular files are read|is a folder"):
         scenes.load(path)
+
+
+@for_each("name, given, said", [
+    ("room", {"time_at": 3.0}, "the time asked for changes nothing"),
+    ("room", {"shutter": (0.0, 1.0)}, "the shutter asked for changes nothing"),
+    ("room", {"time_at": 3.0, "shutter": (0.0, 1.0)}, "the time and shutter asked for change nothing"),
+    ("sundial", {"time_at": 3.0}, "changes nothing; the time of day is `time` of its sun_sky light"),
+    ("cradle", {"time_at": 0.5}, ""),
+    ("cradle", {}, ""),
+    ("room", {}, ""),
+])  # fmt: skip
+def test_a_time_at_which_nothing_moves_is_told(name: str, given: dict[str, Any], said: str) -> None:
+    notes = clrender.load(name, **given).notes
+    assert len(notes) == (1 if said else 0) and all(note.startswith(f"{name}: ") and said in note for note in notes)

@@ -298,7 +298,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "time": ({"time_limit": math.nan}, "time_limit is nan, but must be a number above 0"),
     "endless time": ({"time_limit": math.inf}, "time_limit is inf, but must be a finite number above 0"),
     "depth": ({"max_depth": -1}, "max_depth is -1, but must be a whole number of at least 0"),
-    "pixels": ({"width": 65536, "height": 65536}, f"65536 x 65536 has 4294967296 pixels; at most {PIXEL_LIMIT} fit"),
+    "pixels": ({"width": 65536, "height": 65536}, f"has 4,294,967,296 pixels; at most {PIXEL_LIMIT:,} fit"),
     "photon radius": (
         {"integrator": "photon", "photon_radius": 1e-30},
         "photon_radius is 1e-30, but must be a number of at least 1e-06 and at most 1e+12",

@@ -193,7 +193,7 @@ def test_a_spectrum_of_light_has_the_color_that_it_has() -> None:
     ("content", "words"),
     [
         (with_material(type="lambert", reflectance={"illuminant": "A"}), "is of light"),
-        (with_material(type="lambert", reflectance={"wavelengths": [400.0], "values": []}), "1 wavelengths and 0"),
+        (with_material(type="lambert", reflectance={"wavelengths": [400.0], "values": []}), "1 wavelength and 0"),
         (with_material(type="lambert", reflectance={**RAMP, "scale": 1.5}), "has a reflectance of 1.35"),
         (with_material(type="lambert", reflectance={"wavelengths": [500.0, 400.0], "values": [0.1, 0.1]}), "ascend"),
         (with_material(type="lambert", reflectance={"wavelengths": [], "values": []}), "one of these"),

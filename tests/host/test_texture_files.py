@@ -201,7 +201,7 @@ BAD: dict[str, tuple[str, Callable[[Path], bytes | None], str]] = {
     "bomb": (
         "a.png",
         lambda _: png(20000, 20000, bytes(400_000)),
-        "it has 20000 x 20000 pixels, but at most 268435456 are read",
+        "it has 20000 x 20000 pixels, but at most 268,435,456 are read",
     ),
     "promise": ("a.png", lambda _: png(16000, 16000, b"x"), "too small for the size its header gives"),
     "huge": ("a.png", lambda _: png(2**31 - 1, 2**31 - 1, b"x"), "pixels are not between 1 and"),
@@ -426,7 +426,7 @@ def test_meshes_without_coordinates(tmp_path: Path) -> None:
         flatten(scene(tmp_path, {**mesh, "uvs": UVS[:3]}, m=second), 8, 8)
     what = scene(tmp_path, {**mesh, "uvs": UVS[:3], "uvs_1": UVS[1:]}, m=second)
     assert corner_uvs(what, True).tolist() == [[list(each) for each in UVS[1:]]]
-    with pytest.raises(SceneError, match=r"uvs has 2 entries, but there are 3 vertices"):
+    with pytest.raises(SceneError, match=r"uvs has 2 entries, but the mesh has 3 vertices"):
         scene(tmp_path, {**mesh, "uvs": UVS[:2]})
 
 

@@ -125,7 +125,7 @@ def test_jobs_carry_colours(tmp_path: Path) -> None:
 @for_each(
     ("more", "message"),
     [
-        ({"colors": [[1, 0, 0]] * 3}, r"colors has 3 entries, but there are 4 vertices"),
+        ({"colors": [[1, 0, 0]] * 3}, r"colors has 3 entries, but the mesh has 4 vertices"),
         ({"colors": [[1, 0, -0.5]] * 4}, r"colors\[0\]\[2\]"),
         ({"colors": [[1, float("nan"), 0]] * 4}, r"colors\[0\]\[1\]"),
         ({"colors": [[1, 2.0, 0]] * 4}, r"colors\[0\]\[1\]"),

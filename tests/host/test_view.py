@@ -91,7 +91,7 @@ def of_materials() -> EditedScene:
         ('{"type": "save", "name": "a.png", "tone_map": "film"}', "tone_map"),
         ('{"type": "save", "name": "a.png", "exposure": NaN}', "exposure"),
         ('{"type": "run", "run": 1}', "run"),
-        ('{"type": "restart", "id": "' + "x" * MESSAGE_BYTES + '"}', f"{MESSAGE_BYTES} bytes"),
+        ('{"type": "restart", "id": "' + "x" * MESSAGE_BYTES + '"}', f"{MESSAGE_BYTES:,} bytes"),
         ("[" * 20000 + "]" * 20000, "recursion|JSON|object"),
     ],
 )
@@ -217,7 +217,8 @@ def test_textures_and_structure_cannot_be_changed() -> None:
 
 
 def test_a_page_is_told_of_every_setting_that_it_may_change(edited: EditedScene) -> None:
-    told = json.loads(json.dumps(tables.hello([], ["a.png"]), allow_nan=False))
+    told = json.loads(json.dumps(tables.hello([], ["a.png"], {"tone_map": "agx", "exposure": 2.0}), allow_nan=False))
+    assert told["look"] == {"tone_map": "agx", "exposure": 2.0}
     assert [each["name"] for each in told["settings"]] == [name for name in SETTINGS if name not in NOT_LIVE]
     assert told["saves"] == ["a.png"]
     state = json.loads(json.dumps(tables.state(edited), allow_nan=False))

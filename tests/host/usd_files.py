@@ -16,7 +16,10 @@ from clrender.importers.asset_files import AssetFiles
 from clrender.importers.usd.process import Stage
 from clrender.scene import Scene
 
-__all__ = ["QUAD", "load_stage", "mesh", "surface"]
+__all__ = ["BOUND", "QUAD", "Load", "light_of", "load_stage", "mesh", "refusal", "shape_of", "surface", "textured"]
+
+Load = Callable[..., Scene]
+BOUND = "rel material:binding = </M>"
 
 QUAD = "(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0)"
 
@@ -91,3 +94,37 @@ def refusal(call: Callable[[], Any]) -> str:
     with pytest.raises(SceneError) as error:
         call()
     return str(error.value)
+
+
+def shape_of(scene: Scene, number: int = 0) -> Any:
+    """One of its shapes, of a type that the test knows."""
+    return scene.shapes[number]
+
+
+def light_of(scene: Scene, number: int = 0) -> Any:
+    """One of its lights."""
+    return scene.lights[number]
+
+
+def textured(more: str = "", output: str = "rgb", wanted: str = "color3f inputs:diffuseColor") -> str:
+    nodes = f"""
+def Shader "T"
+{{
+    uniform token info:id = "UsdUVTexture"
+    asset inputs:file = @a.png@
+    float2 inputs:st.connect = </M/R.outputs:result>
+    float3 outputs:rgb
+    float outputs:r
+    float outputs:g
+    float outputs:b
+    float outputs:a
+    {more}
+}}
+def Shader "R"
+{{
+    uniform token info:id = "UsdPrimvarReader_float2"
+    string inputs:varname = "st"
+    float2 outputs:result
+}}
+"""
+    return surface(f"{wanted}.connect = </M/T.outputs:{output}>", nodes)

@@ -264,7 +264,7 @@ def test_samples_that_are_left_out_are_said_aloud(device: Device) -> None:
     lost = image.stats["nonfinite_samples"]
     assert 0 < lost == image.stats["samples"] - image.film.samples
     (warning,) = [line for line in told if line.startswith("warning: ")]
-    assert f"{lost} of 1024 samples were not finite, or brighter than 2^43, and are left out" in warning
+    assert f"{lost} of 1024 samples were not finite, or brighter than 2^43, and left out" in warning
 
 
 @pytest.mark.parametrize("turned", [False, True])
@@ -296,7 +296,36 @@ def test_a_camera_in_a_closed_ball_below_the_sky_sees_a_black_image(device: Devi
     told: list[str] = []
     image = clrender.render(scene, device=device, notify=told.append, size=(16, 16), spp=4)
     assert not image.linear.any()
-    assert sum(line.startswith("warning: every pixel is black") for line in told) == 1
+    (warned,) = [line for line in told if line.startswith("warning: every pixel is black")]
+    assert "front" not in warned, "no shape emits"
+
+
+@pytest.mark.parametrize("where", ["in glass", "behind a wall", "in fog"])
+def test_what_makes_an_image_black_is_said_once(where: str, device: Device) -> None:
+    ball = {"type": "sphere", "radius": 1.0, "material": "glass" if where == "in glass" else "white"}
+    endless = {"type": "directional", "direction": [0, -1, 0], "irradiance": [1, 1, 1]}
+    in_ball = {"type": "point", "position": [0, 0, 0], "intensity": [1, 1, 1]}
+    scene = clrender.Scene.model_validate(
+        {
+            "camera": {"position": [0, 0.5, 4], "target": [0, 0, 0]},
+            "materials": {
+                "white": {"type": "lambert", "reflectance": [0.8, 0.8, 0.8]},
+                "glass": {"type": "dielectric", "ior": 1.5},
+            },
+            "shapes": [
+                ball,
+                {"type": "quad", "origin": [-2, -2, 2], "edge_u": [4, 0, 0], "edge_v": [0, 0, -4], "material": "white"},
+            ],
+            "lights": [endless if where == "in fog" else in_ball],
+            **({"media": {"mist": {"absorption": [0.1] * 3}}, "fog": "mist"} if where == "in fog" else {}),
+        }
+    )
+    told: list[str] = []
+    image = clrender.render(scene, device=device, notify=told.append, size=(16, 16), spp=4)
+    (warning,) = [line for line in told if line.startswith("warning: ")]
+    assert not image.linear.any()
+    cause = {"in glass": "only the integrators bdpt", "behind a wall": "every pixel is black", "in fog": "to infinity"}
+    assert cause[where] in warning and "front" not in warning
 
 
 # --- devices that fail -----------------------------------------------------------------------------------------------

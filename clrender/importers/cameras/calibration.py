@@ -10,7 +10,7 @@ import numpy as np
 from clrender.cameras.rotations import rotation_of
 from clrender.errors import SceneError
 from clrender.importers.cameras.lens_parameters import opencv_distortion
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["calibrated_keys", "own_keys"]
 
@@ -129,5 +129,5 @@ def _numbers(value: Any, count: int | None, source: str, name: str) -> np.ndarra
     except (TypeError, ValueError):
         raise SceneError(f"{source}: {name} is {quoted(str(value)[:60])}, but must be a list of numbers") from None
     if count is not None and len(numbers) != count:
-        raise SceneError(f"{source}: {name} has {len(numbers)} numbers, but must have {count}")
+        raise SceneError(f"{source}: {name} has {counted(len(numbers), 'number')}, but must have {count}")
     return numbers

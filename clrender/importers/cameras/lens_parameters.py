@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from clrender.wording import counted
+
 __all__ = ["MODELS", "from_model", "opencv_distortion"]
 
 MODELS: Final[Mapping[str, tuple[str, ...]]] = {
@@ -62,10 +64,10 @@ def opencv_distortion(coefficients: Sequence[float], fisheye: bool) -> dict[str,
     given = list(coefficients)
     if fisheye:
         if len(given) > 4:
-            raise ValueError(f"has {len(given)} numbers, but the fisheye model has 4")
+            raise ValueError(f"has {counted(len(given), 'number')}, but the fisheye model has 4")
         return _distortion(True, given, [0.0, 0.0])
     if len(given) > 14:
-        raise ValueError(f"has {len(given)} numbers, but OpenCV knows 14 at most")
+        raise ValueError(f"has {counted(len(given), 'number')}, but OpenCV knows 14 at most")
     if any(given[8:]):
         raise ValueError("describes a thin prism or a tilted sensor, which clrender has not; calibrate without them")
     k1, k2, p1, p2, k3, k4, k5, k6 = (given + [0.0] * 8)[:8]

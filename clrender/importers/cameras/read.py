@@ -19,7 +19,7 @@ from clrender.scene.camera import Camera
 from clrender.scene.description import Scene
 from clrender.scene.load import parsed_file
 from clrender.scene.validation_errors import scene_error
-from clrender.wording import quoted, suggestion
+from clrender.wording import counted, quoted, suggestion
 
 __all__ = ["CameraKeys", "camera_file", "camera_keys_of", "load_cameras", "with_camera"]
 
@@ -101,7 +101,9 @@ def camera_keys_of(text: str | Path, *, time_at: float | None = None) -> tuple[s
         if len(found) > 1:
             names = ", ".join(quoted(each) for each in list(found)[:_SHOWN])
             more = ", …" if len(found) > _SHOWN else ""
-            raise UsageError(f"{path} has {len(found)} cameras; write {path}#NAME or #NUMBER for one of {names}{more}")
+            raise UsageError(
+                f"{path} has {counted(len(found), 'camera')}; write {path}#NAME or #NUMBER for one of {names}{more}"
+            )
         name = next(iter(found))
     else:
         name = _picked(name, found, path)
@@ -210,6 +212,8 @@ def _picked(name: str, found: Mapping[str, CameraKeys], path: Path) -> str:
         return alike[0]
     if name.isdecimal() and int(name) < len(found):
         return list(found)[int(name)]
+    if not any(found):
+        raise UsageError(f"{path} has no camera {quoted(name)}; the only one has no name: leave out #{name}")
     raise UsageError(f"{path} has no camera {quoted(name)}{suggestion(name, found)}")
 
 

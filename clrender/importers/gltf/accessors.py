@@ -12,7 +12,7 @@ from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.meshopt import compression, decode_meshopt, unread_fallbacks
 from clrender.importers.gltf.schema import COMPONENTS
 from clrender.importers.gltf.validator import element_bytes
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["Accessors"]
 
@@ -221,7 +221,7 @@ def _buffers(document: Document) -> list[memoryview | None]:
             assert document.binary is not None
             data = document.binary
             if len(data) > size + 3:
-                document.note(f"{at} has {size} bytes, fewer than the binary chunk; the rest was left out")
+                document.note(f"{at} has {counted(size, 'byte')}, fewer than the binary chunk; the rest was left out")
         elif index not in used and uri.partition("://")[0].lower() in ("http", "https"):
             document.note(f"{at}/uri {quoted(uri)} was left out: nothing is fetched, and nothing uses it")
             found.append(None)
@@ -230,7 +230,7 @@ def _buffers(document: Document) -> list[memoryview | None]:
             data = memoryview(_content(document, uri, at))
         if len(data) < size:
             raise document.fault(
-                f"{at}", f"has a byteLength of {size}, but only {len(data)} bytes are there; export it again"
+                f"{at}", f"has a byteLength of {size}, but holds only {counted(len(data), 'byte')}; export it again"
             )
         found.append(data[:size])
     return found

@@ -8,6 +8,7 @@ import numpy as np
 
 from clrender.importers.gltf.accessors import Accessors
 from clrender.importers.gltf.document import Document
+from clrender.wording import counted
 
 __all__ = ["check_animations", "target_count"]
 
@@ -105,7 +106,7 @@ def _check_values(
     needed = frames * cubic * (target_count(document, document.items("nodes")[node]) if path == "weights" else 1)
     if accessor["count"] != needed:
         raise document.fault(
-            at, f"has {accessor['count']} values, but {frames} key frames need {needed}; export it again"
+            at, f"has {counted(accessor['count'], 'value')}, but {frames} key frames need {needed}; export it again"
         )
     if path == "rotation" and accessors.known(sampler["output"]):
         turns = accessors.floats(sampler["output"]).astype(np.float64)

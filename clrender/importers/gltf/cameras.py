@@ -18,7 +18,7 @@ from clrender.importers.gltf.matrices import Matrix
 from clrender.importers.gltf.motion import NodeMotion
 from clrender.importers.gltf.nodes import Nodes
 from clrender.importers.gltf.validator import validate
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["NodeCamera", "add_camera", "read_cameras"]
 
@@ -55,7 +55,7 @@ def add_camera(document: Document, nodes: Nodes, motion: NodeMotion) -> None:
         return
     first = usable[0]
     if len(usable) > 1:
-        document.note(f"it has {len(usable)} cameras; the image is of the first, {quoted(first.name)}")
+        document.note(f"it has {counted(len(usable), 'camera')}; the image is of the first, {quoted(first.name)}")
     document.draft.description["camera"] = {**first.keys, **_moving(document, motion, first.node)}
     if first.image:
         document.draft.description["image"] = first.image

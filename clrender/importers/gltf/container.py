@@ -11,7 +11,7 @@ from clrender.errors import SceneError
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
 from clrender.importers.gltf.document import Document
-from clrender.wording import shown
+from clrender.wording import counted, shown
 
 __all__ = ["opened"]
 
@@ -51,16 +51,18 @@ def _chunks(data: memoryview, source: str, draft: Draft) -> tuple[memoryview, me
     if version != 2:
         raise SceneError(f"{source}: byte 4: GLB of version {version}, but only version 2 is read; export it as glTF 2")
     if total > len(data):
-        text = f"says that it has {total} bytes, but has {len(data)}"
+        text = f"says that it has {counted(total, 'byte')}, but has {len(data)}"
         raise SceneError(f"{source}: byte 8: the GLB {text}; it is cut off, copy or export it again")
     if total < len(data):
-        draft.note(f"byte {total}: {len(data) - total} bytes behind the end of the GLB were left out")
+        draft.note(f"byte {total}: {counted(len(data) - total, 'byte')} behind the end of the GLB left out")
     found: dict[int, memoryview] = {}
     at, number = 12, 0
     while at + 8 <= total:
         size, kind = struct.unpack_from("<II", data, at)
         if at + 8 + size > total:
-            raise SceneError(f"{source}: byte {at}: the chunk of {size} bytes goes beyond the end; export it again")
+            raise SceneError(
+                f"{source}: byte {at}: the chunk of {counted(size, 'byte')} goes beyond the end; export it again"
+            )
         if (kind == _JSON) != (number == 0):
             order = "the first chunk of a GLB has to be its JSON" if number == 0 else "there is a second JSON chunk"
             raise SceneError(f"{source}: byte {at}: {order}; export it again")

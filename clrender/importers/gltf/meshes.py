@@ -17,6 +17,7 @@ from clrender.importers.shared.meshes import without_area
 from clrender.importers.shared.tangents import mikktspace
 from clrender.meshes.data import COORDINATE_LIMIT, MeshData, filled
 from clrender.meshes.read import UV_LIMIT
+from clrender.wording import counted
 
 __all__ = ["Meshes", "Part"]
 
@@ -177,7 +178,10 @@ class Meshes:
                         f"{place}/{key}", f"is of type {kind}, but must be {' or '.join(wanted)}"
                     )
                 if accessors[number]["count"] != count:
-                    text = f"has {accessors[number]['count']} elements, but there are {count} vertices; export it again"
+                    text = (
+                        f"has {counted(accessors[number]['count'], 'element')}, but the mesh has "
+                        f"{counted(count, 'vertex', 'vertices')}; export it again"
+                    )
                     raise self._document.fault(f"{place}/{key}", text)
 
     def _attribute(self, primitive: dict[str, Any], key: str) -> NDArray[np.float32] | None:
@@ -192,7 +196,10 @@ class Meshes:
                 raise self._document.fault(f"{at}/indices", "must name whole numbers without sign; export it again")
             order = self._accessors.raw(primitive["indices"]).astype(np.uint32, copy=False)
             if int(order.max()) >= count:
-                text = f"hold {int(order.max())}, but there are only {count} vertices; export it again"
+                text = (
+                    f"hold {int(order.max())}, but the mesh has only {counted(count, 'vertex', 'vertices')}; "
+                    "export it again"
+                )
                 if mode != 4:
                     raise self._document.fault(f"{at}/indices", text)
                 self._document.leave_out(f"{at}/indices", text)

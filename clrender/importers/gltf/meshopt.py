@@ -15,7 +15,7 @@ from clrender.importers.gltf.decoding import Encoded, decoded
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.extension_schema import MESHOPT
 from clrender.importers.gltf.meshopt_filters import FILTERS
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["compression", "decode_meshopt", "meshopt_is_there", "unread_fallbacks"]
 
@@ -99,7 +99,9 @@ def decode_meshopt(document: Document, buffers: Sequence[memoryview | None]) -> 
     total = sum(part.size for part in parts.values())
     first = next(iter(parts.values())).at
     if total > _LIMIT:
-        raise document.fault(first, f"and others take more than {_LIMIT} bytes, which is the most; export less")
+        raise document.fault(
+            first, f"and others take more than {counted(_LIMIT, 'byte')}, which is the most; export less"
+        )
     if not meshopt_is_there():
         cure = f"install what reads it with `{install_command('gltf')}` (for Python 3.11 or later)"
         text = f"is compressed by meshoptimizer; {cure}, or export it without that compression"
@@ -145,14 +147,19 @@ def _part(document: Document, index: int, buffers: Sequence[memoryview | None]) 
     if mode == "TRIANGLES" and count % 3:
         raise document.fault(f"{at}/count", f"is {count}, but must be a multiple of 3; export it again")
     if count * stride != view["byteLength"]:
-        text = f"times byteStride is {count * stride} bytes, but the view has {view['byteLength']}; export it again"
+        text = (
+            f"times byteStride is {counted(count * stride, 'byte')}, but the view has {view['byteLength']}; "
+            "export it again"
+        )
         raise document.fault(f"{at}/count", text)
     buffer, start, size = buffers[packed["buffer"]], packed.get("byteOffset", 0), packed["byteLength"]
     if buffer is None:
         raise document.fault(f"{at}/buffer", "names a buffer without bytes, but they are needed; export it again")
     if start + size > len(buffer):
-        text = f"takes it to byte {start + size} of a buffer of {len(buffer)} bytes; export it again"
+        text = f"takes it to byte {start + size} of a buffer of {counted(len(buffer), 'byte')}; export it again"
         raise document.fault(f"{at}/byteLength", text)
     if count * stride > _RATIO * size:
-        raise document.fault(f"{at}/byteLength", f"is {size}, too few for {count * stride} bytes; export it again")
+        raise document.fault(
+            f"{at}/byteLength", f"is {size}, too few for {counted(count * stride, 'byte')}; export it again"
+        )
     return _Compressed(at, bytes(buffer[start : start + size]), count, stride, mode, name)

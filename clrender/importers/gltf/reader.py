@@ -29,6 +29,7 @@ from clrender.importers.gltf.textures import Textures
 from clrender.importers.gltf.validator import validate
 from clrender.importers.instancing import place_group
 from clrender.scene.values import NAME_LIMIT, SHAPE_LIMIT
+from clrender.wording import counted
 
 __all__ = ["read"]
 
@@ -106,7 +107,9 @@ def _add_shapes(
     if maps is not None and place_group(document.draft, made, places, name, moves):
         return
     if len(shapes) + len(places) * len(made) > SHAPE_LIMIT:
-        raise document.fault(f"/nodes/{index}", f"makes more than {SHAPE_LIMIT} shapes of the scene; export fewer")
+        raise document.fault(
+            f"/nodes/{index}", f"makes more than {counted(SHAPE_LIMIT, 'shape')} of the scene; export fewer"
+        )
     for rows in places.tolist():
         matrix = (*(tuple(row) for row in rows), IDENTITY[3])
         for shape in made:

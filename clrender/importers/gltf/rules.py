@@ -9,7 +9,7 @@ from typing import Any, Final, TypeAlias
 
 from clrender.errors import SceneError
 from clrender.importers.gltf.document import Document, escaped
-from clrender.wording import quoted, shown
+from clrender.wording import counted, quoted, shown
 
 __all__ = [
     "LEFT_OUT",
@@ -188,7 +188,7 @@ def many(each: Rule, least: int = 1, most: int | None = None, distinct: bool = F
                 raise walk.fault(at, sentence)
             walk.forgive(at, sentence)
         if most is not None and len(value) > most:
-            raise walk.fault(at, f"has {len(value)} entries, but must have at most {most}")
+            raise walk.fault(at, f"has {counted(len(value), 'entry', 'entries')}, but must have at most {most}")
         for index, one in enumerate(value):
             value[index] = each(walk, one, f"{at}/{index}")
         if distinct and len(set(value)) < len(value):

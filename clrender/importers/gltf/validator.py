@@ -9,7 +9,7 @@ from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.extensions import check_declared, check_required
 from clrender.importers.gltf.rules import Walk
 from clrender.importers.gltf.schema import COMPONENTS, ROOT
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["BYTES", "element_bytes", "validate"]
 
@@ -81,7 +81,7 @@ def _check_view(document: Document, view: dict[str, Any], at: str) -> None:
     if start + size > room:
         key = "byteOffset" if start >= room else "byteLength"
         raise document.fault(
-            f"{at}/{key}", f"takes it to byte {start + size} of a buffer of {room} bytes; export it again"
+            f"{at}/{key}", f"takes it to byte {start + size} of a buffer of {counted(room, 'byte')}; export it again"
         )
     stride = view.get("byteStride")
     if stride is None:
@@ -89,7 +89,9 @@ def _check_view(document: Document, view: dict[str, Any], at: str) -> None:
     if stride % 4:
         raise document.fault(f"{at}/byteStride", f"is {stride}, but must be a multiple of 4")
     if stride > size:
-        raise document.fault(f"{at}/byteStride", f"is {stride}, more than the view's {size} bytes; export it again")
+        raise document.fault(
+            f"{at}/byteStride", f"is {stride}, more than the view's {counted(size, 'byte')}; export it again"
+        )
     if view.get("target") == 34963:
         document.forgive(f"{at}/byteStride", "is given to a view of indices, which must have none; leave it out")
 
@@ -114,7 +116,9 @@ def _check_accessor(document: Document, accessor: dict[str, Any], at: str) -> No
     columns, rows = COMPONENTS[accessor["type"]]
     for key in ("min", "max"):
         if key in accessor and len(accessor[key]) != columns * rows:
-            raise document.fault(f"{at}/{key}", f"has {len(accessor[key])} numbers, but must have {columns * rows}")
+            raise document.fault(
+                f"{at}/{key}", f"has {counted(len(accessor[key]), 'number')}, but must have {columns * rows}"
+            )
     sparse = accessor.get("sparse")
     if sparse is not None and sparse["count"] > accessor["count"]:
         raise document.fault(
@@ -149,10 +153,14 @@ def _check_room(document: Document, accessor: dict[str, Any], at: str, matrix: b
     if matrix and start % 4:
         document.forgive(f"{at}/byteOffset", "puts a matrix where no multiple of 4 bytes is; export it again")
     if stride < tight:
-        raise document.fault(at, f"has elements of {tight} bytes, but byteStride is {stride}; export it again")
+        raise document.fault(
+            at, f"has elements of {counted(tight, 'byte')}, but byteStride is {stride}; export it again"
+        )
     end = start + stride * (accessor["count"] - 1) + tight
     if end > view["byteLength"]:
-        raise document.fault(at, f"needs {end} bytes, but its buffer view has {view['byteLength']}; export it again")
+        raise document.fault(
+            at, f"needs {counted(end, 'byte')}, but its buffer view has {view['byteLength']}; export it again"
+        )
 
 
 def _check_part(
@@ -163,10 +171,12 @@ def _check_part(
     if "byteStride" in view or "target" in view:
         raise document.fault(f"{at}/bufferView", "names a view with byteStride or target, which must have none")
     if (start + view.get("byteOffset", 0)) % (multiple or step):
-        raise document.fault(f"{at}/byteOffset", f"begins where no multiple of {multiple or step} bytes is")
+        raise document.fault(f"{at}/byteOffset", f"begins where no multiple of {counted(multiple or step, 'byte')} is")
     end = start + step * count - padding
     if end > view["byteLength"]:
-        raise document.fault(at, f"needs {end} bytes, but its buffer view has {view['byteLength']}; export it again")
+        raise document.fault(
+            at, f"needs {counted(end, 'byte')}, but its buffer view has {view['byteLength']}; export it again"
+        )
 
 
 def _check_camera(document: Document, camera: dict[str, Any], at: str) -> None:
@@ -265,7 +275,7 @@ def _check_node(document: Document, node: dict[str, Any], at: str) -> None:
         meshes = document.items("meshes")
         targets = _targets(meshes[node["mesh"]]) if "mesh" in node else 0
         if len(node["weights"]) != targets:
-            text = f"has {len(node['weights'])} numbers, but the mesh has {targets} targets; export it again"
+            text = f"has {counted(len(node['weights']), 'number')}, but the mesh has {targets} targets; export it again"
             document.forgive(f"{at}/weights", text)
 
 

@@ -42,7 +42,7 @@ from clrender.importers.shared.strands import has_inside, placed_rows
 from clrender.meshes.data import MeshData
 from clrender.meshes.read import read_mesh, read_serialized_mesh
 from clrender.scene.values import NAME_LIMIT, SHAPE_LIMIT
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["ShapeReader"]
 
@@ -125,7 +125,7 @@ class ShapeReader:
         self._count += 1
         if self._count > SHAPE_LIMIT:
             raise plugin.fault(
-                f"more than {SHAPE_LIMIT} shapes are written out, which is the most; use fewer instances"
+                f"more than {counted(SHAPE_LIMIT, 'shape')} are written out, which is the most; use fewer instances"
             )
         place = _Place() if place is None else place
         if plugin.type == "instance":

@@ -17,7 +17,7 @@ from clrender.importers.mitsuba.plugins import Spectrum, Value
 from clrender.importers.mitsuba.xml_elements import Element
 from clrender.importers.shared.matrices import Matrix, identity, look_at, rotation, scaling, translation
 from clrender.spectra.colors import Color, blackbody_color
-from clrender.wording import quoted, suggestion
+from clrender.wording import counted, grouped, quoted, suggestion
 
 __all__ = ["VALUE_TAGS", "ValueReader"]
 
@@ -117,8 +117,8 @@ class ValueReader:
     def _numbers(self, element: Element, text: str, *counts: int) -> list[float]:
         parts = [part for part in _SEPARATOR.split(text.strip()) if part]
         if len(parts) > _NUMBERS_LIMIT or (counts and len(parts) not in counts):
-            wanted = " or ".join(map(str, counts)) or f"at most {_NUMBERS_LIMIT}"
-            raise self.fault(element, f"{quoted(text)} holds {len(parts)} numbers, but must hold {wanted}")
+            wanted = " or ".join(map(str, counts)) or f"at most {grouped(_NUMBERS_LIMIT)}"
+            raise self.fault(element, f"{quoted(text)} holds {counted(len(parts), 'number')}, but must hold {wanted}")
         return [self._number(element, part) for part in parts]
 
     def _vector(self, element: Element, missing: float) -> Any:

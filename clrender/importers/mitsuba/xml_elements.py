@@ -7,7 +7,7 @@ from typing import Final
 from xml.parsers import expat
 
 from clrender.errors import SceneError
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["FILE_LIMIT", "Element", "parsed"]
 
@@ -65,7 +65,9 @@ class _Tree:
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         self._count += 1
         if self._count > _COUNT:
-            raise self._refuse(f"is beyond {_COUNT} elements, which are the most; keep meshes in files of their own")
+            raise self._refuse(
+                f"is beyond {counted(_COUNT, 'element')}, which are the most; keep meshes in files of their own"
+            )
         if len(self._open) >= _DEPTH:
             raise self._refuse(f"elements are nested more than {_DEPTH} deep; use `ref` instead")
         element = Element(tag, attributes, self.parser.CurrentLineNumber)

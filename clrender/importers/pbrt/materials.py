@@ -18,7 +18,7 @@ from clrender.importers.shared.half_space import albedo_without_boundary
 from clrender.importers.shared.measured_media import MEASURED_MEDIA
 from clrender.importers.shared.staging import Staging
 from clrender.spectra.colors import Color
-from clrender.wording import quoted, suggestion
+from clrender.wording import counted, quoted, suggestion
 
 __all__ = ["MaterialReader"]
 
@@ -298,7 +298,7 @@ class MaterialReader:
     def _mix(self, parameters: Parameters) -> dict[str, Any]:
         names = parameters.texts("materials")
         if len(names) != 2:
-            raise parameters.fault(f"the mixture has {len(names)} materials, but must have two", "materials")
+            raise parameters.fault(f"the mixture has {counted(len(names), 'material')}, but must have two", "materials")
         parts = [self.named(name, parameters) for name in names]
         if None in parts:
             raise parameters.fault('a mixture with "interface" is not read; use alpha instead', "materials")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["Parameter", "Parameters"]
 
@@ -80,7 +80,7 @@ class Parameters:
         if isinstance(found.values, list):
             raise self.fault(f"{quoted(name)} is of type {found.kind}, but must hold numbers", name)
         if len(found.values) % group:
-            raise self.fault(f"{quoted(name)} has {len(found.values)} numbers, which are no multiple of {group}", name)
+            raise self.fault(f"{quoted(name)} has {counted(len(found.values), 'number')}, no multiple of {group}", name)
         values: NDArray[np.float64] = found.values
         return values.reshape(-1, group) if group > 1 else values
 
@@ -104,7 +104,7 @@ class Parameters:
         if found is None:
             return default
         if len(found) != 1:
-            raise self.fault(f"{quoted(name)} has {len(found)} numbers, but must have one", name)
+            raise self.fault(f"{quoted(name)} has {counted(len(found), 'number')}, but must have one", name)
         return float(found[0])
 
     def vector(self, name: str, default: tuple[float, ...]) -> NDArray[np.float64]:
@@ -113,7 +113,7 @@ class Parameters:
         if found is None:
             return np.array(default, np.float64)
         if len(found) != len(default):
-            raise self.fault(f"{quoted(name)} has {len(found)} numbers, but must have {len(default)}", name)
+            raise self.fault(f"{quoted(name)} has {counted(len(found), 'number')}, but must have {len(default)}", name)
         return found
 
     def whole(self, name: str, default: int) -> int:

@@ -28,7 +28,7 @@ from clrender.importers.shared.meshes import (
 from clrender.importers.shared.staging import Staging
 from clrender.importers.shared.strands import StrandCollector, has_inside, placed_rows, ribbon_mesh
 from clrender.meshes.data import MeshData
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["ShapeReader"]
 
@@ -124,7 +124,7 @@ class ShapeReader:
         count = 0 if points is None else len(points)
         step = degree if basis == "bezier" else 1
         if points is None or count <= degree or (count - degree - 1) % step:
-            text = f"a {basis} of degree {degree} cannot have {count} points"
+            text = f"a {basis} of degree {degree} cannot have {counted(count, 'point')}"
             raise parameters.fault(f'{text}; give {degree + 1}, {degree + 1 + step} and so on as "P"', "P")
         controls = _cubics(points, degree, basis)
         width = parameters.number("width", 1.0)
@@ -320,7 +320,9 @@ class ShapeReader:
         uvs = parameters.numbers("uv" if "uv" in parameters.values else "st", 2)
         for array, name in ((normals, "N"), (uvs, "uv")):
             if array is not None and len(array) != len(places):
-                raise parameters.fault(f"there are {len(places)} points, but {len(array)} of {quoted(name)}", name)
+                raise parameters.fault(
+                    f"it has {counted(len(places), 'point')}, but {len(array)} of {quoted(name)}", name
+                )
         for array, name, most in ((places, "P", 1e12), (normals, "N", 1e12), (uvs, "uv", 1e6)):
             if array is not None and not (np.abs(array) <= most).all():
                 raise parameters.fault(f"a number of {quoted(name)} is larger than {most:g}, which is the most", name)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 from clrender.importers.pbrt.parameters import Parameter, Parameters
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["FILE_LIMIT", "Directive", "directives"]
 
@@ -82,7 +82,7 @@ class Directive:
     def floats(self, count: int) -> tuple[float, ...]:
         """All of its numbers, of which there must be `count`."""
         if len(self.numbers) != count:
-            raise self.fault(f"{self.name} has {len(self.numbers)} numbers, but must have {count}")
+            raise self.fault(f"{self.name} has {counted(len(self.numbers), 'number')}, but must have {count}")
         return self.numbers
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.exact.elementary import sines_cosines
+from clrender.wording import counted
 
 __all__ = ["MOST_TRIANGLES", "subdivided"]
 
@@ -56,7 +57,8 @@ def subdivided(points: _Floats, triangles: _Indices, levels: int) -> tuple[_Floa
     """
     if len(triangles) * 4 ** min(levels, 16) > MOST_TRIANGLES:
         raise ValueError(
-            f"{len(triangles)} triangles become more than {MOST_TRIANGLES} in {levels} levels of subdivision"
+            f"{counted(len(triangles), 'triangle becomes', 'triangles become')} more than {MOST_TRIANGLES} in "
+            f"{counted(levels, 'level')} of subdivision"
         )
     a, b, c = triangles.T
     mesh = _Mesh(points, triangles[(a != b) & (b != c) & (c != a)])

@@ -34,7 +34,7 @@ from clrender.meshes.read import read_mesh
 from clrender.scene.values import SHAPE_LIMIT
 from clrender.settings import FILTER_RADII
 from clrender.spectra.colors import Color
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["Staging", "roughness_of"]
 
@@ -119,7 +119,9 @@ class Staging:
         """
         shapes = self.draft.description["shapes"]
         if len(shapes) >= SHAPE_LIMIT:
-            raise self.fault(line, f"makes more than {SHAPE_LIMIT} shapes, which is the most; use fewer instances")
+            raise self.fault(
+                line, f"makes more than {counted(SHAPE_LIMIT, 'shape')}, which is the most; use fewer instances"
+            )
         if not is_affine(matrix):
             raise self.fault(line, "the shape's transform is no affine one that can be inverted; give it another")
         shapes.append({**described, **transform_key(matrix)})

@@ -12,7 +12,7 @@ from pxr import Ar, Sdf, Tf, Usd
 
 from clrender.errors import SceneError
 from clrender.files.named import allowed_file
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["Layers", "reason"]
 
@@ -83,7 +83,7 @@ class Layers:
                     continue
                 seen.add(identifier)
                 if len(seen) > _MOST:
-                    raise SceneError(f"{self._source}: it has more than {_MOST} layers; flatten it")
+                    raise SceneError(f"{self._source}: it has more than {counted(_MOST, 'layer')}; flatten it")
                 found = self._opened(identifier, at)
                 if found is not None:
                     ahead.append(found)

@@ -28,7 +28,7 @@ from clrender.importers.usd.strands import Strands
 from clrender.importers.usd.surfaces import Surfaces
 from clrender.scene.groups import INSTANCE_LIMIT
 from clrender.scene.values import NAME_LIMIT, SHAPE_LIMIT
-from clrender.wording import quoted
+from clrender.wording import counted, grouped, quoted
 
 __all__ = ["read", "read_cameras"]
 
@@ -148,7 +148,7 @@ class _Reader:
             self._count += len(bases)
             if self._count > INSTANCE_LIMIT:
                 raise SceneError(
-                    f"{self._files.source}: it has more than {INSTANCE_LIMIT} things to draw; export fewer"
+                    f"{self._files.source}: it has more than {grouped(INSTANCE_LIMIT)} things to draw; export fewer"
                 )
             places = product(bases, self._places.chain(item["node"]))
             kind = item["type"]
@@ -191,7 +191,9 @@ class _Reader:
         if mask is not None and len(mask) == count:
             shown = mask.astype(bool)
         if len(places) * count > INSTANCE_LIMIT:
-            raise SceneError(f"{self._files.source}: it has more than {INSTANCE_LIMIT} instances; export fewer")
+            raise SceneError(
+                f"{self._files.source}: it has more than {counted(INSTANCE_LIMIT, 'instance')}; export fewer"
+            )
         for number, key in enumerate(item["prototypes"]):
             chosen = local[shown & (indices == number)]
             if len(chosen):
@@ -229,7 +231,7 @@ class _Reader:
             return
         if len(self._draft.description["shapes"]) + len(places) * len(made) > SHAPE_LIMIT:
             raise SceneError(
-                f"{self._files.source}: it makes more than {SHAPE_LIMIT} shapes of the scene; export fewer"
+                f"{self._files.source}: it makes more than {counted(SHAPE_LIMIT, 'shape')} of the scene; export fewer"
             )
         for matrix in places:
             self._draft.description["shapes"] += [{**shape, "name": name, **transform_key(matrix)} for shape in made]
@@ -278,7 +280,9 @@ class _Reader:
         item, worlds, made = (named or usable)[0]
         if len(usable) > 1:
             which = "that of its render settings" if named else "the first"
-            self._draft.note(f"it has {len(usable)} cameras; the image is of {which}, {quoted(item['path'])}")
+            self._draft.note(
+                f"it has {counted(len(usable), 'camera')}; the image is of {which}, {quoted(item['path'])}"
+            )
         if len(worlds) > 1:
             posed = [camera_of(self._draft, item, world) for world in worlds[1:]]
             keys = ("position", "target", "up")

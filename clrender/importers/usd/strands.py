@@ -13,7 +13,7 @@ from clrender.importers.draft import Draft
 from clrender.importers.shared.matrices import Matrix
 from clrender.importers.shared.strands import StrandCollector, has_inside, placed_rows
 from clrender.importers.usd.process import Stage
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["Strands"]
 
@@ -78,7 +78,7 @@ class Strands:
         if points is None or counts is None:
             raise SceneError(f"{place} has no points, or no curveVertexCounts; export it again")
         if int(np.maximum(counts, 0).sum()) != len(points) or (len(counts) and counts.min() < 0):
-            text = f"has {len(points)} points, but its curveVertexCounts are of another number"
+            text = f"has {counted(len(points), 'point')}, but its curveVertexCounts are of another number"
             raise SceneError(f"{place} {text}; export it again")
         if not np.isfinite(points).all():
             raise SceneError(f"{place} has points that are not finite; export it again")

@@ -17,7 +17,7 @@ from clrender.importers.usd.process import Stage
 from clrender.meshes.data import COORDINATE_LIMIT, TRIANGLE_LIMIT, MeshData
 from clrender.meshes.polygons import triangulate
 from clrender.meshes.read import UV_LIMIT
-from clrender.wording import quoted
+from clrender.wording import counted, quoted
 
 __all__ = ["Part", "Surfaces"]
 
@@ -155,7 +155,7 @@ class Surfaces:
             text = f"has {len(indices)} faceVertexIndices, but its faceVertexCounts are of another number"
             self._refuse(mesh, f"{text}; export it again")
         if max(len(points[0]), len(indices)) > TRIANGLE_LIMIT:
-            self._refuse(mesh, f"has more than {TRIANGLE_LIMIT} points or corners; export it in parts")
+            self._refuse(mesh, f"has more than {counted(TRIANGLE_LIMIT, 'point')} or corners; export it in parts")
         if any(len(each) != len(points[0]) for each in points):
             self._draft.note(
                 f"{quoted(mesh['path'])}: its number of points changes; it is drawn as at the image's time"
@@ -180,7 +180,10 @@ class Surfaces:
             sound[np.repeat(np.arange(len(counts)), counts)[bad]] = False
             lost = int(np.count_nonzero(drawn & ~sound))
             if lost:
-                text = f"{quoted(mesh['path'])}: {lost} faces have points that there are not, or that are not finite"
+                text = (
+                    f"{quoted(mesh['path'])}: {counted(lost, 'face has', 'faces have')} points that there are "
+                    "not, or that are not finite"
+                )
                 fault = SceneError(f"{self._files.source}: {text}; export it again")
                 self._draft.leave_out(fault, self._files.source, self._files.strict)
             drawn &= sound
@@ -193,7 +196,10 @@ class Surfaces:
         where = np.repeat(first[kept] - starts, sizes) + np.arange(int(sizes.sum()))
         triangles, crossed = triangulate(points[0], indices[where], sizes, self._files.source)
         if crossed:
-            self._draft.note(f"{quoted(mesh['path'])}: {crossed} faces cross their own outlines")
+            self._draft.note(
+                f"{quoted(mesh['path'])}: "
+                f"{counted(crossed, 'face crosses its own outline', 'faces cross their own outlines')}"
+            )
         if mesh["left_handed"]:
             triangles = triangles[:, ::-1]
         corners = where[triangles]
@@ -305,7 +311,8 @@ class Surfaces:
             where = np.broadcast_to(faces.faces[:, None], faces.corners.shape)
         if int(where.max()) >= len(values):
             text = (
-                f"{quoted(mesh['path'])}: {quoted(name)} has {len(values)} values, fewer than its {interpolation} ones"
+                f"{quoted(mesh['path'])}: {quoted(name)} has {counted(len(values), 'value')}, fewer than its "
+                f"{interpolation} ones"
             )
             self._draft.note(f"{text} must be: left out")
             return None

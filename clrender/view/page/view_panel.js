@@ -5,7 +5,8 @@ import { freshId, make, setText } from "./elements.js";
 import { TONE_MAPS } from "./tone_map.js";
 import { replicatesFor } from "./status.js";
 
-const MOST_STOPS = 10;
+const MOST_STOPS = 128;
+const SLIDER_STOPS = 10;
 const TONE_MAP_WORDS = { linear: "Linear", sqrt: "Square root", srgb: "sRGB", reinhard: "Reinhard", aces: "ACES", agx: "AgX" };
 
 /** A row: a label of a control, which may stand in an element with others. */
@@ -25,7 +26,7 @@ export function createViewPanel(hub, choice, picture, say, environment) {
   const layer = make("select", { onchange: () => chooseLayer(layer.value) });
   const compared = make("select", { onchange: () => chooseCompared(compared.value) });
   const toneMap = make("select", { onchange: () => set("toneMap", toneMap.value) }, ...TONE_MAPS.map((name) => make("option", { value: name }, TONE_MAP_WORDS[name])));
-  const slider = make("input", { type: "range", min: -MOST_STOPS, max: MOST_STOPS, step: 0.1, "aria-label": "Exposure, stops" });
+  const slider = make("input", { type: "range", min: -SLIDER_STOPS, max: SLIDER_STOPS, step: 0.1, "aria-label": "Exposure, stops" });
   const stops = make("input", { type: "number", min: -MOST_STOPS, max: MOST_STOPS, step: "any" });
   const falseColor = make("input", { type: "checkbox", onchange: () => set("falseColor", falseColor.checked) });
   const alpha = make("input", { type: "checkbox", onchange: chooseAlpha });
@@ -101,7 +102,13 @@ export function createViewPanel(hub, choice, picture, say, environment) {
     select.value = value;
   }
 
+  let begun = false; // what the first greeting says is how to begin; after a reconnection the choice stays
   hub.on("hello", (hello) => {
+    if (!begun && hello.look !== undefined) {
+      set("toneMap", (toneMap.value = hello.look.tone_map));
+      setStops(hello.look.exposure);
+    }
+    begun = true;
     // After a reconnection the engine may have other layers.
     const known = (name) => hello.layers.some((each) => each.name === name && each.needs !== "denoise");
     if (!known(choice.layer)) choice.layer = hello.layers[0].name;
