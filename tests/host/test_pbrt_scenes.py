@@ -23,7 +23,8 @@ from clrender.importers.draft import Draft
 from clrender.importers.shared.half_space import h_function, returned
 from clrender.importers.shared.white_balance import daylight_xyz, white_balance
 from clrender.scene import Scene
-from clrender.spectra.colors import TO_REC709
+from clrender.scene.spectra import SpectralColor
+from clrender.spectra.colors import TO_REC709, table_wavelengths
 
 BALL = 'Shape "sphere"\n'
 
@@ -273,6 +274,27 @@ def test_subsurface_by_coefficients_is_glass_with_a_medium(
     assert medium["scattering"] == pytest.approx(np.multiply(scattering, 10.0))
     assert medium["absorption"] == pytest.approx(np.multiply(absorption, 10.0))
     assert medium["g"] == 0.0 and not any("not understood" in note for note in scene.notes)
+
+
+@for_each("material", [True, False])
+def test_coefficients_of_media_may_be_spectra(tmp_path: Path, material: bool) -> None:
+    """They are 0 beyond their ends."""
+    given = '"spectrum sigma_a" [400 0.5 500 0 600 2] "rgb sigma_s" [1 2 3] "float scale" 10'
+    if material:
+        world = f'Material "subsurface" {given}\n{BALL}'
+    else:
+        world = f'MakeNamedMedium "m" "string type" "homogeneous" {given} "rgb Le" [0.1 0.1 0.1]\n'
+        world += f'MediumInterface "m" ""\nMaterial "interface"\n{BALL}'
+    scene = pbrt(tmp_path, world)
+    (medium,) = scene.media.values()
+    assert isinstance(medium.absorption, SpectralColor)
+    lines = table_wavelengths()
+    np.testing.assert_allclose(medium.absorption.values[lines == 450.0], 2.5)
+    np.testing.assert_allclose(medium.absorption.values[lines == 550.0], 10.0)
+    assert not medium.absorption.values[(lines < 395.0) | (lines > 605.0)].any()
+    assert medium.scattering == (10.0, 20.0, 30.0) and not isinstance(medium.scattering, SpectralColor)
+    assert medium.glows != material
+    assert not any("not understood" in note for note in scene.notes)
 
 
 def test_equal_surfaces_of_other_media_stay_apart(tmp_path: Path) -> None:

@@ -75,11 +75,11 @@ def test_constant_grids_in_mixed_scenes(evidence: Evidence, studio: Studio, tmp_
     folder = written(tmp_path)
     np.save(folder / "ones.npy", np.ones((3, 4, 2), np.float32))
     ones = {"file": "ones.npy", "box": [[-90.0] * 3, [90.0] * 3]}
-    found = 0
+    found, of_grids = 0, ("density", "albedo", "emission_grid", "temperature")
     for number in range(200):
         mixed = mixed_scene("light", number)
         media = {
-            name: {k: v for k, v in each.items() if k != "density"}
+            name: {k: v for k, v in each.items() if k not in of_grids}
             for name, each in mixed.content.get("media", {}).items()
         }
         filled = {shape.get("interior") for shape in mixed.content["shapes"]} & media.keys() - {

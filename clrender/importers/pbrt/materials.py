@@ -267,7 +267,8 @@ class MaterialReader:
         else:
             parameters.values.pop("g", None)  # the measured scattering is the reduced one, which is of g = 0
             scattering, absorption = measured
-        filling = self._media.added(wanted, scattering, absorption, parameters)
+        spectra = self._media.spectra(parameters) if measured is None else {}
+        filling = self._media.added(wanted, scattering, absorption, parameters, spectra)
         return {"type": "dielectric", "ior": ior, **microfacets}, filling
 
     def _diffusing(self, parameters: Parameters, ior: float, roughness: Any) -> dict[str, Any]:

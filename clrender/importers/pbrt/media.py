@@ -53,20 +53,30 @@ class MediumReader:
         if kind == "rgbgrid":
             self._define_colored(name, parameters, matrix)
             return
-        measured = self.measured(parameters, "preset")
+        measured, spectra = self.measured(parameters, "preset"), dict[str, Any]()
         if measured is None:
             measured = (
                 self._textures.coefficients(parameters, "sigma_s", (1.0, 1.0, 1.0)),
                 self._textures.coefficients(parameters, "sigma_a", (1.0, 1.0, 1.0)),
             )
+            spectra = self.spectra(parameters)
         grids = {}
         if kind in _GRIDS:
             found = self._grids(name, kind, parameters, matrix)
             if found is None:
                 return
             grids = found
-        self._named[name] = self.added(name, *measured, parameters, grids)
+        self._named[name] = self.added(name, *measured, parameters, {**spectra, **grids})
         self._tell_unused(parameters)
+
+    def spectra(self, parameters: Parameters) -> dict[str, Any]:
+        """Coefficients that are spectra, times the scale, by our keys."""
+        scale = parameters.number("scale", 1.0)
+        found = {
+            key: self._textures.spectrum_of_coefficient(parameters, name, scale)
+            for key, name in (("absorption", "sigma_a"), ("scattering", "sigma_s"))
+        }
+        return {key: said for key, said in found.items() if said is not None}
 
     def _tell_unused(self, parameters: Parameters) -> None:
         for unknown in parameters.unused():
@@ -203,7 +213,7 @@ class MediumReader:
         scattering: Color,
         absorption: Color,
         parameters: Parameters,
-        grids: dict[str, Any] | None = None,
+        more: dict[str, Any] | None = None,
     ) -> str:
         """Add a medium with the scale and the mean cosine of a directive; returns its name.
 
@@ -214,8 +224,8 @@ class MediumReader:
         scattering, absorption : three floats
             Per unit of length, times the scale.
         parameters : Parameters
-        grids : dict, optional
-            Its grids.
+        more : dict, optional
+            Its grids, and coefficients that are spectra.
         """
         scale = parameters.number("scale", 1.0)
         made: dict[str, Any] = {
@@ -223,7 +233,7 @@ class MediumReader:
             "scattering": [max(x * scale, 0.0) for x in scattering],
             "g": min(max(parameters.number("g", 0.0), -_MOST_G), _MOST_G),
         }
-        made |= grids or {}
+        made |= more or {}
         given = self._textures.coefficients(parameters, "Le", (0.0, 0.0, 0.0))
         emitted = (1.0, 1.0, 1.0) if "temperature" in made else given
         if any(x > 0.0 for x in emitted):

@@ -10,7 +10,7 @@ from clrender.image.pictures import CODED_ENDINGS
 from clrender.importers.pbrt.parameters import Parameter, Parameters
 from clrender.importers.shared.curved import decoded, inverted, mean_color, number_channel, rooted
 from clrender.importers.shared.metals import CONDUCTORS, GLASSES
-from clrender.importers.shared.spectra import ILLUMINANTS, light_table, reflectance_table
+from clrender.importers.shared.spectra import ILLUMINANTS, coefficient_table, light_table, reflectance_table
 from clrender.importers.shared.staging import Staging, roughness_of
 from clrender.spectra.colors import (
     Color,
@@ -116,6 +116,13 @@ class TextureReader:
         if any(not later > earlier for earlier, later in itertools.pairwise(waves)):
             raise parameters.fault(f"the wavelengths of {quoted(name)} do not grow; sort them", name)
         return waves, values
+
+    def spectrum_of_coefficient(self, parameters: Parameters, name: str, scale: float) -> dict[str, Any] | None:
+        """The spectrum of a medium's coefficient times a scale, as scenes say it; None if it is a colour."""
+        found = parameters.get(name)
+        if found is None or found.kind != "spectrum":
+            return None
+        return coefficient_table(*self._spectrum(parameters, name, found), scale)
 
     def metal(self, parameters: Parameters, name: str, default: str) -> Color:
         """Real or imaginary part of the index of a metal."""

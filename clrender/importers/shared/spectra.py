@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any, Final
 
-__all__ = ["ILLUMINANTS", "light_table", "reflectance_table"]
+__all__ = ["ILLUMINANTS", "coefficient_table", "light_table", "reflectance_table"]
 
 _MOST: Final = 4096
 """Most wavelengths of a table in a scene, less two for its ends."""
@@ -41,14 +41,31 @@ def light_table(wavelengths: Sequence[float], values: Sequence[float], scale: fl
 
 def reflectance_table(wavelengths: Sequence[float], values: Sequence[float]) -> dict[str, Any] | None:
     """A spectrum of a reflectance that is 0 beyond its ends; None if scenes cannot have it."""
-    if not _sound(wavelengths, values) or max(values) > 1.0:
+    return None if max(values, default=0.0) > 1.0 else coefficient_table(wavelengths, values)
+
+
+def coefficient_table(
+    wavelengths: Sequence[float], values: Sequence[float], scale: float = 1.0
+) -> dict[str, Any] | None:
+    """A spectrum of what is no light, such as a coefficient, and is 0 beyond its ends; None if scenes cannot have it.
+
+    Parameters
+    ----------
+    wavelengths : sequence of float
+        Nanometres.
+    values : sequence of float
+    scale : float
+        Factor of it.
+    """
+    if not _sound(wavelengths, values) or not 0.0 <= scale <= 1e12 or max(values) * scale > 1e12:
         return None
     places, shares = list(wavelengths), list(values)
     if places[0] > _VISIBLE[0]:
         places, shares = [places[0] - _EDGE, *places], [0.0, *shares]
     if places[-1] < _VISIBLE[1]:
         places, shares = [*places, places[-1] + _EDGE], [*shares, 0.0]
-    return {"wavelengths": places, "values": shares}
+    made: dict[str, Any] = {"wavelengths": places, "values": shares}
+    return made if scale == 1.0 else {**made, "scale": scale}
 
 
 def _sound(wavelengths: Sequence[float], values: Sequence[float]) -> bool:
