@@ -245,6 +245,7 @@ LIGHT_SPOT: Final = 6
 LIGHT_IES: Final = 7
 LIGHT_SUN: Final = 8
 LIGHT_PROJECTOR: Final = 9
+LIGHT_PLUGIN: Final = 10
 
 HAS_MASKED: Final = 1
 """Rays may pass through some surfaces, which have a BVH of their own."""
@@ -358,7 +359,11 @@ STRUCTS: Final[Mapping[str, tuple[tuple[str, str, str], ...]]] = {
             "rgb: radiance W/(sr m2), at a point: (largest) intensity W/sr, directional: irradiance W/m2",
         ),
         ("position", "float4", "at a point: position; directional and sun: unit direction of travel"),
-        ("axis", "float4", "lamp: unit, middle of its light; spot: w 1 - cosine of half its cone"),
+        (
+            "axis",
+            "float4",
+            "lamp: unit, middle of its light; spot: w 1 - cosine of half its cone; plugin: x row of its own",
+        ),
         (
             "zero",
             "float4",
@@ -762,6 +767,7 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("STEEPNESS", 13, 1, "spot: one over what the cosine grows by as it falls off"),
         ("ZERO", 12, 3, "unit; IES: where horizontal angle 0 is, projector: right"),
         ("TABLE", 15, 1, "IES, projector, bits: row of lamp_tables where its own begins"),
+        ("GIVEN", 9, 1, "plugin: row of lamp_tables where its own begin, a number; light_at puts the rest here"),
         ("DIRECTION", 6, 3, "directional light, middle of the sun: of travel, unit"),
     ),
     "ENVIRONMENT": (
@@ -791,6 +797,12 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("BAND", 6, 1, "bits: share of the light before each vertical angle, or height"),
         ("CELL", 7, 1, "bits: of the light between two of them, share before each horizontal angle, or place"),
         ("EVEN", 8, 1, "picture, bits: whether it lights a screen evenly, else all of its directions"),
+    ),
+    "GIVEN": (
+        ("PLUGIN", 0, 1, "light of a plugin, bits: its number among those of the scene; its parameters follow, a row"),
+        ("SPREAD", 1, 1, "1 - cosine of half the cone that it shines into; 2: all around"),
+        ("AXIS", 2, 3, "unit, its z axis"),
+        ("RIGHT", 5, 3, "unit, its x axis"),
     ),
     "SUN": (
         ("RED", 0, 6, "table of the sun: coefficients of its radiance in the cosine at its surface, constant first"),

@@ -156,6 +156,7 @@
 #define LIGHT_IES 7u
 #define LIGHT_SUN 8u
 #define LIGHT_PROJECTOR 9u
+#define LIGHT_PLUGIN 10u
 #define HAS_MASKED 1u
 #define HAS_SUN 2u
 #define HAS_HIDDEN_ENVIRONMENT 4u
@@ -237,7 +238,7 @@ typedef struct {
 typedef struct {
     float4 radiance;            // rgb: radiance W/(sr m2), at a point: (largest) intensity W/sr, directional: irradiance W/m2
     float4 position;            // at a point: position; directional and sun: unit direction of travel
-    float4 axis;                // lamp: unit, middle of its light; spot: w 1 - cosine of half its cone
+    float4 axis;                // lamp: unit, middle of its light; spot: w 1 - cosine of half its cone; plugin: x row of its own
     float4 zero;                // unit; IES: horizontal angle 0, projector: right; spot: w one over what the cosine gains in its fall
     uint kind;                  // LIGHT_*
     uint primitive;             // area lights: row of the primitive that shines; others that move: first knot; or NONE
@@ -575,6 +576,7 @@ typedef struct {
 #define LIGHT_ROW_STEEPNESS 13          // spot: one over what the cosine grows by as it falls off
 #define LIGHT_ROW_ZERO 12               // unit; IES: where horizontal angle 0 is, projector: right
 #define LIGHT_ROW_TABLE 15              // IES, projector, bits: row of lamp_tables where its own begins
+#define LIGHT_ROW_GIVEN 9               // plugin: row of lamp_tables where its own begin, a number; light_at puts the rest here
 #define LIGHT_ROW_DIRECTION 6           // directional light, middle of the sun: of travel, unit
 
 #define ENVIRONMENT_ROW_WIDTH 0         // head of the environment's picture: bits: pixels
@@ -601,6 +603,11 @@ typedef struct {
 #define LAMP_ROW_BAND 6                 // bits: share of the light before each vertical angle, or height
 #define LAMP_ROW_CELL 7                 // bits: of the light between two of them, share before each horizontal angle, or place
 #define LAMP_ROW_EVEN 8                 // picture, bits: whether it lights a screen evenly, else all of its directions
+
+#define GIVEN_ROW_PLUGIN 0              // light of a plugin, bits: its number among those of the scene; its parameters follow, a row
+#define GIVEN_ROW_SPREAD 1              // 1 - cosine of half the cone that it shines into; 2: all around
+#define GIVEN_ROW_AXIS 2                // unit, its z axis
+#define GIVEN_ROW_RIGHT 5               // unit, its x axis
 
 #define SUN_ROW_RED 0                   // table of the sun: coefficients of its radiance in the cosine at its surface, constant first
 #define SUN_ROW_GREEN 6

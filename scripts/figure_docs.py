@@ -62,6 +62,13 @@ def _plugins(file: str) -> None:
     write_sheet(file, [[shown(image) for image in images]])
 
 
+def _stage(file: str) -> None:
+    """The scene of lights of plugins, for the same page."""
+    folder = DOCS.parent / "scenes" / "plugins"
+    scene = clrender.load(folder / "stage.toml", plugins=sorted(folder.glob("*.cl")))
+    write_sheet(file, [[shown(clrender.render(scene, spp=1024))]])
+
+
 def _first(file: str) -> None:
     """Figure of the scene in docs/start.md."""
     (block,) = [each for each in blocks(DOCS / "start.md") if each.file == "first.toml"]
@@ -222,6 +229,7 @@ FIGURES: Final[Mapping[str, Callable[[str], None]]] = {
     "how-sampler.svg": _sampler,
     "how-error.jpg": _error,
     "write-a-material.jpg": _plugins,
+    "write-a-light.jpg": _stage,
 }
 """Functions that make the files, by name."""
 

@@ -16,11 +16,12 @@ from clrender.cli.interrupt import interruptible
 from clrender.cli.options import allow_path_option, numbers, plugin_option, setting_option
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from clrender.drawing.table import Table
     from clrender.furnace.findings import Finding
     from clrender.furnace.measure import Measured
+    from clrender.plugins import Plugin
 
 __all__ = ["furnace"]
 
@@ -62,21 +63,27 @@ def furnace(
     MATERIAL is a type, such as conductor, tested with its defaults (white, gold, index 1.5) over a range of
     roughnesses; or a table as in a scene file, such as '{type = "conductor", metal = "Au", roughness = 0.3}'. For a
     SCENE, all its materials are tested. A plugin is given by --plugin and named like a type, and is tested with its
-    defaults and with the bounds of each of its numbers.
+    defaults and with the bounds of each of its numbers; of a light, the intensity and the sampled directions.
 
-    The tests are: the directional albedo in a white furnace; reciprocity; and whether sampled directions match the
-    probability density. Each fault is reported with its size. Delta distributions, such as smooth glass, have no
-    density to test. The exit code is 0 whatever the result, unless --check is given.
+    The tests of materials are: the directional albedo in a white furnace; reciprocity; and whether sampled directions
+    match the probability density. Each fault is reported with its size. Delta distributions, such as smooth glass,
+    have no density to test. The exit code is 0 whatever the result, unless --check is given.
     """
     from clrender.drivers import select
     from clrender.furnace import as_json as numbers_of
-    from clrender.furnace import findings, measure, subjects_of
+    from clrender.furnace import findings, measure, named_light, subjects_of
+    from clrender.plugins import as_plugins
 
     def say(line: str) -> None:
         if not quiet:
             click.echo(line, err=True)
 
-    what = subjects_of(subject, names, allow_paths, uvs, plugins)
+    given = as_plugins(plugins)
+    light = named_light(subject, given, bool(names or uvs or output))
+    if light is not None:
+        _light(light, device, seed, quick, as_json, check, say)
+        return
+    what = subjects_of(subject, names, allow_paths, uvs, given)
     if output is not None:
         from clrender.drawing.svg import require_matplotlib
 
@@ -109,6 +116,34 @@ def furnace(
         sys.exit(1)
 
 
+def _light(
+    plugin: Plugin, device: str | None, seed: int, quick: bool, as_json: bool, check: bool, say: Callable[[str], None]
+) -> None:  # fmt: skip
+    """Measure a plugin's light, and print what was found."""
+    from clrender.drivers import select
+    from clrender.furnace import light_findings, light_json, light_summary, measure_light
+
+    with interruptible() as interrupt:
+
+        def step(title: str) -> None:
+            if interrupt.wanted():
+                click.echo("error: interrupted", err=True)
+                sys.exit(interrupt.exit_code)
+            say(title)
+
+        chosen = select(device, notify=say)[0]
+        measured = measure_light(plugin, chosen, seed=seed, count=1 << (13 if quick else 17), step=step)
+    found = [light_findings(each, len(measured)) for each in measured]
+    numbers = [light_json(*each) for each in zip(measured, found, strict=True)]
+    lines = _in_columns(light_summary(numbers))
+    for each, sentences in zip(measured, found, strict=True):
+        lines += ["", f"{each.title}:"]
+        lines += [f"  {'FAULT: ' if one.fault else ''}{one.sentence}" for one in sentences]
+    click.echo(json.dumps(numbers, indent=2) if as_json else "\n".join(lines))
+    if check and any(each["faults"] for each in numbers):
+        sys.exit(1)
+
+
 def _text(
     measured: Sequence[Measured], found: Sequence[Sequence[Finding]], numbers: Sequence[dict[str, Any]]
 ) -> str:  # fmt: skip
@@ -123,8 +158,11 @@ def _text(
 
 
 def _aligned(table: Table) -> list[str]:
-    rows = [table.header, *table.rows]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(table.header))]
+    return _in_columns([table.header, *table.rows])
+
+
+def _in_columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     return ["  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
 

@@ -367,7 +367,7 @@ def plugin_option(command: Any) -> Any:
         metavar="FILE",
         multiple=True,
         shell_complete=complete_files,
-        help="BSDF or texture in OpenCL C that materials may use; it is compiled and run. Repeatable.",
+        help="BSDF, texture or light in OpenCL C that scenes may use; it is compiled and run. Repeatable.",
     )(command)
 
 

@@ -16,7 +16,15 @@ from clrender.exporters.skies import sky_map
 from clrender.exporters.surfaces import inside_named, tell_of_glow
 from clrender.exporters.target import Target
 from clrender.exporters.triangles import At
-from clrender.scene import DirectionalLight, EnvironmentLight, PointLight, ProjectorLight, SpotLight, SunSkyLight
+from clrender.scene import (
+    DirectionalLight,
+    EnvironmentLight,
+    PluginLight,
+    PointLight,
+    ProjectorLight,
+    SpotLight,
+    SunSkyLight,
+)
 
 __all__ = ["LightWriter"]
 
@@ -73,7 +81,8 @@ class LightWriter:
         elif isinstance(light, DirectionalLight):
             self._add("SUN", (0.0, 0.0, 0.0), light.direction, light.irradiance, 1.0, angle=0.0)
         else:
-            what = "projectors" if isinstance(light, ProjectorLight) else "the lamps of IES files"
+            kinds: dict[type, str] = {ProjectorLight: "projectors", PluginLight: "the lights of plugins"}
+            what = kinds.get(type(light), "the lamps of IES files")
             self._target.leave_out(what, *at)
 
     def _add(self, kind: str, position: Any, direction: Any, power: Any, factor: float, **values: Any) -> None:

@@ -16,7 +16,15 @@ from clrender.exporters.skies import sky_map
 from clrender.exporters.target import Target
 from clrender.exporters.triangles import At
 from clrender.importers.shared.matrices import rotation
-from clrender.scene import DirectionalLight, EnvironmentLight, PointLight, ProjectorLight, SpotLight, SunSkyLight
+from clrender.scene import (
+    DirectionalLight,
+    EnvironmentLight,
+    PluginLight,
+    PointLight,
+    ProjectorLight,
+    SpotLight,
+    SunSkyLight,
+)
 
 __all__ = ["LightWriter"]
 
@@ -67,7 +75,8 @@ class LightWriter:
             picture = self._target.scene.environment_picture()
             assert picture is not None
             return self._map("environment", picture.pixels, light.scale, light.rotate_degrees)
-        what = "projectors" if isinstance(light, ProjectorLight) else "the lamps of IES files"
+        kinds: dict[type, str] = {ProjectorLight: "projectors", PluginLight: "the lights of plugins"}
+        what = kinds.get(type(light), "the lamps of IES files")
         self._target.leave_out(what, *at)
         return None
 

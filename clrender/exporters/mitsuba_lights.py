@@ -18,7 +18,7 @@ from clrender.exporters.target import Target
 from clrender.flatten.sky import scene_sun
 from clrender.importers.shared.matrices import look_at, rotation
 from clrender.scene import DirectionalLight, EnvironmentLight, PointLight, SpotLight, SunSkyLight
-from clrender.scene.light_kinds import IesLight, ProjectorLight
+from clrender.scene.light_kinds import IesLight, PluginLight, ProjectorLight
 from clrender.scene.spectra import SpectralColor
 
 __all__ = ["SKY_NANOMETRES", "LightWriter"]
@@ -64,8 +64,9 @@ class LightWriter:
             return self._environment(light)
         if isinstance(light, ProjectorLight):
             return self._projector(light, at)
-        assert isinstance(light, IesLight)
-        self._target.leave_out("the lamps of IES files", *at)
+        assert isinstance(light, IesLight | PluginLight)
+        what = "the lamps of IES files" if isinstance(light, IesLight) else "the lights of plugins"
+        self._target.leave_out(what, *at)
         return None
 
     # --- spots

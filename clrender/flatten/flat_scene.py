@@ -28,6 +28,7 @@ from clrender.flatten.measured import flat_measured
 from clrender.flatten.media import Media, Solid, scene_media, solid_of
 from clrender.flatten.microfacets import albedo_tables
 from clrender.flatten.motion import camera_knots, knot_rows
+from clrender.flatten.plugin_lights import Emitted
 from clrender.flatten.plugin_rows import used_plugins
 from clrender.flatten.spectral import SpectralPlace, disperses
 from clrender.flatten.surfaces import flat_surfaces
@@ -39,6 +40,7 @@ from clrender.scene.description import (
     DirectionalLight,
     EnvironmentLight,
     IesLight,
+    PluginLight,
     PointLight,
     ProjectorLight,
     Scene,
@@ -242,6 +244,7 @@ def flatten(
     origin: Vector | None = None,
     compensated: bool = False,
     known: KnownMoves | None = None,
+    emitted: Mapping[int, Emitted] | None = None,
 ) -> FlatScene:
     """Convert a scene to arrays, for an image of `width` by `height` pixels.
 
@@ -259,6 +262,9 @@ def flatten(
         `clrender.flatten.environment.environment_table`.
     known : KnownMoves, optional
         What touched in the scene before, which is not looked for again if shapes are where they were.
+    emitted : mapping of int to Emitted, optional
+        What lights of plugins give, by their index: `clrender.flatten.plugin_lights.measured_lights`, which needs a
+        device. Light sampling alone depends on it; default: as if their formulas were 1.
 
     Raises
     ------
@@ -279,7 +285,7 @@ def flatten(
     around = flat_environment(scene, compensated)
     textures = flat_textures(scene)
     holes = hole_rows(scene, surfaces, textures)
-    lamps = lamp_tables(scene)
+    lamps = lamp_tables(scene, emitted)
     lights = flat_lights(scene, surfaces, instances, textures, around, lamps, light_sampler)
     tree = lights.tree
     triangle_count, analytic_count = len(surfaces.triangles), len(surfaces.analytic_shapes)
@@ -508,6 +514,7 @@ def _lost_light(scene: Scene, no_boundary: frozenset[Solid]) -> str:
         SpotLight: "spot",
         IesLight: "ies",
         ProjectorLight: "projector",
+        PluginLight: "plugin",
     }
     shining = [name for kind, name in kinds.items() if any(isinstance(light, kind) for light in scene.lights)]
     if not (glass or mirrors) or not shining:

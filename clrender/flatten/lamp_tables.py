@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.exact.angles import sin_cos_degrees
+from clrender.flatten.plugin_lights import Emitted
 from clrender.flatten.sky import Sun
 from clrender.scene.ies import IesProfile
 
@@ -56,7 +57,7 @@ class LampTable:
 
 @dataclass(frozen=True)
 class LampTables:
-    """Tables of a scene's IES files and projectors, and the sun's, which is the first.
+    """Tables of a scene's IES files, projectors and lights of plugins, and the sun's, which is the first.
 
     Attributes
     ----------
@@ -68,6 +69,8 @@ class LampTables:
     table : mapping of (str, ...) to LampTable
     profile : mapping of str to IesProfile
         By file name.
+    given : mapping of int to (int, Emitted)
+        Of lights of plugins, by their index: the row where theirs begin, and what they give.
     """
 
     words: NDArray[np.float32]
@@ -75,6 +78,7 @@ class LampTables:
     row: Mapping[Key, int]
     table: Mapping[Key, LampTable]
     profile: Mapping[str, IesProfile]
+    given: Mapping[int, tuple[int, Emitted]] = field(default_factory=dict)
 
 
 def lamp_table(profile: IesProfile) -> LampTable:

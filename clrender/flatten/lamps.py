@@ -14,29 +14,33 @@ from clrender.errors import SceneError
 from clrender.exact.angles import sin_cos_degrees
 from clrender.exact.matrices import inner, times
 from clrender.flatten.lamp_tables import LAMP_ROW, Key, LampTable, LampTables, lamp_table, moved_words
+from clrender.flatten.plugin_lights import Emitted, given_words, light_axes, light_spread
+from clrender.flatten.plugin_rows import plugin_of
 from clrender.flatten.projected import projector_table
 from clrender.flatten.sky import scene_sun
 from clrender.image.exposure import LUMENS_PER_WATT
 from clrender.scene.ies import IesProfile
-from clrender.scene.light_kinds import IesLight, PointLight, ProjectorLight, SpotLight
+from clrender.scene.light_kinds import IesLight, PluginLight, PointLight, ProjectorLight, SpotLight
 from clrender.scene.motion import matrices_of
-from clrender.scene.values import Color, Vector, cross, length
+from clrender.scene.values import POWER_LIMIT, Color, Vector, cross, length
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from clrender.flatten.motion import Knots
     from clrender.scene.description import Scene
 
-__all__ = ["AT_POINT", "LAMP_KINDS", "POINT_KINDS", "Lamp", "lamp_at", "lamp_directions", "lamp_tables"]
+__all__ = ["AT_POINT", "LAMP_KINDS", "POINT_KINDS", "Lamp", "given_lamp", "lamp_at", "lamp_directions", "lamp_tables"]
 
-AT_POINT: Final = (PointLight, SpotLight, IesLight, ProjectorLight)
-LAMP_KINDS: Final = (layout.LIGHT_SPOT, layout.LIGHT_IES, layout.LIGHT_PROJECTOR)
+AT_POINT: Final = (PointLight, SpotLight, IesLight, ProjectorLight, PluginLight)
+LAMP_KINDS: Final = (layout.LIGHT_SPOT, layout.LIGHT_IES, layout.LIGHT_PROJECTOR, layout.LIGHT_PLUGIN)
 """Of the lights at a point, those that do not shine alike in all directions."""
 POINT_KINDS: Final = (layout.LIGHT_POINT, *LAMP_KINDS)
 _WORD_LIMIT: Final = 2**28
 _STEEPEST: Final = 1e30
 """Slope of the edge of a spotlight without blend."""
+_SLACK: Final = 1.0001
+"""By how much a cone with a hard edge is larger for the light BVH, which rounds otherwise than the light itself."""
 _ALL_AROUND: Final = 1e-3
 """Length of the mean of unit vectors below which they point all around."""
 
@@ -74,8 +78,14 @@ class Lamp:
     cone_cosine: float = -1.0
 
 
-def lamp_tables(scene: Scene) -> LampTables:
-    """The tables of all IES files and projectors that a scene names, and of its sun.
+def lamp_tables(scene: Scene, emitted: Mapping[int, Emitted] | None = None) -> LampTables:
+    """The tables of all IES files and projectors that a scene names, of its lights of plugins, and of its sun.
+
+    Parameters
+    ----------
+    scene : Scene
+    emitted : mapping of int to Emitted, optional
+        What lights of plugins give, by their index; default: as if their formulas were 1.
 
     Raises
     ------
@@ -88,7 +98,14 @@ def lamp_tables(scene: Scene) -> LampTables:
     sun = scene_sun(scene)
     parts: list[NDArray[np.float32]] = [] if sun is None else [sun.words]
     total = sum(len(words) for words in parts)
+    given: dict[int, tuple[int, Emitted]] = {}
     for index, light in enumerate(scene.lights):
+        if isinstance(light, PluginLight):
+            even = Emitted.even(light_spread(plugin_of(scene, light)))
+            given[index] = total // LAMP_ROW, (emitted or {}).get(index, even)
+            parts.append(given_words(scene, light))
+            total += len(parts[-1])
+            continue
         if not isinstance(light, IesLight | ProjectorLight) or (key := _key(light)) in tables:
             continue
         if isinstance(light, IesLight):
@@ -102,7 +119,7 @@ def lamp_tables(scene: Scene) -> LampTables:
         tables[key], rows[key] = table, total // LAMP_ROW
         parts.append(moved_words(table.words, total))
         total += len(table.words)
-    return LampTables(np.concatenate(parts) if parts else np.zeros(1, np.float32), sun, rows, tables, profiles)
+    return LampTables(np.concatenate(parts) if parts else np.zeros(1, np.float32), sun, rows, tables, profiles, given)
 
 
 def _key(light: IesLight | ProjectorLight) -> Key:
@@ -221,6 +238,50 @@ def _projector(light: ProjectorLight, tables: LampTables) -> Lamp:
         cone_axis=np.array(axis),
         cone_cosine=table.most,
     )
+
+
+def given_lamp(scene: Scene, index: int, tables: LampTables, knots: Knots | None = None) -> Lamp:
+    """Parameters of a plugin's light for the kernels.
+
+    Parameters
+    ----------
+    scene : Scene
+    index : int
+        Of the light.
+    tables : LampTables
+        Tables of the scene.
+    knots : Knots, optional
+        See `lamp_at`.
+
+    Raises
+    ------
+    SceneError
+        Its intensity is too large.
+    """
+    light = scene.lights[index]
+    assert isinstance(light, PluginLight)
+    row, emitted = tables.given[index]
+    spread = light_spread(plugin_of(scene, light))
+    red, green, blue = light.scale
+    brightest = emitted.peak * max(light.scale)
+    if brightest > POWER_LIMIT:
+        bright = f"makes an intensity of {brightest:g} W/sr; at most {POWER_LIMIT:g} is known"
+        raise SceneError(f"{scene.source}: lights[{index}].scale: {bright}")
+    shares = (0.2126 * red, 0.7152 * green, 0.0722 * blue)
+    black = sum(shares) == 0.0
+    x, y, z = np.zeros(3) if black else emitted.mean(shares)
+    right, up, axis = (np.array(each) for each in light_axes(light))
+    lamp = Lamp(
+        layout.LIGHT_PLUGIN,
+        light.scale,
+        0.0 if black else emitted.flux(shares, spread),
+        # The row is a number here, as only `light_at` knows of these lights
+        axis=(float(row), 0.0, 0.0, 0.0),
+        mean=right * x + up * y + axis * z,
+        cone_axis=axis,
+        cone_cosine=max(1.0 - _SLACK * spread, -1.0),
+    )
+    return lamp if knots is None else _on_its_way(lamp, knots)
 
 
 def lamp_directions(light: IesLight) -> tuple[Vector, Vector, Vector]:

@@ -20,7 +20,7 @@ from clrender.flatten.emission_means import EmissionMeans
 from clrender.flatten.environment import EnvironmentTable, environment_table
 from clrender.flatten.instances import FlatInstances, box_of
 from clrender.flatten.lamp_tables import LampTables
-from clrender.flatten.lamps import AT_POINT, LAMP_KINDS, POINT_KINDS, Lamp, lamp_at
+from clrender.flatten.lamps import AT_POINT, LAMP_KINDS, POINT_KINDS, Lamp, given_lamp, lamp_at
 from clrender.flatten.light_tree import Emitters, LightTree, light_tree
 from clrender.flatten.motion import Knots, knots_of, light_knot_rows, swept_boxes
 from clrender.flatten.sky import Sun, sky_picture
@@ -28,7 +28,7 @@ from clrender.flatten.spectral import SpectralPlace
 from clrender.flatten.surface_arrays import FlatSurfaces
 from clrender.flatten.surfaces import triangle_areas
 from clrender.flatten.texture_rows import FlatTextures
-from clrender.scene.description import DirectionalLight, IesLight, Scene, SunSkyLight
+from clrender.scene.description import DirectionalLight, IesLight, PluginLight, Scene, SunSkyLight
 from clrender.scene.light_kinds import MOVING_LIGHTS
 from clrender.scene.motion import Track, matrices_of
 from clrender.scene.shapes import Disk, Sphere
@@ -197,9 +197,13 @@ def flat_lights(
         if isinstance(light, MOVING_LIGHTS) and light.motion:
             knots, origin = knots_of(Track(light.motion), scene, index, "lights"), (0.0, 0.0, 0.0)
         if isinstance(light, AT_POINT):
-            lamp = lamps[total] = lamp_at(light, tables, knots)
+            if isinstance(light, PluginLight):
+                lamp = given_lamp(scene, index, tables, knots)
+            else:
+                lamp = lamp_at(light, tables, knots)
+            lamps[total] = lamp
             color, factor, kind = lamp.intensity, lamp.flux, lamp.kind
-            said = light.scale if isinstance(light, IesLight) else getattr(light, "intensity", None)
+            said = light.scale if isinstance(light, IesLight | PluginLight) else getattr(light, "intensity", None)
             if max(color) > POWER_LIMIT:
                 bright = f"makes an intensity of {max(color):g} W/sr; at most {POWER_LIMIT:g} is known"
                 raise SceneError(f"{scene.source}: lights[{index}].scale: {bright}")

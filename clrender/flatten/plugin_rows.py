@@ -10,22 +10,33 @@ from clrender.errors import SceneError
 from clrender.plugins import Plugin
 from clrender.plugins.header import Parameter
 from clrender.plugins.program import SLOTS
-from clrender.scene.description import Scene
+from clrender.scene.description import PluginLight, Scene
 from clrender.scene.materials import PluginMaterial
 from clrender.scene.shapes import Mesh
 from clrender.scene.textures import MaterialTexture, PluginTexture, textures_of
 from clrender.scene.values import Part
 from clrender.wording import place, quoted, suggestion
 
-__all__ = ["needs_uvs", "parameter_numbers", "parameter_slots", "plugin_hashes", "plugin_number", "used_plugins"]
+__all__ = [
+    "needs_uvs",
+    "parameter_numbers",
+    "parameter_slots",
+    "plugin_hashes",
+    "plugin_number",
+    "plugin_of",
+    "used_plugins",
+]
 
 _UNKNOWN: Final = 0.5
 """Placeholder for a value that a texture gives."""
+_Made: TypeAlias = PluginMaterial | PluginTexture | PluginLight
+_KINDS: Final[Mapping[type[_Made], str]] = {PluginMaterial: "bsdf", PluginTexture: "texture", PluginLight: "light"}
+_TITLES: Final = {"bsdf": "BSDF", "texture": "texture", "light": "light"}
 _Place: TypeAlias = tuple[str | int, ...]
 
 
 def used_plugins(scene: Scene) -> tuple[Plugin, ...]:
-    """The plugins that a scene's materials use, sorted by name, after checking all parameters.
+    """The plugins that a scene's materials and lights use, sorted by name, after checking all parameters.
 
     Parameters
     ----------
@@ -44,17 +55,17 @@ def plugin_number(scene: Scene, name: str) -> int:
     return next(number for number, each in enumerate(used_plugins(scene), 1) if each.name == name)
 
 
-def parameter_numbers(scene: Scene, part: PluginMaterial | PluginTexture) -> list[float]:
+def parameter_numbers(scene: Scene, part: PluginMaterial | PluginTexture | PluginLight) -> list[float]:
     """Numbers of all parameters of a plugin, in its own order; those that are not given have its defaults.
 
     Parameters
     ----------
     scene : Scene
-    part : PluginMaterial or PluginTexture
+    part : PluginMaterial, PluginTexture or PluginLight
         After `used_plugins` has checked it.
     """
     numbers: list[float] = []
-    for each in _plugin(scene, part).parameters:
+    for each in plugin_of(scene, part).parameters:
         value = part.parameters.get(each.name, each.default)
         if isinstance(value, Part):
             value = (_UNKNOWN,) * each.count
@@ -64,26 +75,28 @@ def parameter_numbers(scene: Scene, part: PluginMaterial | PluginTexture) -> lis
 
 def parameter_slots(scene: Scene, material: PluginMaterial) -> dict[str, tuple[int, bool]]:
     """Column of the texture slots of each parameter that may be a texture, and whether it is a colour; by its name."""
-    textured = (each for each in _plugin(scene, material).parameters if each.textured)
+    textured = (each for each in plugin_of(scene, material).parameters if each.textured)
     return {each.name: (slot, each.type == "color") for each, slot in zip(textured, SLOTS, strict=False)}
 
 
 def needs_uvs(scene: Scene, texture: MaterialTexture) -> bool:
     """Whether a texture depends on texture coordinates."""
-    return not isinstance(texture, PluginTexture) or "uv" in _plugin(scene, texture).header.needs
+    return not isinstance(texture, PluginTexture) or "uv" in plugin_of(scene, texture).header.needs
 
 
-def _plugin(scene: Scene, part: PluginMaterial | PluginTexture) -> Plugin:
+def plugin_of(scene: Scene, part: PluginMaterial | PluginTexture | PluginLight) -> Plugin:
+    """The plugin of a material, texture or light, which `used_plugins` has found."""
     return next(each for each in scene.plugins if each.name == part.plugin)
 
 
-def _parts(scene: Scene) -> Iterator[tuple[_Place, PluginMaterial | PluginTexture]]:
+def _parts(scene: Scene) -> Iterator[tuple[_Place, _Made]]:
     for name, material in scene.materials.items():
         if isinstance(material, PluginMaterial):
             yield ("materials", name), material
         for key, texture in textures_of(material):
             if isinstance(texture, PluginTexture):
                 yield ("materials", name, *key.split(".", 1)), texture
+    yield from ((("lights", index), each) for index, each in enumerate(scene.lights) if isinstance(each, PluginLight))
 
 
 def _used(scene: Scene) -> tuple[Plugin, ...]:
@@ -91,14 +104,14 @@ def _used(scene: Scene) -> tuple[Plugin, ...]:
     used: set[str] = set()
     for at, part in _parts(scene):
         where = f"{scene.source}: {place((*at, 'plugin'))}"
-        kind = "bsdf" if isinstance(part, PluginMaterial) else "texture"
+        kind = _KINDS[type(part)]
         if part.plugin not in given:
             near = suggestion(part.plugin, given) if given else ""
             cure = f"give its file with --plugin {_file_of(scene, part.plugin)} (in Python: plugins=[FILE])"
             raise SceneError(f"{where} names the plugin {quoted(part.plugin)}, which is not given; {cure}{near}")
         plugin = given[part.plugin]
         if plugin.kind != kind:
-            one, other = ("BSDF", "texture") if kind == "bsdf" else ("texture", "BSDF")
+            one, other = _TITLES[kind], _TITLES[plugin.kind]
             raise SceneError(
                 f"{where} is {quoted(part.plugin)}, which is the plugin of a {other}; a {one} is wanted here"
             )
@@ -115,7 +128,7 @@ def _file_of(scene: Scene, name: str) -> str:
     return next((shlex.quote(ascii(str(path))[1:-1]) for path in found if path.is_file()), "FILE")
 
 
-def _check(scene: Scene, at: _Place, part: PluginMaterial | PluginTexture, plugin: Plugin) -> None:
+def _check(scene: Scene, at: _Place, part: _Made, plugin: Plugin) -> None:
     """Check the parameters that a scene gives to a plugin."""
     known = {each.name: each for each in plugin.parameters}
     for name, value in part.parameters.items():

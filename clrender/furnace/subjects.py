@@ -215,6 +215,10 @@ def _of_plugin(plugin: Plugin, plugins: Sequence[Plugin]) -> Subject:
 
     A texture is measured as the colour of a Lambertian surface.
     """
+    if plugin.kind == "light":
+        raise UsageError(
+            f"{plugin.name} is a light, which is no material; `clrender.furnace.measure_light` measures it"
+        )
     table: dict[str, Any] = {"type": "plugin", "plugin": plugin.name}
     if plugin.kind == "texture":
         table = {"type": "lambert", "reflectance": {"plugin": plugin.name}}

@@ -27,6 +27,7 @@ LIGHT_KINDS: Final = {
     layout.LIGHT_IES: "ies",
     layout.LIGHT_SUN: "sun",
     layout.LIGHT_PROJECTOR: "projector",
+    layout.LIGHT_PLUGIN: "plugin",
 }
 
 

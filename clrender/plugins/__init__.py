@@ -1,4 +1,4 @@
-"""Plugins: BSDFs and textures that users write in OpenCL C; their headers, their rules, and their kernel files."""
+"""Plugins: BSDFs, textures and lights that users write in OpenCL C; their headers, rules, and kernel files."""
 
 from __future__ import annotations
 

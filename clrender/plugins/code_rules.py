@@ -14,10 +14,12 @@ from clrender.plugins.loops import loop_faults
 from clrender.plugins.vocabulary import INCLUDES, Vocabulary, taken_prefix, vocabulary
 from clrender.wording import counted, suggestion
 
-__all__ = ["OPTIONAL", "check_code", "signatures"]
+__all__ = ["OPTIONAL", "TOGETHER", "check_code", "signatures"]
 
 OPTIONAL: Final = ("albedo",)
 """Functions that a plugin need not have."""
+TOGETHER: Final = ("sample", "pdf")
+"""Functions of which a light has both or neither."""
 _BUILT_IN: Final = frozenset({"fma", "floor"})
 """Built-ins with the same result on every driver."""
 _TYPES: Final = frozenset(["vfloat", "vint", "vuint", "vmask", "vec3", "float", "int", "uint", "void"])
@@ -82,6 +84,12 @@ def signatures(header: Header) -> dict[str, tuple[str, tuple[str, ...]]]:
     p = f"const {header.struct}*"
     if header.kind == "texture":
         return {"value": ("vec3", (p, "vfloat", "vfloat", "vec3"))}
+    if header.kind == "light":
+        return {
+            "intensity": ("vec3", (p, "vec3")),
+            "sample": ("vec3", (p, "vfloat", "vfloat")),
+            "pdf": ("vfloat", (p, "vec3")),
+        }
     return {
         "eval": ("vec3", (p, "vec3", "vec3")),
         "pdf": ("vfloat", (p, "vec3", "vec3")),
@@ -255,8 +263,10 @@ def _names(header: Header, functions: list[_Function]) -> _Faults:
                     function.line,
                     f"the function {function.name} has to be `static {type_} {function.name}({', '.join(types)})`",
                 )
+    none = header.kind == "light" and not any(prefix + last in there for last in TOGETHER)
     for last, (type_, types) in wanted.items():
-        if last not in OPTIONAL and prefix + last not in there:
+        optional = last in OPTIONAL or (none and last in TOGETHER)
+        if not optional and prefix + last not in there:
             yield 1, f"the plugin has no function `static {type_} {prefix}{last}({', '.join(types)})`; add it"
 
 

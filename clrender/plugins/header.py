@@ -18,15 +18,19 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-__all__ = ["CLAIMS", "KINDS", "NEEDS", "TEXTURED", "Header", "Parameter", "header_of"]
+__all__ = ["ALL_AROUND", "CLAIMS", "KINDS", "NEEDS", "TEXTURED", "Header", "Parameter", "header_of"]
 
-KINDS: Final = ("bsdf", "texture")
-NEEDS: Final = {"bsdf": ("tangents",), "texture": ("uv",)}
+KINDS: Final = ("bsdf", "texture", "light")
+NEEDS: Final = {"bsdf": ("tangents",), "texture": ("uv",), "light": ()}
 """What a plugin of each kind may need beside its parameters."""
 CLAIMS: Final = ("reciprocal", "lossless")
 """What a BSDF may claim, and `clrender furnace` tests: f(a, b) = f(b, a); with colours of 1, no light is lost."""
 TEXTURED: Final = 10
 """Most parameters of a BSDF that may be textures: so many columns of texture slots are free."""
+ALL_AROUND: Final = 360.0
+"""Degrees of the cone of a light that shines in all directions."""
+_LEAST_CONE: Final = 0.01
+"""Degrees; in single precision directions in a narrower cone are hardly different ones."""
 _MOST: Final = 1e6
 """Largest number of a parameter: single precision keeps seven digits of it."""
 _NAME: Final = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*\Z")
@@ -97,6 +101,8 @@ class Header:
         Of `NEEDS` and `CLAIMS`.
     transmits : bool
         Whether a BSDF also scatters light to the other side, and from there.
+    cone_degrees : float
+        Full opening angle of the cone about its axis that a light shines into, degrees; 360: all directions.
     """
 
     name: str
@@ -106,6 +112,7 @@ class Header:
     needs: tuple[str, ...]
     claims: tuple[str, ...]
     transmits: bool
+    cone_degrees: float = ALL_AROUND
 
     @property
     def struct(self) -> str:
@@ -160,7 +167,7 @@ class _Reader:
             if key not in ("plugin", "parameters"):
                 raise self._fault(key, f"is no table of a header{suggestion(key, ('plugin', 'parameters'))}")
         table = content["plugin"]
-        known = ("name", "kind", "needs", "claims", "transmits")
+        known = ("name", "kind", "needs", "claims", "transmits", "cone_degrees")
         for key in table:
             if key not in known:
                 raise self._fault(key, f"is an unknown key{suggestion(key, known)}")
@@ -176,12 +183,13 @@ class _Reader:
             raise self._fault("transmits", f"is {shown(transmits)}, but must be true or false")
         if transmits and kind != "bsdf":
             raise self._fault("transmits", "is for a bsdf; leave it out")
+        cone = self._cone(table, kind)
         given = content.get("parameters", {})
         if not isinstance(given, dict):
             raise self._fault("parameters", f"is {shown(given)}, but must be a table")
         parameters = tuple(self._parameter(key, each) for key, each in given.items())
         self._check_sizes(kind, parameters)
-        return Header(name, kind, about, parameters, needs, claims, transmits)
+        return Header(name, kind, about, parameters, needs, claims, transmits, cone)
 
     def _name(self, table: Mapping[str, Any]) -> str:
         name = table.get("name")
@@ -190,6 +198,16 @@ class _Reader:
             text = f"but must be a word of up to {_LONGEST} small letters, digits and single underscores between them"
             raise self._fault("name", f"{said}, {text}")
         return name
+
+    def _cone(self, table: Mapping[str, Any], kind: str) -> float:
+        cone = table.get("cone_degrees", ALL_AROUND)
+        if kind != "light" and "cone_degrees" in table:
+            raise self._fault("cone_degrees", "is for a light; leave it out")
+        number = isinstance(cone, int | float) and not isinstance(cone, bool)
+        if not number or not _LEAST_CONE <= cone <= ALL_AROUND:
+            text = f"is {shown(cone)}, but must be a number from {_LEAST_CONE:g} to {ALL_AROUND:g}"
+            raise self._fault("cone_degrees", text)
+        return float(cone)
 
     def _listed(self, table: Mapping[str, Any], key: str, known: Sequence[str]) -> tuple[str, ...]:
         given = table.get(key, [])

@@ -24,7 +24,7 @@ _HIDING: Final = re.compile(r"\\[ \t]*\n|\?\?/|[^\n\t\x20-\x7e\xa0-\ud7ff\ue000-
 
 @dataclass(frozen=True)
 class Plugin:
-    """A BSDF or texture in OpenCL C, checked; make one with `clrender.plugin`.
+    """A BSDF, texture or light in OpenCL C, checked; make one with `clrender.plugin`.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Plugin:
 
     @property
     def kind(self) -> str:
-        """``bsdf`` or ``texture``."""
+        """``bsdf``, ``texture`` or ``light``."""
         return self.header.kind
 
     @property
@@ -65,7 +65,7 @@ class Plugin:
 
 
 def plugin(given: str | Path) -> Plugin:
-    """Read a plugin: a BSDF or texture in OpenCL C, which scenes can then use by its name.
+    """Read a plugin: a BSDF, texture or light in OpenCL C, which scenes can then use by its name.
 
     A plugin is compiled and run on the device: take only those that you trust as you trust a program.
 

@@ -11,7 +11,7 @@ from clrender.plugins.header import Parameter
 from clrender.plugins.kernel_rules import COMMENT
 from clrender.plugins.plugin import Plugin
 
-__all__ = ["GIVEN", "SLOTS", "TEXTURED_FILE", "kernel_files"]
+__all__ = ["GIVEN", "SLOTS", "TEXTURED_FILE", "kernel_files", "samples_directions"]
 
 GIVEN: Final = "plugin/given.h"
 TEXTURED_FILE: Final = "plugin/textured.h"
@@ -63,6 +63,8 @@ def _given(plugins: Sequence[Plugin]) -> str:
         lines += ["", *_read(number, each)]
     if "bsdf" in kinds:
         lines += ["", *_bsdfs([(i, each) for i, each in enumerate(plugins, 1) if each.kind == "bsdf"])]
+    if "light" in kinds:
+        lines += ["", *_lights([(i, each) for i, each in enumerate(plugins, 1) if each.kind == "light"])]
     if "texture" in kinds:
         lines += ["", *_textures([(i, each) for i, each in enumerate(plugins, 1) if each.kind == "texture"])]
     return "\n".join([*lines, "", "#endif", ""])
@@ -133,6 +135,39 @@ def _albedo(plugin: Plugin) -> str:
         return f"{plugin.name}_albedo(&p, wo)"
     color = next((each.name for each in plugin.parameters if each.type == "color"), None)
     return "vec3_all(0.5f)" if color is None else f"p.{color}"
+
+
+def _lights(plugins: Sequence[tuple[int, Plugin]]) -> Iterable[str]:
+    sampled = [(number, each) for number, each in plugins if samples_directions(each)]
+    yield "static vec3 plugin_said(vuint plugin, const vfloat* numbers, vec3 direction) {"
+    yield "    vec3 said = vec3_all(0.0f);"
+    yield from _each(plugins, "said = choose(OF, NAME_intensity(&p, direction), said);")
+    yield "    return said;"
+    yield "}"
+    yield "static vfloat plugin_sound(vfloat x) { return x > 0.0f ? lesser(x, splat(1.0e12f)) : splat(0.0f); }"
+    yield "static vec3 plugin_intensity(vuint plugin, const vfloat* numbers, vec3 direction) {"
+    yield "    const vec3 said = plugin_said(plugin, numbers, direction);"
+    yield "    return vec3_of(plugin_sound(said.x), plugin_sound(said.y), plugin_sound(said.z));"
+    yield "}"
+    yield "static vec3 plugin_emit(vuint plugin, const vfloat* numbers, vfloat spread, vfloat u, vfloat v) {"
+    yield "    vec3 direction = warp_cone(u, v, spread);"
+    yield from _each(sampled, "direction = choose(OF, NAME_sample(&p, u, v), direction);")
+    if sampled:  # no ray may have a direction that is none
+        yield "    direction = unit(direction);"
+        yield "    const vec3 axis = vec3_of(splat(0.0f), splat(0.0f), splat(1.0f));"
+        yield "    direction = choose(inner(direction, direction) > 0.5f, direction, axis);"
+    yield "    return direction;"
+    yield "}"
+    yield "static vfloat plugin_emit_pdf(vuint plugin, const vfloat* numbers, vfloat spread, vec3 direction) {"
+    yield "    vfloat pdf = warp_cone_pdf(spread);"
+    yield from _each(sampled, "pdf = OF ? NAME_pdf(&p, direction) : pdf;")
+    yield "    return plugin_sound(pdf);"
+    yield "}"
+
+
+def samples_directions(plugin: Plugin) -> bool:
+    """Whether a light says how directions are sampled; else they are uniform in its cone."""
+    return bool(re.search(rf"\b{plugin.name}_sample\s*\(", COMMENT.sub("", plugin.text)))
 
 
 def _textures(plugins: Sequence[tuple[int, Plugin]]) -> Iterable[str]:

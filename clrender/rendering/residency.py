@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from clrender.device import Buffer, Device
+from clrender.device.formulas import said_by
 from clrender.device.launch import LaunchConfig, Scratch
 from clrender.device.preparation import DevicePreparation
 from clrender.device.prepared import Prepared
@@ -22,11 +24,13 @@ from clrender.drivers import select
 from clrender.errors import DeviceError, UsageError
 from clrender.flatten.flat_scene import FlatScene, flatten, scene_origin, seen_by
 from clrender.flatten.light_groups import lit_by
+from clrender.flatten.plugin_lights import Emitted, measured_lights
 from clrender.flatten.plugin_rows import used_plugins
 from clrender.flatten.touching import KnownMoves, camera_reach
 from clrender.integrators.descriptor import Pipeline
 from clrender.process.stages import Stages
 from clrender.rendering.job import RenderJob
+from clrender.scene.light_kinds import PluginLight
 
 if TYPE_CHECKING:
     from clrender.plugins import Plugin
@@ -77,6 +81,7 @@ class Residency:
         self._dismissed: set[Device] = set()
         self._flat: tuple[_Geometry, FlatScene] | None = None
         self._known = KnownMoves()
+        self._given: dict[tuple[Any, ...], Emitted] = {}
         self._before: dict[Device, frozenset[Buffer]] = {}
         self._uploaded: dict[Device, tuple[FlatScene, SceneArrays]] = {}
         self._scratch: dict[Device, Scratch] = {}
@@ -138,10 +143,17 @@ class Residency:
         geometry = _Geometry.of(job)
         if self._flat is None or not self._flat[0].same(geometry, self._flat[1].camera_free):
             with self.stages.during("flattening"):
-                self._flat = geometry, _flattened(job, self._known)
+                emitted = self._emitted(job.scene)
+                self._flat = geometry, _flattened(job, self._known, emitted)
         settings = job.settings
         flat = seen_by(self._flat[1], job.scene, settings.width, settings.height)
         return self._seen_together(flat, job) if job.views else flat
+
+    def _emitted(self, scene: Scene) -> Mapping[int, Emitted] | None:
+        """What lights of plugins give: their formulas are evaluated on the first device, as any other would."""
+        if not any(isinstance(light, PluginLight) for light in scene.lights):
+            return None
+        return measured_lights(scene, partial(said_by, self.devices[0]), self._given)
 
     def _seen_together(self, flat: FlatScene, job: RenderJob) -> FlatScene:
         """The arrays with all cameras of a batch.
@@ -305,7 +317,7 @@ def _compensated(job: RenderJob) -> bool:
     return bool(settings["light_samples"][0] and settings["bsdf_samples"][0])
 
 
-def _flattened(job: RenderJob, known: KnownMoves) -> FlatScene:
+def _flattened(job: RenderJob, known: KnownMoves, emitted: Mapping[int, Emitted] | None) -> FlatScene:
     settings = job.settings
     flat = flatten(
         job.scene,
@@ -314,6 +326,7 @@ def _flattened(job: RenderJob, known: KnownMoves) -> FlatScene:
         _light_sampler(job),
         compensated=_compensated(job),
         known=known,
+        emitted=emitted,
     )
     if job.lit_by is not None:
         flat = lit_by(flat, job.lit_by)

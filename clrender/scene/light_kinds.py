@@ -11,9 +11,11 @@ from pydantic import AfterValidator, BeforeValidator, Field, Strict, WithJsonSch
 from clrender.errors import SceneError
 from clrender.exact.angles import sin_cos_degrees
 from clrender.exact.elementary import degrees_of
+from clrender.scene.frozen import FrozenDict
 from clrender.scene.poses import Motion, MotionKey
 from clrender.scene.spectra import LightColor
 from clrender.scene.sun_position import parsed_time, sun_position
+from clrender.scene.textures import Parameter
 from clrender.scene.transforms import affine
 from clrender.scene.values import (
     POWER_LIMIT,
@@ -22,6 +24,7 @@ from clrender.scene.values import (
     Finite,
     Flag,
     LayerName,
+    Name,
     Part,
     Reflectance,
     Share,
@@ -40,6 +43,7 @@ __all__ = [
     "IesLight",
     "Light",
     "MovingLight",
+    "PluginLight",
     "PointLight",
     "ProjectorLight",
     "SpotLight",
@@ -198,6 +202,47 @@ class ProjectorLight(_Moving):
         return self
 
 
+class PluginLight(_Moving):
+    """Point light whose radiant intensity by direction is a plugin's formula; `--plugin` gives its file, never a scene.
+
+    In its frame z is `direction`; as seen along it, x is to the right, and y is up.
+    """
+
+    type: Literal["plugin"]
+    position: Vector
+    direction: Vector = Field(description="z axis of the light: the middle of its cone, if it has one")
+    up: Vector | None = Field(
+        None,
+        description="up direction, y; need not be perpendicular to `direction` (default: +y, or +z if that lies along "
+        "`direction`)",
+    )
+    plugin: Name = Field(description="name of the plugin")
+    parameters: Annotated[dict[Name, Parameter], Field(max_length=16), AfterValidator(FrozenDict)] = Field(
+        default_factory=FrozenDict,
+        description="numbers and colours by the names that the plugin has for them (default: the plugin's)",
+    )
+    scale: LightColor = Field(
+        (1.0, 1.0, 1.0), description="factor for the radiant intensity; a spectrum is that of the lamp"
+    )
+
+    @model_validator(mode="after")
+    def _has_directions(self) -> PluginLight:
+        _check_direction(self.direction)
+        if self.up is not None:
+            _check_direction(self.up, "up", "[0, 1, 0]")
+            if length(cross(self.direction, self.up)) <= 1e-6 * length(self.direction) * length(self.up):
+                raise fault("light", "lies along `direction`; give one across it", "up")
+        return self
+
+    @property
+    def upward(self) -> Vector:
+        """`up`, or its default."""
+        if self.up is not None:
+            return self.up
+        x, _, z = self.direction
+        return (0.0, 1.0, 0.0) if max(abs(x), abs(z)) > 1e-3 * length(self.direction) else (0.0, 0.0, 1.0)
+
+
 class DirectionalLight(_Moving):
     """Directional light: parallel light from infinity."""
 
@@ -336,19 +381,27 @@ class SunSkyLight(_Grouped):
         return sun_position(self.latitude, self.longitude, self.time)
 
 
-MovingLight: TypeAlias = PointLight | SpotLight | IesLight | ProjectorLight | DirectionalLight
+MovingLight: TypeAlias = PointLight | SpotLight | IesLight | ProjectorLight | PluginLight | DirectionalLight
 """Lights that may have a motion."""
-MOVING_LIGHTS: Final = (PointLight, SpotLight, IesLight, ProjectorLight, DirectionalLight)
+MOVING_LIGHTS: Final = (PointLight, SpotLight, IesLight, ProjectorLight, PluginLight, DirectionalLight)
 LIGHT_TYPES: Final[Mapping[str, type[Part]]] = {
     "point": PointLight,
     "spot": SpotLight,
     "ies": IesLight,
     "projector": ProjectorLight,
+    "plugin": PluginLight,
     "directional": DirectionalLight,
     "environment": EnvironmentLight,
     "sun_sky": SunSkyLight,
 }
 Light: TypeAlias = Annotated[
-    PointLight | SpotLight | IesLight | ProjectorLight | DirectionalLight | EnvironmentLight | SunSkyLight,
+    PointLight
+    | SpotLight
+    | IesLight
+    | ProjectorLight
+    | PluginLight
+    | DirectionalLight
+    | EnvironmentLight
+    | SunSkyLight,
     Field(discriminator="type"),
 ]

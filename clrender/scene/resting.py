@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clrender.scene.groups import Instance, ShapeOrInstance
-from clrender.scene.light_kinds import MOVING_LIGHTS, DirectionalLight, IesLight, Light, PointLight, ProjectorLight
+from clrender.scene.light_kinds import (
+    MOVING_LIGHTS,
+    DirectionalLight,
+    IesLight,
+    Light,
+    PluginLight,
+    PointLight,
+    ProjectorLight,
+)
 from clrender.scene.motion import rests
 from clrender.scene.posed import deforms, standing
 from clrender.scene.poses import Transform
@@ -52,6 +60,8 @@ def lit_from(light: MovingLight, outer: Affine) -> MovingLight:
         moved["direction"] = outer.vector(light.direction)
     if isinstance(light, ProjectorLight):
         moved["up"] = outer.vector(light.up)
+    if isinstance(light, PluginLight):
+        moved["up"] = outer.vector(light.upward)
     if isinstance(light, IesLight):
         moved["horizontal_zero"] = outer.vector(light.zero)
     return light.with_checked(**moved)

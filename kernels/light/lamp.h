@@ -1,5 +1,5 @@
-// Lights at a point: those that shine alike in all directions, and lamps, which do not: spots, what IES files say, and projectors. Lamps
-// are built only where a scene has some (-D LAMPS).
+// Lights at a point: those that shine alike in all directions, and lamps, which do not: spots, what IES files say, projectors, and what
+// plugins say. Lamps are built only where a scene has some (-D LAMPS), and those of plugins likewise (PLUGIN_LIGHTS of plugin/given.h).
 //
 // A spot's intensity falls off between two cones as a smooth step in the cosine (PBR 4ed, 12.2.2). That of an IES file is linear in both
 // of its angles between the numbers of the file. A projector's picture is linear in between the middles of its pixels, on a screen at
@@ -18,7 +18,12 @@
 #ifdef LAMPS
 
 static vmask lamp_has_table(const LightRow* l) { return (l->kind == LIGHT_IES) | (l->kind == LIGHT_PROJECTOR); }
+#ifdef PLUGIN_LIGHTS
+static vmask lamp_is_given(const LightRow* l) { return l->kind == LIGHT_PLUGIN; }
+static vmask lamp_at_point(const LightRow* l) { return (l->kind == LIGHT_POINT) | (l->kind == LIGHT_SPOT) | lamp_has_table(l) | lamp_is_given(l); }
+#else
 static vmask lamp_at_point(const LightRow* l) { return (l->kind == LIGHT_POINT) | (l->kind == LIGHT_SPOT) | lamp_has_table(l); }
+#endif
 
 static vfloat lamp_spot_share(const LightRow* l, vec3 direction) {
     const vec3 off_axis = sub(direction, vec3_row(l->row, LIGHT_ROW_AXIS));
@@ -151,6 +156,57 @@ static vfloat lamp_table_pdf(const Scene* scene, const LightRow* l, vec3 directi
     return within ? (t.picture ? density * lamp_spread(x, y) : density) : splat(0.0f);
 }
 
+#ifdef PLUGIN_LIGHTS
+// What a plugin is asked for: its number, its parameters, and the frame of its directions, of which x is to the right and y up, as seen
+// along z. Beyond its cone it is dark, whatever it says, and so do the tree of lights and its samples take it.
+typedef struct {
+    Frame frame;
+    vuint plugin;                    // 0 of lanes with other lights
+    vfloat spread;                   // 1 - cosine of half its cone
+    vfloat numbers[PLUGIN_NUMBERS];
+} LampGiven;
+
+static void lamp_given(const Scene* scene, const LightRow* l, vmask where, LampGiven* g) {
+    const vuint table = where ? vfloat_bits(l->row[LIGHT_ROW_TABLE]) : splat_uint(0u);
+    vfloat head[16];
+    lane_rows(scene->lamp_tables, table, head);
+    lane_rows(scene->lamp_tables, table + 1u, g->numbers);
+    g->plugin = where ? vfloat_bits(head[GIVEN_ROW_PLUGIN]) : splat_uint(0u);
+    g->spread = where ? head[GIVEN_ROW_SPREAD] : splat(2.0f);
+    g->frame.normal = vec3_row(l->row, LIGHT_ROW_AXIS);
+    g->frame.tangent = vec3_row(l->row, LIGHT_ROW_ZERO);
+    g->frame.bitangent = outer(g->frame.tangent, g->frame.normal);
+}
+
+static vmask lamp_given_within(const LampGiven* g, vec3 direction) {
+    const vec3 off_axis = sub(direction, g->frame.normal);
+    return (inner(off_axis, off_axis) * 0.5f <= g->spread) | (g->spread >= 2.0f);
+}
+
+static vec3 lamp_given_share(const Scene* scene, const LightRow* l, vec3 direction, vmask where) {
+    LampGiven g;
+    lamp_given(scene, l, where, &g);
+    const vec3 share = plugin_intensity(g.plugin, g.numbers, frame_to_local(g.frame, direction));
+    return color_unbounded(scene, choose(where & lamp_given_within(&g, direction), share, vec3_all(0.0f)));
+}
+
+static vec3 lamp_given_sample(const Scene* scene, const LightRow* l, vfloat u, vfloat v, vmask where, vfloat* pdf) {
+    LampGiven g;
+    lamp_given(scene, l, where, &g);
+    const vec3 direction = frame_to_world(g.frame, plugin_emit(g.plugin, g.numbers, g.spread, u, v));
+    const vfloat density = plugin_emit_pdf(g.plugin, g.numbers, g.spread, frame_to_local(g.frame, direction));
+    *pdf = lamp_given_within(&g, direction) ? density : splat(0.0f);
+    return direction;
+}
+
+static vfloat lamp_given_pdf(const Scene* scene, const LightRow* l, vec3 direction, vmask where) {
+    LampGiven g;
+    lamp_given(scene, l, where, &g);
+    const vfloat density = plugin_emit_pdf(g.plugin, g.numbers, g.spread, frame_to_local(g.frame, direction));
+    return lamp_given_within(&g, direction) ? density : splat(0.0f);
+}
+#endif
+
 // The density with which a light at a point sends photons into a direction: lamp_sample's, and of others that of all directions.
 static vfloat lamp_pdf(const Scene* scene, const LightRow* l, vec3 direction) {
     const vmask spot = l->kind == LIGHT_SPOT, table = lamp_has_table(l);
@@ -162,6 +218,10 @@ static vfloat lamp_pdf(const Scene* scene, const LightRow* l, vec3 direction) {
         pdf = spot ? cone : pdf;
     }
     if (lane_any(table)) pdf = table ? lamp_table_pdf(scene, l, direction, table) : pdf;
+#ifdef PLUGIN_LIGHTS
+    const vmask given = lamp_is_given(l);
+    if (lane_any(given)) pdf = given ? lamp_given_pdf(scene, l, direction, given) : pdf;
+#endif
     return pdf;
 }
 
@@ -171,6 +231,10 @@ static vec3 lamp_intensity(const Scene* scene, const LightRow* l, vec3 direction
     vec3 intensity = l->radiance;
     if (lane_any(spot)) intensity = choose(spot, scale(intensity, lamp_spot_share(l, direction)), intensity);
     if (lane_any(table)) intensity = choose(table, mul(intensity, lamp_table_share(scene, l, direction, table)), intensity);
+#ifdef PLUGIN_LIGHTS
+    const vmask given = lamp_is_given(l);
+    if (lane_any(given)) intensity = choose(given, mul(intensity, lamp_given_share(scene, l, direction, given)), intensity);
+#endif
     return intensity;
 }
 
@@ -183,6 +247,14 @@ static vec3 lamp_sample(const Scene* scene, const LightRow* l, vfloat u, vfloat 
         direction = choose(table, lamp_table_sample(scene, l, u, v, table, &table_pdf), direction);
         *pdf = table ? table_pdf : *pdf;
     }
+#ifdef PLUGIN_LIGHTS
+    const vmask given = lamp_is_given(l);
+    if (lane_any(given)) {
+        vfloat given_pdf;
+        direction = choose(given, lamp_given_sample(scene, l, u, v, given, &given_pdf), direction);
+        *pdf = given ? given_pdf : *pdf;
+    }
+#endif
     return direction_again(direction);
 }
 

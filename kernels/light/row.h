@@ -4,6 +4,7 @@
 
 #include "core/lane.h"
 #include "geometry/instance.h"
+#include "plugin/given.h"
 #include "scene.h"
 #include "spectral/color.h"
 
@@ -55,6 +56,21 @@ static void light_move(const Scene* scene, LightRow* l) {
 static void light_move(const Scene* scene, LightRow* l) {}
 #endif
 
+#ifdef PLUGIN_LIGHTS
+// Lights of plugins have their directions in lamp_tables, for their rows come from a program that knows nothing of them.
+static void light_aim(const Scene* scene, LightRow* l) {
+    const vmask given = l->kind == LIGHT_PLUGIN;
+    if (!lane_any(given)) return;
+    const vuint table = vuint_from_int(vint_of(given ? l->row[LIGHT_ROW_GIVEN] : splat(0.0f)));
+    vfloat head[16];
+    lane_rows(scene->lamp_tables, table, head);
+    const vec3 axis = vec3_row(l->row, LIGHT_ROW_AXIS), zero = vec3_row(l->row, LIGHT_ROW_ZERO);
+    vec3_row_put(l->row, LIGHT_ROW_AXIS, choose(given, vec3_row(head, GIVEN_ROW_AXIS), axis));
+    vec3_row_put(l->row, LIGHT_ROW_ZERO, choose(given, vec3_row(head, GIVEN_ROW_RIGHT), zero));
+    l->row[LIGHT_ROW_TABLE] = given ? vfloat_from_bits(table) : l->row[LIGHT_ROW_TABLE];
+}
+#endif
+
 #ifdef MOVING_LIGHTS
 // Lights that are no surfaces and move have their motion in the place of the primitive, and in their rows where they are before it.
 static void light_carry(const Scene* scene, LightRow* l, vfloat time) {
@@ -67,7 +83,12 @@ static void light_carry(const Scene* scene, LightRow* l, vfloat time) {
     const vec3 there = choose(l->kind == LIGHT_DIRECTIONAL, unit(turned), add(turned, motion_offset(&map)));
     vec3_row_put(l->row, LIGHT_ROW_POSITION, choose(moves, there, place));
 #ifdef LAMPS
+#ifdef PLUGIN_LIGHTS
+    const vmask table = moves & ((l->kind == LIGHT_IES) | (l->kind == LIGHT_PROJECTOR) | (l->kind == LIGHT_PLUGIN));
+    const vmask aimed = table | (moves & (l->kind == LIGHT_SPOT));
+#else
     const vmask table = moves & ((l->kind == LIGHT_IES) | (l->kind == LIGHT_PROJECTOR)), aimed = table | (moves & (l->kind == LIGHT_SPOT));
+#endif
     const vec3 axis = vec3_row(l->row, LIGHT_ROW_AXIS), zero = vec3_row(l->row, LIGHT_ROW_ZERO);
     vec3_row_put(l->row, LIGHT_ROW_AXIS, choose(aimed, unit(motion_turned(map.linear, axis)), axis));
     vec3_row_put(l->row, LIGHT_ROW_ZERO, choose(table, unit(motion_turned(map.linear, zero)), zero));
@@ -91,6 +112,9 @@ static LightRow light_at(const Scene* scene, vuint light, vfloat time) {
     l.time = time;
 #endif
     light_move(scene, &l);
+#ifdef PLUGIN_LIGHTS
+    light_aim(scene, &l);
+#endif
 #ifdef MOVING_LIGHTS
     light_carry(scene, &l, time);
 #endif

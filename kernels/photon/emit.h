@@ -91,12 +91,19 @@ static Emission emission_sample(const Scene* scene, Sampler sampler, float4 boun
     }
 #endif
 #ifdef LAMPS
+#ifdef PLUGIN_LIGHTS
+    const vmask lamp = (l.kind == LIGHT_SPOT) | lamp_has_table(&l) | lamp_is_given(&l);
+#else
     const vmask lamp = (l.kind == LIGHT_SPOT) | lamp_has_table(&l);
+#endif
     if (lane_any(lamp)) {
         vfloat pdf;
         const vec3 beam = lamp_sample(scene, &l, u2, v2, &pdf);
         direction = choose(lamp, beam, direction);
         radiance = choose(lamp, scale(lamp_intensity(scene, &l, beam), inverse_or_one(pdf) * (0.25f * INV_PI)), radiance);
+#ifdef PLUGIN_LIGHTS
+        radiance = choose(lamp & !(pdf > 0.0f), vec3_all(0.0f), radiance);  // a plugin's sample that its own density excludes
+#endif
         direction_pdf = lamp ? pdf : direction_pdf;
     }
 #endif

@@ -7,13 +7,64 @@ from typing import Final
 
 from clrender.plugins import Plugin, plugin
 
-__all__ = ["EXAMPLES", "GRAIN", "MINNAERT", "PAPER", "SHIRLEY", "WOOD", "edited", "example"]
+__all__ = [
+    "CORNER",
+    "EVEN",
+    "EXAMPLES",
+    "GRAIN",
+    "LED",
+    "MINNAERT",
+    "PAPER",
+    "SEARCHLIGHT",
+    "SHIRLEY",
+    "SPOT",
+    "WOOD",
+    "edited",
+    "example",
+]
 
 EXAMPLES: Final = Path(__file__).resolve().parents[2] / "scenes" / "plugins"
 MINNAERT: Final = (EXAMPLES / "minnaert.cl").read_text()
 SHIRLEY: Final = (EXAMPLES / "ashikhmin_shirley.cl").read_text()
 WOOD: Final = (EXAMPLES / "wood.cl").read_text()
 GRAIN: Final = (EXAMPLES / "grain.cl").read_text()
+LED: Final = (EXAMPLES / "led.cl").read_text()
+SEARCHLIGHT: Final = (EXAMPLES / "searchlight.cl").read_text()
+EVEN: Final = """// A light that is the same in all directions.
+// [plugin]
+// name = "even"
+// kind = "light"
+// [parameters]
+// color = { type = "color", default = [1.0, 1.0, 1.0], max = 1000.0 }
+static vec3 even_intensity(const EvenParameters* p, vec3 direction) { return p->color; }
+"""
+SPOT: Final = """// The formula of a spot, whose directions are sampled as its own are.
+// [plugin]
+// name = "cone"
+// kind = "light"
+// [parameters]
+// color = { type = "color", default = [1.0, 1.0, 1.0], max = 1000.0 }
+// spread = { type = "number", default = 0.5, max = 2.0, about = "1 - cosine of half the cone" }
+// blend = { type = "number", default = 0.5, about = "share of the spread in which it falls" }
+static vec3 cone_intensity(const ConeParameters* p, vec3 direction) {
+    const vec3 off = sub(direction, vec3_of(splat(0.0f), splat(0.0f), splat(1.0f)));
+    const vfloat t = bounded(quotient(fma(inner(off, off), splat(-0.5f), p->spread), p->blend * p->spread), 0.0f, 1.0f);
+    return scale(p->color, t * t * fma(t, splat(-2.0f), splat(3.0f)));
+}
+static vec3 cone_sample(const ConeParameters* p, vfloat u, vfloat v) { return warp_cone(u, v, p->spread); }
+static vfloat cone_pdf(const ConeParameters* p, vec3 direction) {
+    return 1.0f - direction.z <= p->spread ? warp_cone_pdf(p->spread) : splat(0.0f);
+}
+"""
+CORNER: Final = """// A light that shines to the right (red), up (green) and forwards (blue) alone.
+// [plugin]
+// name = "corner"
+// kind = "light"
+static vec3 corner_intensity(const CornerParameters* p, vec3 direction) {
+    const vmask there = (direction.x > 0.0f) & (direction.y > 0.0f) & (direction.z > 0.0f);
+    return choose(there, direction, vec3_all(0.0f));
+}
+"""
 PAPER: Final = """// Paper: light is scattered evenly to both sides.
 // [plugin]
 // name = "paper"

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import for_each
+from plugin_files import EVEN
 
 import clrender
 from clrender.errors import SceneError
@@ -20,6 +21,7 @@ PICTURE = {"texture": "p.exr"}
 NET: dict[str, Any] = {"type": "mesh", "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]]}
 SPOT = {"type": "spot", "position": [0, 4, 0], "direction": [0, -1, 0], "intensity": [1, 1, 1], "cone_degrees": 40.0}
 LAMP = {"type": "ies", "position": [0, 4, 0], "file": "p.ies"}
+GIVEN = {"type": "plugin", "plugin": "even", "position": [0, 4, 0], "direction": [0, -1, 0]}
 PROJECTOR = {"type": "projector", "position": [0, 4, 0], "direction": [0, 0, -1], "file": "p.exr"}
 LAMBERT_AND_MIRROR = {"plain": LAMBERT, "shiny": {"type": "mirror"}}
 
@@ -72,7 +74,9 @@ SCENES: dict[str, list[tuple[Any, ...]]] = {
         ({"m": {"type": "principled", "transmission": 1.0, "attenuation_color": [0.5] * 3,
                 "attenuation_distance": 1.0}},),
     ],
-    "spots, lamps of IES files, projectors": [({"m": LAMBERT}, [], [light]) for light in (SPOT, LAMP, PROJECTOR)],
+    "spots, lamps of IES files, projectors, lights of plugins": [
+        ({"m": LAMBERT}, [], [light]) for light in (SPOT, LAMP, PROJECTOR, GIVEN)
+    ],
     "sun and sky": [({"m": LAMBERT}, [], [{"type": "sun_sky", "sun_direction": [0, 1, 0]}])],
     "a picture of the environment": [({"m": LAMBERT}, [], [{"type": "environment", "file": "p.exr"}])],
 }  # fmt: skip
@@ -107,15 +111,19 @@ def test_cell(tmp_path: Path, row: str, name: str) -> None:
         given: list[Any] = [*more, *([], [], {})[len(more) :]]
         shapes, lights, others = given
         ball = {"type": "sphere", "center": [0, 0, 0], "radius": 1.0, "material": "m"}
-        what = clrender.Scene.model_validate(
-            {
-                "camera": {"position": [0, 0, 5], "target": [0, 0, 0]},
-                "materials": materials,
-                "shapes": [ball, *shapes],
-                "lights": lights,
-                **others,
-            }
-        ).placed("here", tmp_path)
+        what = (
+            clrender.Scene.model_validate(
+                {
+                    "camera": {"position": [0, 0, 5], "target": [0, 0, 0]},
+                    "materials": materials,
+                    "shapes": [ball, *shapes],
+                    "lights": lights,
+                    **others,
+                }
+            )
+            .placed("here", tmp_path)
+            .with_plugins(EVEN)
+        )
         if CELLS[row, name] == "yes":
             assert clrender.RenderJob.of(what, integrator=name).settings.integrator == name
             continue

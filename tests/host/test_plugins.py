@@ -73,7 +73,7 @@ def test_a_text_is_a_plugin_and_has_the_hash_of_the_file() -> None:
     [
         ('// name = "minnaert"', '// name = "Minnaert"', "name", "small letters"),
         ('// name = "minnaert"', "// title = 1", "title", "unknown key"),
-        ('// kind = "bsdf"', '// kind = "light"', "kind", "one of bsdf, texture"),
+        ('// kind = "bsdf"', '// kind = "lamp"', "kind", "one of bsdf, texture, light"),
         ('// kind = "bsdf"', '// kind = "bsdf', "kind", "no valid TOML"),
         ('claims = ["reciprocal"]', 'claims = ["recipocal"]', "claims", 'did you mean "reciprocal"'),
         ('claims = ["reciprocal"]', 'needs = ["uv"]', "needs", "uv"),
@@ -440,5 +440,5 @@ def test_other_programs_get_no_plugins(tmp_path: Path) -> None:
 def test_the_page_shows_the_files_as_they_are() -> None:
     page = Path(__file__).resolve().parents[2] / "docs" / "write-a-material.md"
     shown = {each.file: each.text for each in blocks(page) if each.file is not None}
-    for name in ("minnaert", "ashikhmin_shirley", "wood"):
+    for name in ("minnaert", "ashikhmin_shirley", "wood", "led", "searchlight"):
         assert shown[f"scenes/plugins/{name}.cl"] == (EXAMPLES / f"{name}.cl").read_text()

@@ -27,6 +27,7 @@ from clrender.bidirectional.light_paths import LightPaths
 from clrender.device.bvh import cost
 from clrender.device.device import Buffer, Device, Program
 from clrender.device.device_film import DeviceFilm
+from clrender.device.formulas import Formula
 from clrender.device.info import DeviceInfo
 from clrender.device.launch import LaunchConfig, Scratch
 from clrender.device.preparation import DevicePreparation
@@ -41,6 +42,7 @@ from clrender.film import Film
 from clrender.film.unit import Unit, UnitSums, slot_count
 from clrender.flatten.flat_box import scene_box
 from clrender.flatten.flat_scene import flatten
+from clrender.flatten.plugin_lights import light_grid
 from clrender.furnace.directions import incident
 from clrender.furnace.surfaces import Surfaces
 from clrender.guiding.field import FACES, GuidingField, cell_rows, empty_field, histogram_words
@@ -53,6 +55,7 @@ from clrender.inspection.pipelines import PIPELINES as RECORDING
 from clrender.inspection.reading import as_rows
 from clrender.integrators import INTEGRATORS
 from clrender.photon.maps import PhotonMaps
+from clrender.plugins import plugin as plugin_of
 from clrender.radiosity.atlas import atlas_of
 from clrender.radiosity.display import GATHER, Display, Gather, looks_of
 from clrender.radiosity.dynamic import DynamicRadiosity
@@ -117,7 +120,7 @@ class Run:
     motion : bool
         With shapes, a lamp and the camera that move while the shutter is open.
     plugins : bool
-        With BSDFs and a texture of plugins.
+        With BSDFs, a texture and lights of plugins.
     grids : bool
         With media whose density is a grid, and which shine.
     strands : bool
@@ -247,6 +250,8 @@ RENDERS: Final = {
     "chains-4-spectra": Run("chains", 4, spectral="spectra"),
     "path-1-plugins": Run("path", 1, plugins=True),
     "path-4-plugins": Run("path", 4, samples=2, plugins=True, instances=True),
+    "bdpt-1-plugins": Run("bdpt", 1, plugins=True, motion=True),
+    "photon-4-plugins": Run("photon", 4, plugins=True),
     "path-4-replicates": Run("path", 4, samples=4, replicate=2),
     "path-16": Run("path", 16, samples=2),
     "path-1-large": Run("path", 1, large=True),
@@ -292,6 +297,15 @@ def lamps(folder: Path) -> list[dict[str, Any]]:
             {"type": "projector", **at, "file": "slide.png", "even": number > 0, "vertical_fov": 20 + 60 * number}
         )
     return found
+
+
+def beams(moving: bool) -> list[dict[str, Any]]:
+    """Lights of plugins, one of which turns."""
+    keys = ({"time": 0.0}, {"time": 1.0, "rotate_degrees": (0, 40, 0), "translate": (0.2, 0.0, 0.0)})
+    led = {"plugin": "led", "position": (-0.6, 1.4, 0.5), "direction": (0.2, -1, -0.1), "up": (1, 0, 0)}
+    beam: dict[str, Any] = {"plugin": "searchlight", "position": (0.7, 1.2, 0.9), "direction": (-0.5, -1, -0.6)}
+    beam["parameters"] = {"power": 2.0, "divergence": 15.0}
+    return [{"type": "plugin", **led, **({"motion": keys} if moving else {})}, {"type": "plugin", **beam}]
 
 
 def maps(folder: Path) -> dict[str, Any]:
@@ -450,6 +464,7 @@ def scene(run: Run, folder: Path) -> FlatScene:
             {"type": "point", "position": (0.5, 1.8, 1.5), "intensity": (1, 1, 1)},
             {"type": "directional", "direction": (0.2, -1, -0.3), "irradiance": (0.5, 0.4, 0.3)},
             *(lamps(folder) if run.lamps else []),
+            *(beams(run.motion) if run.plugins else []),
             around,
         ],
     }
@@ -638,6 +653,15 @@ def radiosity(device: Device) -> str:
     return digest.hexdigest()
 
 
+def formulas(device: Device) -> str:
+    """Of a plugin's light, one that says how directions are sampled."""
+    plugin = plugin_of(scenes_folder() / "plugins" / "searchlight.cl")
+    formula = Formula(device, (plugin,), 1, [x for each in plugin.parameters for x in each.default], 4)
+    grid, random = light_grid(0.5, 8, 4), np.random.default_rng(5).random((48, 2), np.float32)
+    made = [formula.intensities(grid.directions), formula.densities(0.5, grid.directions), formula.samples(0.5, random)]
+    return hashlib.sha256(b"".join(each.tobytes() for each in made)).hexdigest()
+
+
 def furnace(device: Device) -> str:
     """Hash of what materials sample, and of what they evaluate to, on both sides; and of the parts of a mixture."""
     rough = {"type": "conductor", "metal": "Au", "roughness": 0.5}
@@ -744,7 +768,7 @@ def refit(device: Device) -> str:
 
 def perform(device: Device, name: str) -> str:
     """Do one of `RENDERS`, or another function of this file by name; gives what must be equal everywhere."""
-    functions = (scan, statistics, arithmetic, light_paths, layers, radiosity, furnace, film, refit)
+    functions = (scan, statistics, arithmetic, light_paths, layers, radiosity, furnace, formulas, film, refit)
     others = {function.__name__: function for function in functions}
     return others[name](device) if name in others else render(device, RENDERS[name])
 

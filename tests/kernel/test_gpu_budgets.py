@@ -51,12 +51,13 @@ def test_the_page_shows_the_budgets() -> None:
 
 
 def test_programs_are_those_of_the_kernels() -> None:
-    """Every entry point but those of the probe, the furnace and recorded paths, which do not belong to a render."""
+    """Every entry point but those of the probe, the furnace, formulas and recorded paths, which are of no render."""
     folder = BUDGETS.parents[1] / "kernels"
     entries = {path.relative_to(folder).as_posix() for path in folder.rglob("*.cl")}
     assert entries - {program.entry for program in PROGRAMS.values()} == {
         "common.cl",
         "probe/arithmetic.cl",
         "material/furnace.cl",
+        "plugin/formula.cl",
         *(f"integrator/inspect_{name}.cl" for name in ("path", "guided", "whitted")),
     }

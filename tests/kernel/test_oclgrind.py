@@ -74,7 +74,7 @@ def every_kernel() -> set[str]:
 def test_every_kernel_on_a_small_scene(device: Device, tmp_path: Path) -> None:
     renders = ["path-4", "path-4-instances", "path-4-replicates", "whitted-4", "reuse-4", "photon-4", "bdpt-4"]
     renders += ["guided-4", "training-4", "staged-1", "staged-1-holes"]
-    others = ["light_paths", "layers", "radiosity", "furnace", "film", "refit"]
+    others = ["light_paths", "layers", "radiosity", "furnace", "formulas", "film", "refit"]
     launched = check(device, ["scan", "statistics", "arithmetic", *renders, *others], tmp_path)
     assert launched == every_kernel()
 

@@ -94,8 +94,8 @@ def moved(content: Json, factor: float, by: list[float]) -> Json:
                 part[key] = _posed_elsewhere(np.array(part[key]), factor, by, inward=key == "world_to_camera").tolist()
         if part.get("type") in ("point", "spot"):
             part["intensity"] = _times_color(part["intensity"], factor * factor)
-        if part.get("type") in ("ies", "projector"):
-            part["scale"] = _times(part.get("scale", 1.0), factor * factor)
+        if part.get("type") in ("ies", "projector", "plugin"):
+            part["scale"] = _times_color(part.get("scale", 1.0), factor * factor)
     for material in scene.get("materials", {}).values():
         for key in ("radius", "attenuation_distance"):
             if key in material:

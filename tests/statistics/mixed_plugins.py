@@ -1,4 +1,4 @@
-"""Plugins in mixed scenes: BSDFs in the place of Lambertian materials, and textures in that of any parameter."""
+"""Plugins in mixed scenes: BSDFs for Lambertian materials, textures in the place of any parameter, and lights."""
 
 from __future__ import annotations
 
@@ -22,8 +22,20 @@ static vec3 halfway_value(const HalfwayParameters* p, vfloat u, vfloat v, vec3 p
     return along(p->low, sub(p->high, p->low), splat(0.5f) + u);
 }
 """
+_SIDED: Final = """// A light that is brighter to its right, and darker behind it.
+// [plugin]
+// name = "sided"
+// kind = "light"
+// [parameters]
+// color = { type = "color", default = [1.0, 1.0, 1.0], max = 10.0 }
+// behind = { type = "number", default = 0.3 }
+static vec3 sided_intensity(const SidedParameters* p, vec3 direction) {
+    const vfloat side = fma(direction.x, splat(0.5f), splat(1.0f));
+    return scale(p->color, side * (direction.z > 0.0f ? splat(1.0f) : p->behind));
+}
+"""
 _FILES: Final = (scenes_folder() / "plugins" / f"{name}.cl" for name in ("ashikhmin_shirley", "minnaert"))
-PLUGINS: Final[tuple[Plugin, ...]] = (plugin(_HALFWAY), *map(plugin, _FILES))
+PLUGINS: Final[tuple[Plugin, ...]] = (plugin(_HALFWAY), plugin(_SIDED), *map(plugin, _FILES))
 """Textures do not depend on the place, so that scenes can be moved."""
 _COLORS: Final = ("reflectance", "base_color", "f0", "specular_color", "sheen_color")
 _NUMBERS: Final = {
@@ -62,6 +74,24 @@ def plugged(name: str, content: Json) -> None:
     materials["all plugins"] = {**_gloss(draw), "parameters": {"diffuse": _halfway(draw)}}
     color = texture(draw, 0.1, 0.9, number=False)
     materials["a plugin"] = {"type": "plugin", "plugin": "minnaert", "parameters": {"reflectance": color}}
+    _lit(Draw(f"lights of plugins, {name}", white=False), content["lights"])
+
+
+def _lit(draw: Draw, lights: list[Json]) -> None:
+    """Put lights of a plugin in the places of some; there is one that is black, at least."""
+    for index, light in enumerate(lights):
+        if light["type"] in ("point", "spot") and draw.chance(0.7):
+            kept: Json = {key: light[key] for key in ("position", "motion", "light_group") if key in light}
+            made: Json = {"type": "plugin", "plugin": "sided", "direction": light.get("direction", draw.direction())}
+            if draw.chance(0.5):
+                made |= {"scale": light["intensity"]}
+            else:
+                numbers = {"color": draw.color(0.3, 1.5), "behind": draw.between(0.0, 1.0)}
+                made |= {"scale": draw.between(2.0, 6.0), "parameters": numbers}
+            made |= {"up": draw.direction()} if draw.chance(0.5) else {}
+            lights[index] = {**kept, **made}
+    black: Json = {"type": "plugin", "plugin": "sided", "position": [0.0, 0.0, 0.0], "direction": [0.0, 0.0, 1.0]}
+    lights.append({**black, "scale": 0.0})
 
 
 def _is_bound(content: Json, material: str) -> bool:

@@ -54,7 +54,7 @@ def spectral(name: str, content: Json, white: bool) -> None:
         if _is_color(shape.get("emission")) and draw.chance(0.7):
             shape["emission"] = _light(draw, max(shape["emission"]))
     for light in content["lights"]:
-        if light["type"] == "ies" and draw.chance(0.4):
+        if light["type"] in ("ies", "plugin") and light.get("scale") != 0.0 and draw.chance(0.4):
             scale = light.get("scale", 1.0)
             light["scale"] = _light(draw, max(scale) if isinstance(scale, list) else scale)
     for medium in content.get("media", {}).values():

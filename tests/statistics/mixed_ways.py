@@ -28,7 +28,7 @@ UNUSED: Final = {
     "radiosity_display": "of radiosity",
 }
 """Settings of the image that no way varies, and why."""
-_DELTA: Final = ("point", "spot", "ies", "projector", "directional")
+_DELTA: Final = ("point", "spot", "ies", "projector", "plugin", "directional")
 _STAGES: Final = ((8, 16), (32, 64), (64, 256), (128, 512))
 SAMPLERS: Final = ("bvh", "power", "uniform", "auto")
 """Ways to choose a light."""
