@@ -279,4 +279,4 @@ def test_the_furnace_knows_lights_by_name() -> None:
 
 def test_no_light_is_lost_over_mirrors_without_a_word() -> None:
     made = scene().changed({"materials": {"m": {"type": "mirror"}}, "shapes": [{**BALL, "material": "m"}]})
-    assert any("light of plugin lights, reflected by the mirror" in each for each in flatten(made, 8, 8).warnings)
+    assert "light of plugin lights, reflected by the mirror" in flatten(made, 8, 8).lost_light
