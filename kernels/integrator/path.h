@@ -77,6 +77,7 @@ static void path_disperse(const Scene* scene, Path* path, Vertex* v, vmask where
             surface.ior = color_index(&at, surface.index, &surface.disperses);
             interior_meet(&at, &path->interior, &surface, where);
             bsdf_at(&at, &surface, path->ray.direction, &v->each[k]);
+            v->each[k].closure.scene = scene;  // it outlives `at`, and has the same wavelengths: other lanes' surfaces scatter colors
         }
         v->bsdf.apart = apart;
         v->bsdf.each = v->each;

@@ -23,6 +23,7 @@ from clrender.spectra.lifting import reflectance_spectra, unbounded_spectra
 if TYPE_CHECKING:
     from clrender.device import Device
 
+_ROOT = Path(__file__).resolve().parents[2]
 CAMERA = {"position": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0], "vertical_fov": 40.0}
 
 
@@ -95,6 +96,16 @@ def test_one_hash_over_lanes_cuts_and_stages(device: Device, roughness: float) -
     ways: list[dict[str, Any]] = [{}, {"lanes": 1}, {"lanes": 4}, {"kernels": "staged"}]
     ways.append({"tile": 8, "samples_per_pass": 1})
     assert len(hashes(device, busy(roughness=roughness), *ways)) == 1
+
+
+@pytest.mark.long
+def test_colors_of_plugins_beside_rough_glass_that_disperses(device: Device) -> None:
+    """A packet's other lanes are evaluated at each of its wavelengths, too, where only glass needs it."""
+    what = busy(roughness=0.3)
+    dusty = {"type": "plugin", "plugin": "minnaert", "parameters": {"reflectance": [0.7, 0.5, 0.2]}}
+    what = what.with_plugins([_ROOT / "scenes" / "plugins" / "minnaert.cl"])
+    what = what.changed({"materials.dusty": dusty, "shapes[2].material": "dusty", "shapes[4].material": "dusty"})
+    assert len(hashes(device, what, {}, {"lanes": 1}, {"lanes": 8}, size=(48, 40))) == 1
 
 
 @pytest.mark.long
