@@ -24,6 +24,7 @@ from PIL import Image
 from clrender import layout
 from clrender.aov import FIRST_HITS, LAYER_KINDS, LayerArguments, LayerKind
 from clrender.bidirectional.light_paths import LightPaths
+from clrender.device import bvh, radix_sort
 from clrender.device.bvh import cost
 from clrender.device.device import Buffer, Device, Program
 from clrender.device.device_film import DeviceFilm
@@ -766,9 +767,25 @@ def refit(device: Device) -> str:
     return " ".join(f"{each:.9g}" for each in found)
 
 
+def trees(device: Device) -> str:
+    """A tree by the kernels for many primitives, which is that of few by one work-item."""
+    with tempfile.TemporaryDirectory() as folder:
+        flat = scene(RENDERS["path-4"], Path(folder))
+    found = []
+    for few in (bvh._FEW, 0):
+        with patch.object(bvh, "_FEW", few), patch.object(radix_sort, "_FEW", few):
+            arrays = SceneArrays(device, flat)
+        nodes = np.empty(arrays.tree.nodes.nbytes // 4, np.uint32)
+        device.read(arrays.tree.nodes, nodes)
+        arrays.release()
+        found.append(hashlib.sha256(nodes.tobytes()).hexdigest())
+    assert found[0] == found[1]
+    return found[0]
+
+
 def perform(device: Device, name: str) -> str:
     """Do one of `RENDERS`, or another function of this file by name; gives what must be equal everywhere."""
-    functions = (scan, statistics, arithmetic, light_paths, layers, radiosity, furnace, formulas, film, refit)
+    functions = (scan, trees, statistics, arithmetic, light_paths, layers, radiosity, furnace, formulas, film, refit)
     others = {function.__name__: function for function in functions}
     return others[name](device) if name in others else render(device, RENDERS[name])
 

@@ -70,12 +70,18 @@ def every_kernel() -> set[str]:
     return {name for text in texts for name in re.findall(r"\b_*kernel\s+(?:GROUPED\s+)?void\s+(\w+)", text)}
 
 
+@pytest.mark.long
+def test_trees_of_few_and_of_many(device: Device, tmp_path: Path) -> None:
+    launched = check(device, ["trees"], tmp_path)
+    assert launched >= {"build_merge_few", "build_merge", "build_nearest", "build_merge_count", "build_sort_scatter"}
+
+
 @pytest.mark.slow
 def test_every_kernel_on_a_small_scene(device: Device, tmp_path: Path) -> None:
     renders = ["path-4", "path-4-instances", "path-4-replicates", "whitted-4", "reuse-4", "photon-4", "bdpt-4"]
     renders += ["guided-4", "training-4", "staged-1", "staged-1-holes"]
     others = ["light_paths", "layers", "radiosity", "furnace", "formulas", "film", "refit"]
-    launched = check(device, ["scan", "statistics", "arithmetic", *renders, *others], tmp_path)
+    launched = check(device, ["scan", "trees", "statistics", "arithmetic", *renders, *others], tmp_path)
     assert launched == every_kernel()
 
 
