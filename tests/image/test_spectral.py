@@ -241,7 +241,7 @@ def test_a_medium_that_only_scatters_loses_nothing(device: Device) -> None:
 def test_spectra_of_media_are_checked() -> None:
     wrong: list[tuple[dict[str, Any], str]] = [
         ({"absorption": {"illuminant": "A"}}, "is of light; a coefficient needs wavelengths and values"),
-        ({"scattering": {"wavelengths": [500.0], "values": [1.0, 2.0]}}, "has 1 wavelengths and 2 values"),
+        ({"scattering": {"wavelengths": [500.0], "values": [1.0, 2.0]}}, "has 1 wavelength and 2 values"),
         ({"emission": COLD, "absorption": {"wavelengths": [600, 605], "values": [1, 0]}}, "shines at 605 nm without"),
         ({"emission": COLD}, "without absorbing or scattering it"),
     ]
