@@ -61,7 +61,9 @@ STACK: Final = 96
 """Default capacity of the traversal stack, in entries."""
 _SORT_BITS: Final = 63
 _FEW: Final = 1024
-"""Most units whose clusters a single work-item of a CPU joins; of other devices, whose work-items are slow, fewer."""
+"""Most units whose clusters a single work-item of a CPU joins."""
+_FEW_ELSEWHERE: Final = MERGE_CHUNK
+"""The same of other devices, whose work-items are slow."""
 # Most blocks of eight columns that a reference can address.
 _MOST_BLOCKS: Final = 1 << 24
 # Padding, as reading eight columns from the last column of a block's last row reads beyond the block.
@@ -566,7 +568,7 @@ class _Builder:
         self._each("build_leaves", count, arguments)
         device.release(boxes)
         children, merged, nearest = device.empty(8 * count), device.empty(4 * count), device.empty(4 * count)
-        if count <= (_FEW if device.is_cpu else MERGE_CHUNK):
+        if count <= (_FEW if device.is_cpu else _FEW_ELSEWHERE):
             self._each("build_merge_few", 1, [_u(count), clusters, merged, nearest, tree, children, costs])
             self._release(clusters, merged, nearest)
             return _BinaryTree(tree, children, costs, count, 2 * count - 2)

@@ -14,14 +14,12 @@ from clrender.exporters.cycles_nodes import NodeTree, Socket
 from clrender.exporters.cycles_textures import TextureWriter
 from clrender.exporters.skies import sky_map
 from clrender.exporters.surfaces import inside_named, tell_of_glow
-from clrender.exporters.target import Target
+from clrender.exporters.target import LAMPS, Target
 from clrender.exporters.triangles import At
 from clrender.scene import (
     DirectionalLight,
     EnvironmentLight,
-    PluginLight,
     PointLight,
-    ProjectorLight,
     SpotLight,
     SunSkyLight,
 )
@@ -81,9 +79,7 @@ class LightWriter:
         elif isinstance(light, DirectionalLight):
             self._add("SUN", (0.0, 0.0, 0.0), light.direction, light.irradiance, 1.0, angle=0.0)
         else:
-            kinds: dict[type, str] = {ProjectorLight: "projectors", PluginLight: "the lights of plugins"}
-            what = kinds.get(type(light), "the lamps of IES files")
-            self._target.leave_out(what, *at)
+            self._target.leave_out(LAMPS[type(light)], *at)
 
     def _add(self, kind: str, position: Any, direction: Any, power: Any, factor: float, **values: Any) -> None:
         most = max(power) or 1.0

@@ -13,15 +13,13 @@ from clrender.exact.matrices import length, product
 from clrender.exporters.luxcore_text import Properties
 from clrender.exporters.luxcore_textures import TextureWriter
 from clrender.exporters.skies import sky_map
-from clrender.exporters.target import Target
+from clrender.exporters.target import LAMPS, Target
 from clrender.exporters.triangles import At
 from clrender.importers.shared.matrices import rotation
 from clrender.scene import (
     DirectionalLight,
     EnvironmentLight,
-    PluginLight,
     PointLight,
-    ProjectorLight,
     SpotLight,
     SunSkyLight,
 )
@@ -75,9 +73,7 @@ class LightWriter:
             picture = self._target.scene.environment_picture()
             assert picture is not None
             return self._map("environment", picture.pixels, light.scale, light.rotate_degrees)
-        kinds: dict[type, str] = {ProjectorLight: "projectors", PluginLight: "the lights of plugins"}
-        what = kinds.get(type(light), "the lamps of IES files")
-        self._target.leave_out(what, *at)
+        self._target.leave_out(LAMPS[type(light)], *at)
         return None
 
     def _spot(self, light: SpotLight, at: At) -> Properties | None:

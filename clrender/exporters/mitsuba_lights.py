@@ -14,11 +14,11 @@ from clrender.exact.matrices import length
 from clrender.exporters.mitsuba_textures import TextureWriter
 from clrender.exporters.mitsuba_xml import Element, element, spectral, transform, value
 from clrender.exporters.skies import sky_map
-from clrender.exporters.target import Target
+from clrender.exporters.target import LAMPS, Target
 from clrender.flatten.sky import scene_sun
 from clrender.importers.shared.matrices import look_at, rotation
 from clrender.scene import DirectionalLight, EnvironmentLight, PointLight, SpotLight, SunSkyLight
-from clrender.scene.light_kinds import IesLight, PluginLight, ProjectorLight
+from clrender.scene.light_kinds import ProjectorLight
 from clrender.scene.spectra import SpectralColor
 
 __all__ = ["SKY_NANOMETRES", "LightWriter"]
@@ -64,9 +64,7 @@ class LightWriter:
             return self._environment(light)
         if isinstance(light, ProjectorLight):
             return self._projector(light, at)
-        assert isinstance(light, IesLight | PluginLight)
-        what = "the lamps of IES files" if isinstance(light, IesLight) else "the lights of plugins"
-        self._target.leave_out(what, *at)
+        self._target.leave_out(LAMPS[type(light)], *at)
         return None
 
     # --- spots

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Final
@@ -12,7 +12,7 @@ from clrender.errors import SceneError
 from clrender.exporters.files import NamedFiles
 from clrender.files.access import atomic_write
 from clrender.scene import PluginMaterial, Scene
-from clrender.scene.light_kinds import MOVING_LIGHTS
+from clrender.scene.light_kinds import MOVING_LIGHTS, IesLight, PluginLight, ProjectorLight
 from clrender.scene.motion import rests
 from clrender.scene.posed import deforms
 from clrender.scene.resting import opened
@@ -20,7 +20,14 @@ from clrender.scene.shapes import Mesh
 from clrender.scene.textures import PluginTexture, textures_of
 from clrender.wording import place
 
-__all__ = ["ForeignExport", "Target", "write_foreign"]
+__all__ = ["LAMPS", "ForeignExport", "Target", "write_foreign"]
+
+LAMPS: Final[Mapping[type, str]] = {
+    IesLight: "the lamps of IES files",
+    ProjectorLight: "projectors",
+    PluginLight: "the lights of plugins",
+}
+"""Words for lights at a point that few programs have, in notes on what is left out."""
 
 _MOST_PLACES: Final = 3
 """Most places that one note names."""

@@ -205,6 +205,8 @@ def test_the_tree_has_the_same_bits_on_every_driver(all_devices: list[Device], n
 @pytest.mark.parametrize("count", [1, 2, 70, 1024])
 def test_few_are_built_by_one_work_item_as_by_many(device: Device, monkeypatch: pytest.MonkeyPatch, count: int) -> None:
     """Also their order, which the host finds for few, and the numbers of tiny levels."""
+    if not device.is_cpu and count > bvh.MERGE_CHUNK:
+        pytest.skip("on other devices than CPUs one work-item joins fewer")
     rng = np.random.default_rng(62)
     corners = rng.uniform(-1, 1, (count, 1, 3)) + 0.1 * rng.normal(size=(count, 3, 3))
     corners[count // 2 :: 3] = corners[count // 2]  # Morton codes that are equal
@@ -221,7 +223,7 @@ def test_few_are_built_by_one_work_item_as_by_many(device: Device, monkeypatch: 
         few = download(tree)
     assert set(launched) >= {"build_merge_few"} and {"build_merge", "build_sort_scatter"}.isdisjoint(launched)
     launched.clear()
-    monkeypatch.setattr(bvh, "_FEW", 0)
+    monkeypatch.setattr(bvh, "_FEW" if device.is_cpu else "_FEW_ELSEWHERE", 0)
     monkeypatch.setattr(radix_sort, "_FEW", 0)
     with tree_on(device, scene) as tree:
         many = download(tree)
