@@ -149,7 +149,7 @@ class FaultyDevice(Device):
 
     def __init__(self, device: Device, *faults: Fault | Lie, name: str = "", waits_for: Lie | None = None) -> None:
         self.__dict__.update(device.__dict__)
-        self._programs, self._buffers, self._held_bytes = {}, set(), 0
+        self._programs, self._buffers, self._held_bytes = {}, {}, 0
         self._sentinel = Sentinel()
         self.faults = [each for each in faults if isinstance(each, Fault)]
         self._waits_for = waits_for

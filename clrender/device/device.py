@@ -7,7 +7,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -182,7 +182,8 @@ class Device:
         self._calls = 0
         self._compiling = False
         self._held_bytes = 0
-        self._buffers: set[Buffer] = set()
+        self._buffers: dict[Buffer, object] = {}  # by their owners
+        self._owner: object = None
         self._large: dict[cl.Buffer, int] = {}  # addresses of buffers on huge pages
         self._sentinel = Sentinel()
         self._programs: dict[tuple[str, tuple[tuple[str, str], ...]], Program] = {}
@@ -406,7 +407,7 @@ class Device:
         self._held_bytes += size
         self.allocated_bytes = max(self.allocated_bytes, self._held_bytes)
         buffer = Buffer(handle, size)
-        self._buffers.add(buffer)
+        self._buffers[buffer] = self._owner
         return buffer
 
     def _create(self, size: int) -> cl.Buffer:
@@ -425,7 +426,7 @@ class Device:
 
         Errors of the driver are ignored: they are expected from a device that failed.
         """
-        self._buffers.discard(buffer)
+        self._buffers.pop(buffer, None)
         self._held_bytes -= buffer.nbytes
         address = self._large.pop(buffer.handle, None)
         if self.lost:
@@ -444,6 +445,20 @@ class Device:
     def release_but(self, kept: Collection[Buffer]) -> None:
         """Release all buffers except `kept`, to clean up after an error."""
         for buffer in self.buffers - set(kept):
+            self.release(buffer)
+
+    @contextlib.contextmanager
+    def owned_by(self, owner: object) -> Iterator[None]:
+        """Context in which all buffers that are created belong to `owner`, which has its `turn`."""
+        self._owner = owner
+        try:
+            yield
+        finally:
+            self._owner = None
+
+    def release_of(self, owner: object) -> None:
+        """Release the buffers of one owner; others may share the device."""
+        for buffer in [buffer for buffer, each in list(self._buffers.items()) if each is owner]:
             self.release(buffer)
 
     def launch(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -82,7 +82,6 @@ class Residency:
         self._flat: tuple[_Geometry, FlatScene] | None = None
         self._known = KnownMoves()
         self._given: dict[tuple[Any, ...], Emitted] = {}
-        self._before: dict[Device, frozenset[Buffer]] = {}
         self._uploaded: dict[Device, tuple[FlatScene, SceneArrays]] = {}
         self._scratch: dict[Device, Scratch] = {}
 
@@ -118,18 +117,27 @@ class Residency:
                 f"refit is for one device, and there are {len(devices)}: their BVHs would differ, and so would "
                 "the last digits of their results; name one, or leave it out"
             )
-        self._before = {device: device.buffers for device in devices}
         if self._reports:
-            for device in devices:
+            for device in opened:
                 device.on_compile = self.stages.compiling
         return devices
+
+    @contextmanager
+    def in_turn(self) -> Iterator[None]:
+        """Context in which devices that others may share work for this session; it has their turns."""
+        with ExitStack() as ended:
+            for device in self.borrowed:
+                ended.enter_context(device.owned_by(self))
+                if self._reports:
+                    ended.callback(setattr, device, "on_compile", device.on_compile)
+                    device.on_compile = self.stages.compiling
+            yield
 
     def close(self) -> None:
         """Release everything on the devices, and close those that were opened here."""
         self._closed = True
         for device in self._devices or []:
-            device.on_compile = None if self._reports else device.on_compile
-            device.release_but(self._before[device])
+            self._release_all(device)
             if device not in self.borrowed:
                 device.close()
         self._uploaded, self._scratch, self._flat, self._devices = {}, {}, None, None
@@ -258,9 +266,18 @@ class Residency:
 
     def restart(self, device: Device) -> None:
         """Reset a device that failed, so that it can be tried again: everything on it is released."""
-        self._forget(device, self._before[device])
+        self._uploaded.pop(device, None)
+        self._scratch.pop(device, None)
+        self._release_all(device)
         if device not in self.borrowed:
             device.reopen()
+
+    def _release_all(self, device: Device) -> None:
+        """Release what is here on a device. Other sessions may have theirs on one that was lent."""
+        if device in self.borrowed:
+            device.release_of(self)
+        else:
+            device.release_but(())
 
     def dismiss(self, device: Device) -> None:
         """Exclude a device from now on, because it hangs or its results are wrong."""

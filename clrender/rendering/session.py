@@ -424,6 +424,7 @@ class Session:
                 shared = {id(device.turn): device.turn for device in self._residency.borrowed}
                 for _, turn in sorted(shared.items()):  # always in the same order, to avoid deadlock
                     turns.enter_context(turn.of(call))
+                turns.enter_context(self._residency.in_turn())
                 self._call = call
                 try:
                     return work()

@@ -119,6 +119,49 @@ def test_another_camera_uploads_no_scene(device: Device, watched: Watched) -> No
     assert second.stats["image_sha256"] == clrender.render(moved, device=device, size=SIZE, spp=1).stats["image_sha256"]
 
 
+def test_sessions_that_share_a_device_release_only_what_is_theirs(device: Device) -> None:
+    room = clrender.load("room")
+    how: dict[str, Any] = {"size": (16, 16), "spp": 1}
+    before, first, second = device.buffers, clrender.Session(device), clrender.Session(device)
+    digest = second.render(room, **how).stats["image_sha256"]
+    its = device.buffers - before
+    assert its
+    first.render(room, **how)  # once the other is open
+    own = device.buffers - before - its
+    assert own
+    second.close()
+    assert device.buffers - before == own
+    assert first.render(room, **how).stats["image_sha256"] == digest
+    second = clrender.Session(device)
+    second.render(room, **how)
+    first.close()
+    assert not device.buffers & own
+    assert second.render(room, **how).stats["image_sha256"] == digest
+    second.close()
+    assert device.buffers == before
+
+
+def test_sessions_that_share_a_device_hear_of_the_compiling_of_their_own_renders(device: Device) -> None:
+    sessions: list[clrender.Session] = []
+    heard: list[bool] = []
+
+    def opened(number: int) -> clrender.Session:
+        def hear(stage: str) -> None:
+            heard.append(device.on_compile == sessions[number].stages.compiling)
+
+        return clrender.Session(device, on_stage=hear)
+
+    sessions += [opened(0), opened(1)]
+    room = clrender.load("room")
+    for number in (0, 1, 0):
+        sessions[number].render(room, size=(16, 16), spp=1)
+        assert device.on_compile is None
+    sessions[1].close()
+    sessions[0].render(clrender.load("caustic"), size=(16, 16), spp=1)
+    sessions[0].close()
+    assert len(heard) > 8 and all(heard)
+
+
 def test_another_camera_looks_at_no_shape(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     """A moving camera takes the same time in scenes of any number of shapes."""
     job = clrender.RenderJob.of(clrender.load("room"), size=(16, 16), spp=1)
@@ -336,7 +379,7 @@ class Broken(Device):
 
     def __init__(self, device: Device, call: str, after: int = 0) -> None:
         self.__dict__.update(device.__dict__)
-        self._programs, self._buffers = {}, set()
+        self._programs, self._buffers = {}, {}
         self._call_name, self._left = call, after
 
     def _count(self, call: str, error: type[Exception]) -> None:
