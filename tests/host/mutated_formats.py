@@ -257,7 +257,9 @@ def changed_scene(rng: random.Random, values: list[Any], numbers: list[int]) -> 
                     rng.choice(values)
                 )
             case 3:
-                place[key] = rng.choice([dict(_TABLE), {"illuminant": "E"}, {"blackbody": 1e4}, 0.5, [0.1, 0.2, 0.3]])
+                place[key] = rng.choice(
+                    [copy.deepcopy(_TABLE), {"illuminant": "E"}, {"blackbody": 1e4}, 0.5, [0.1, 0.2, 0.3]]
+                )
             case _ if isinstance(inside, float):
                 place[key] = rng.choice([-inside, inside * 1e3, inside + 100.0, 0.0, 1e-40, 1e12, rng.choice(numbers)])
             case _:
