@@ -40,6 +40,7 @@ from clrender.importers import load
 from clrender.meshes.read import read_mesh, read_serialized_mesh
 from clrender.scene import Scene
 from clrender.scene.ies import read_ies
+from clrender.spectra.kernel_table import kernel_table
 
 __all__ = ["main"]
 
@@ -470,6 +471,8 @@ def main(folder: Path, count: int, seed: int, endings: list[str]) -> None:
     start = time.monotonic()
     for ending in endings:
         sources = originals(folder, ending)
+        if ending in mutated_formats.READERS:
+            kernel_table()  # once in a process, which takes seconds
         for number in range(count):
             rng = random.Random(f"{seed} {ending} {number}")
             path = folder / f"mutated{ending}"
