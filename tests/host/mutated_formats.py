@@ -402,8 +402,12 @@ def _curves(path: Path) -> Any:
         scene.write_text(_XML.format(shape + '<emitter type="constant"/>'), encoding="utf-8")
         return _by(path, scene)
     basis = ("linear", "bezier", "bspline", "catmull-rom")[_choice(path, 4)]
-    shape = {"type": "curves", "file": path.name, "radius": 0.1, "basis": basis}
-    return flatten(Scene.model_validate({"camera": _CAMERA, "shapes": [shape]}).placed("here", path.parent), 8, 8)
+    described = {"type": "curves", "file": path.name, "radius": 0.1, "basis": basis}
+    scene = Scene.model_validate({"camera": _CAMERA, "shapes": [described]}).placed("here", path.parent)
+    try:
+        return flatten(scene, 8, 8)
+    except ClrenderError as error:
+        raise type(error)(str(error).replace("shapes[0] reaches", f"{path.name} reaches")) from None
 
 
 def _hair(path: Path) -> Any:
