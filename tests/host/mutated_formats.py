@@ -403,9 +403,9 @@ def _curves(path: Path) -> Any:
         return _by(path, scene)
     basis = ("linear", "bezier", "bspline", "catmull-rom")[_choice(path, 4)]
     described = {"type": "curves", "file": path.name, "radius": 0.1, "basis": basis}
-    scene = Scene.model_validate({"camera": _CAMERA, "shapes": [described]}).placed("here", path.parent)
+    own = Scene.model_validate({"camera": _CAMERA, "shapes": [described]}).placed("here", path.parent)
     try:
-        return flatten(scene, 8, 8)
+        return flatten(own, 8, 8)
     except ClrenderError as error:
         raise type(error)(str(error).replace("shapes[0] reaches", f"{path.name} reaches")) from None
 

@@ -38,8 +38,8 @@ def medium(folder: Path, inside: str) -> Any:
 def seen(*parts: Any) -> Any:
     """Product of tables that are linear between wavelengths and 0 beyond: means around the lines of our tables."""
     fine = np.linspace(357.5, 832.5, 95 * 200 + 1)
-    middle: Any = (fine[1:] + fine[:-1]) / 2.0
-    product = np.prod([np.interp(middle, *part, left=0.0, right=0.0) for part in parts], axis=0)
+    middle = (fine[1:] + fine[:-1]) / 2.0
+    product = np.prod([np.interp(middle, part[0], part[1], left=0.0, right=0.0) for part in parts], axis=0)
     return product.reshape(95, 200).mean(axis=1)
 
 
