@@ -72,7 +72,7 @@ def test_ten_thousand_mutated_pictures(tmp_path: Path, ending: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ending", [*SPECTRA, *STRANDS, *TABLES])
+@pytest.mark.parametrize("ending", [*SPECTRA, *STRANDS, *TABLES, ".ies", ".vol", ".nvdb"])
 def test_ten_thousand_mutated_spectra_strands_and_tables(tmp_path: Path, ending: str) -> None:
     answers(tmp_path, 10_000, 8, [ending])
 

@@ -79,6 +79,7 @@ def with_material(**keys: Any) -> dict[str, Any]:
 
 
 RAMP = {"wavelengths": [400.0, 500.0, 600.0, 700.0], "values": [0.1, 0.2, 0.8, 0.9]}
+DARK = {"wavelengths": [400.0, 700.0], "values": [0.0, 1.0]}
 
 
 @pytest.mark.parametrize("name", ILLUMINANTS)
@@ -201,6 +202,8 @@ def test_a_spectrum_of_light_has_the_color_that_it_has() -> None:
         (described(lights=[{"type": "environment", "radiance": {"illuminant": "F99"}}]), "illuminant"),
         (described(lights=[{"type": "environment", "radiance": {"blackbody": 5.0}}]), "blackbody"),
         (described(lights=[{"type": "environment", "radiance": {"colour": 5.0}}]), "colour"),
+        (with_material(type="conductor", eta=DARK, k=DARK), "eta.values has an index of 0; at least 1e-06 is known"),
+        (with_material(type="conductor", eta=1e-9, k=0.0), "eta.0. is 1e-09, but must be at least 1e-06"),
         (with_material(type="dielectric", dispersion={"glass": "BK7", "abbe": 60.0}), "needs one of"),
         (with_material(type="dielectric", dispersion={"glass": "BK8"}), "glass"),
         (with_material(type="dielectric", dispersion={"sellmeier": [1.0]}), "dispersion.sellmeier"),
@@ -213,6 +216,19 @@ def test_a_spectrum_of_light_has_the_color_that_it_has() -> None:
 def test_wrong_spectra_are_refused(content: dict[str, Any], words: str) -> None:
     with pytest.raises(SceneError, match=words):
         Scene(**content)
+
+
+def test_indices_of_metals_out_of_gamut_are_not_zero() -> None:
+    """Of a narrow line the colour red is below 0; Fresnel's formula has no value for an index of 0."""
+    line = {"wavelengths": [360.0, 500.0, 505.0, 510.0, 830.0], "values": [1e-6, 1e-6, 3.0, 1e-6, 1e-6]}
+    scene = Scene.model_validate(with_material(type="conductor", eta=line, k={**line, "scale": 0.0}))
+    assert min(scene.materials["thing"].eta) == 1e-6  # type: ignore[union-attr, arg-type]
+    flat = flatten(scene, 4, 4)
+    assert all(
+        np.isfinite(array).all()
+        for array in spectral_arrays(flat.arrays, flat.spectral).values()
+        if array.dtype.kind == "f"
+    )
 
 
 def test_glass_has_the_index_that_its_dispersion_says() -> None:
