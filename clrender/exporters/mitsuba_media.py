@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -136,7 +137,9 @@ class MediumWriter:
             lost, turned = self._coefficients(wanted, absorption, scattering, grids)
             extinction = lost + turned
             scale = max(float(extinction.max()), _TINY)
-            albedo = np.divide(turned, extinction, out=np.zeros(len(turned)), where=extinction > 0.0)
+            # Where there is no extinction it has the mean, so that one that is a number elsewhere stays one
+            none = 0.0 if len(turned) == 3 else math.fsum(turned) / max(math.fsum(extinction), _TINY)
+            albedo = np.divide(turned, extinction, out=np.full(len(turned), none), where=extinction > 0.0)
             # Its extinction is a colour, which is at most 1
             share, kind = extinction / scale, "homogeneous" if grids is None else "heterogeneous"
             write = _coefficient if len(share) > 3 else partial(value, "rgb")

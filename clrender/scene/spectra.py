@@ -89,6 +89,9 @@ class Spectrum(Part):
         None, description="temperature, kelvin; of luminance 1"
     )
     scale: Power = Field(1.0, description="factor of it")
+    color: Color | None = Field(
+        None, description="of a coefficient: what it is in red, green and blue; default: the spectrum's own colour"
+    )
 
     @model_validator(mode="after")
     def _is_one(self) -> Spectrum:
@@ -198,6 +201,7 @@ class SpectralColor(tuple[float, float, float]):
 
 def of_light(spectrum: Spectrum) -> SpectralColor:
     """The colour of light with this spectrum; what is out of the gamut of Rec. 709 is clipped."""
+    _check_colorless(spectrum)
     values = spectrum.light()
     return SpectralColor(spectrum, values, film_color(values))
 
@@ -206,6 +210,7 @@ def of_reflectance(spectrum: Spectrum) -> SpectralColor:
     """The colour of a reflectance in daylight."""
     if spectrum.illuminant is not None or spectrum.blackbody is not None:
         raise fault("spectrum", "is of light; a reflectance needs wavelengths and values")
+    _check_colorless(spectrum)
     values = spectrum.reflectance()
     if float(values.max()) > 1.0:
         raise fault("spectrum", f"has a reflectance of {float(values.max()):g}; at most 1 is possible", "values")
@@ -228,6 +233,7 @@ def of_extinction(spectrum: Spectrum) -> SpectralColor:
     """The imaginary part, likewise."""
     if spectrum.illuminant is not None or spectrum.blackbody is not None:
         raise fault("spectrum", "is of light; an index needs wavelengths and values")
+    _check_colorless(spectrum)
     values = spectrum.reflectance()
     if not float(values.max()) <= _MOST_INDEX:
         raise fault("spectrum", f"has an index of {float(values.max()):g}; at most {_MOST_INDEX:g} is known", "values")
@@ -241,7 +247,16 @@ def of_coefficient(spectrum: Spectrum) -> SpectralColor:
     values = spectrum.reflectance()
     if not float(values.max()) <= POWER_LIMIT:
         raise fault("spectrum", f"reaches {float(values.max()):g}; at most {POWER_LIMIT:g} is possible", "values")
-    return SpectralColor(spectrum, values, times(reflectance_film_weights().T, values))
+    if spectrum.color is None:
+        return SpectralColor(spectrum, values, times(reflectance_film_weights().T, values))
+    if (max(spectrum.color) > 0.0) != bool(values.any()):
+        raise fault("spectrum", "and the spectrum have to be 0 together, or neither of them", "color")
+    return SpectralColor(spectrum, values, spectrum.color)
+
+
+def _check_colorless(spectrum: Spectrum) -> None:
+    if spectrum.color is not None:
+        raise fault("spectrum", "is of coefficients of media; leave it out", "color")
 
 
 def _said(value: Any) -> Any:

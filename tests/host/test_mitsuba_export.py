@@ -368,7 +368,8 @@ def test_spectra_of_media_stay(tmp_path: Path, absorption: Any, scattering: Any)
             assert np.allclose(found.values, wanted.values, rtol=1e-12, atol=1e-12)
         elif wanted != (0.0, 0.0, 0.0):
             assert np.allclose(found.values, unbounded_spectra(np.array(wanted)), rtol=1e-12, atol=1e-12)
-        assert near(found, wanted, 1e-6)
+        if absorption == scattering or 0.0 in (absorption, scattering):  # others are products of colours there
+            assert near(found, wanted, 1e-6)
 
 
 @for_each(("absorption", "albedo", "stays"), [(REST, False, True), (LINES, False, False), (REST, True, False)])

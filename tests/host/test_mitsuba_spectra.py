@@ -12,6 +12,7 @@ from grid_files import vol_bytes
 
 from clrender.errors import SceneError
 from clrender.importers import load
+from clrender.scene.medium import Medium
 from clrender.scene.spectra import SpectralColor
 from clrender.spectra.colors import reflectance_color, table_wavelengths
 from clrender.spectra.lifting import reflectance_spectra, unbounded_spectra
@@ -78,10 +79,15 @@ def test_spectra_of_media_are_multiplied(tmp_path: Path, scale: float, albedo: s
     found = medium(tmp_path, extinction + albedo)
     for coefficient, part in ((found.scattering, shares), (found.absorption, rest)):
         assert close(coefficient, scale * seen(SIGMA[1], part))
-    if "float" in albedo:  # in red, green and blue they are what they were
-        color = scale * np.array(reflectance_color(*SIGMA[1]))
-        assert np.allclose(found.scattering, color * 0.25, rtol=1e-3)
-        assert np.allclose(found.absorption, color * 0.75, rtol=1e-3)
+    # In red, green and blue they are products of colours, as there
+    color, share = scale * np.array(reflectance_color(*SIGMA[1])), np.array(reflectance_color(*shares))
+    share = np.array([0.9, 0.5, 0.1]) if "rgb" in albedo else share
+    assert np.allclose(found.scattering, color * share, rtol=1e-3)
+    assert np.allclose(found.absorption, color * (1.0 - share), rtol=1e-3)
+    exact = np.ptp(shares[1]) > 0.0
+    assert (found.scattering.spectrum.color is not None) == exact
+    again = Medium.model_validate(found.model_dump(mode="json", exclude_unset=True))
+    assert again == found and np.array_equal(again.scattering, found.scattering)
 
 
 def test_albedos_that_are_spectra_beside_colors(tmp_path: Path) -> None:
@@ -90,7 +96,7 @@ def test_albedos_that_are_spectra_beside_colors(tmp_path: Path) -> None:
     extinction = (WIDE, np.pad(unbounded_spectra(np.array([3.0, 2.0, 1.0])), 1, "edge"))
     for coefficient, part in ((found.scattering, SHARES[1]), (found.absorption, REST)):
         assert close(coefficient, seen(extinction, part))
-    assert np.allclose(np.add(found.scattering, found.absorption), (3.0, 2.0, 1.0), rtol=1e-3)
+    assert np.add(found.scattering, found.absorption) == pytest.approx((3.0, 2.0, 1.0), rel=1e-12)
     plain = medium(tmp_path, '<rgb name="sigma_t" value="3, 2, 1"/><rgb name="albedo" value="0.5, 0.25, 0"/>')
     assert plain.scattering == (1.5, 0.5, 0.0) and plain.absorption == (1.5, 1.5, 1.0)
     assert not isinstance(plain.scattering, SpectralColor)

@@ -182,6 +182,19 @@ def test_a_scene_says_spectra_and_says_them_again() -> None:
     assert scene.changed({"camera.vertical_fov": 30.0}).materials == scene.materials
 
 
+def test_a_coefficient_may_have_a_color_of_its_own() -> None:
+    """Where wavelengths are not rendered; it is part of the hash."""
+    own, plain = (
+        Scene.model_validate(described(media={"dye": {"absorption": {**RAMP, **more}}}, fog="dye"))
+        for more in ({"color": [0.1, 0.2, 0.3]}, {})
+    )
+    found = own.media["dye"].absorption
+    assert isinstance(found, SpectralColor) and tuple(found) == (0.1, 0.2, 0.3)
+    assert np.array_equal(found.values, plain.media["dye"].absorption.values)  # type: ignore[union-attr]
+    assert own.content_sha256() != plain.content_sha256()
+    assert "color" not in str(plain.model_dump(mode="json", exclude_unset=True)["media"])
+
+
 def test_a_spectrum_of_light_has_the_color_that_it_has() -> None:
     scene = Scene.model_validate(
         described(lights=[{"type": "environment", "radiance": {"blackbody": 2700.0, "scale": 4.0}}])
@@ -202,6 +215,10 @@ def test_a_spectrum_of_light_has_the_color_that_it_has() -> None:
         (described(lights=[{"type": "environment", "radiance": {"illuminant": "F99"}}]), "illuminant"),
         (described(lights=[{"type": "environment", "radiance": {"blackbody": 5.0}}]), "blackbody"),
         (described(lights=[{"type": "environment", "radiance": {"colour": 5.0}}]), "colour"),
+        (with_material(type="lambert", reflectance={**RAMP, "color": [0.1, 0.2, 0.3]}), "is of coefficients of media"),
+        (described(lights=[{"type": "environment", "radiance": {**RAMP, "color": 0.5}}]), "is of coefficients"),
+        (described(media={"dye": {"absorption": {**RAMP, "color": 0.0}}}), "0 together, or neither"),
+        (described(media={"dye": {"absorption": {**RAMP, "scale": 0.0, "color": 1.0}}}), "0 together, or neither"),
         (with_material(type="conductor", eta=DARK, k=DARK), "eta.values has an index of 0; at least 1e-06 is known"),
         (with_material(type="conductor", eta=1e-9, k=0.0), "eta.0. is 1e-09, but must be at least 1e-06"),
         (with_material(type="dielectric", dispersion={"glass": "BK7", "abbe": 60.0}), "needs one of"),

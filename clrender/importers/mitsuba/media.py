@@ -71,6 +71,7 @@ class MediumReader:
             if density is None:
                 return None
         spectra: dict[str, Any] = {}
+        parts: tuple[Any, Any] | None = None
         if plugin.has("sigma_a", "sigma_s"):  # 0.6
             absorption, scattering = (self._color(plugin, name, 0.0) for name in ("sigma_a", "sigma_s"))
             for key, name in (("absorption", "sigma_a"), ("scattering", "sigma_s")):
@@ -89,12 +90,12 @@ class MediumReader:
             turned = None if albedos is not None else self._table(plugin, "albedo")
             scattering = tuple(t * a for t, a in zip(extinction, albedo, strict=True))  # type: ignore[assignment]
             absorption = tuple(t * (1.0 - a) for t, a in zip(extinction, albedo, strict=True))  # type: ignore[assignment]
-            spectra = split_by_albedo(thinned or extinction, turned or albedo, scale)
+            parts = thinned or extinction, turned or albedo
         made: dict[str, Any] = {
             "absorption": [max(scale * x, 0.0) for x in absorption],
             "scattering": [max(scale * x, 0.0) for x in scattering],
-            **spectra,
         }
+        made |= spectra if parts is None else split_by_albedo(*parts, scale, made)
         if density is not None:
             made["density"] = density
         if albedos is not None:

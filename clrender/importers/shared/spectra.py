@@ -80,9 +80,15 @@ def coefficient_table(
 
 
 def split_by_albedo(
-    extinction: dict[str, Any] | Color, albedo: dict[str, Any] | Color, scale: float = 1.0
+    extinction: dict[str, Any] | Color,
+    albedo: dict[str, Any] | Color,
+    scale: float,
+    colors: Mapping[str, Sequence[float]],
 ) -> dict[str, Any]:
     """Absorption and scattering of a medium as spectra, by our keys; none if neither of what they follow from is one.
+
+    Where both depend on the wavelength, red, green and blue are the product of their colours, as in the program that
+    the scene is from: the colour of the product may be 0 in a channel that absorbs.
 
     What is left out, such as what is beyond the range of scenes, is a colour.
 
@@ -94,21 +100,30 @@ def split_by_albedo(
         Share of it that scatters, likewise.
     scale : float
         Factor of the extinction.
+    colors : dict of str to three floats
+        What both are in red, green and blue, by our keys, with the scale.
     """
     if not (isinstance(extinction, dict) or isinstance(albedo, dict)):
         return {}
     found = {}
-    for key in ("absorption", "scattering"):
+    for key, color in colors.items():
         said = _part(extinction, albedo, key == "scattering", scale)
-        if said is not None:
-            found[key] = said
+        some = said is not None and max(said["values"]) > 0.0
+        if said is None or not (some or max(color) > 0.0):
+            continue
+        known = some and max(color) > 0.0 and _varies(extinction) and _varies(albedo)
+        found[key] = {**said, "color": list(color)} if known else said
     return found
+
+
+def _varies(said: dict[str, Any] | Color) -> bool:
+    return isinstance(said, dict) or min(said) < max(said)
 
 
 def _part(
     extinction: dict[str, Any] | Color, albedo: dict[str, Any] | Color, scatters: bool, scale: float
 ) -> dict[str, Any] | None:
-    if isinstance(extinction, dict) and not isinstance(albedo, dict) and min(albedo) == max(albedo):
+    if isinstance(extinction, dict) and not isinstance(albedo, dict) and not _varies(albedo):
         factor = scale * max(albedo[0] if scatters else 1.0 - albedo[0], 0.0)
         return coefficient_table(extinction["wavelengths"], extinction["values"], factor)  # as the file has it
     whole, shares = _table(extinction), _table(albedo)
