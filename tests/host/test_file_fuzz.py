@@ -45,7 +45,7 @@ def test_mutated_files(tmp_path: Path, endings: list[str]) -> None:
 
 @pytest.mark.thorough
 def test_mutated_spectra_strands_and_tables(tmp_path: Path) -> None:
-    answers(tmp_path, 12, 7, [*SPECTRA, *STRANDS, *TABLES])
+    answers(tmp_path, 8, 7, [*SPECTRA, *STRANDS, *TABLES])
 
 
 @pytest.mark.long
