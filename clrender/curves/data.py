@@ -84,20 +84,22 @@ class CurveData:
                 f"{label} has {counted(len(rows), 'control point')}; at most {grouped(POINT_LIMIT)} are possible; "
                 "divide it"
             )
-        points = np.ascontiguousarray(rows[:, :3], np.float64)
+        with np.errstate(invalid="ignore"):  # what is not a number is refused below
+            rows = np.asarray(rows, np.float64)
+        points = np.ascontiguousarray(rows[:, :3])
         good = np.abs(points) <= COORDINATE_LIMIT
         if not good.all():
             number, axis = np.argwhere(~good)[0].tolist()
             text = f"has {points[number, axis]:g} in point {number}; coordinates are up to {COORDINATE_LIMIT:g} metres"
             raise SceneError(f"{label} {text}")
-        radii = np.ascontiguousarray(rows[:, 3], np.float64) if rows.shape[1] > 3 else None
+        radii = np.ascontiguousarray(rows[:, 3]) if rows.shape[1] > 3 else None
         if radii is not None and not ((radii >= 0.0) & (radii <= COORDINATE_LIMIT)).all():
             number = int(np.flatnonzero(~((radii >= 0.0) & (radii <= COORDINATE_LIMIT)))[0])
             text = (
                 f"has the radius {radii[number]:g} at point {number}; radii are from 0 to {COORDINATE_LIMIT:g} metres"
             )
             raise SceneError(f"{label} {text}")
-        normals = np.ascontiguousarray(rows[:, 4:], np.float64) if rows.shape[1] > 4 else None
+        normals = np.ascontiguousarray(rows[:, 4:]) if rows.shape[1] > 4 else None
         if normals is not None:
             faces = (np.abs(normals) <= COORDINATE_LIMIT).all(axis=1) & normals.any(axis=1)
             if not faces.all():

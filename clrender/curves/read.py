@@ -78,7 +78,8 @@ def curves_of_array(array: NDArray[Any], label: str) -> CurveData:
     if array.ndim == 3:
         rows = array.reshape(-1, array.shape[-1])
         return CurveData.checked(rows, np.full(len(array), array.shape[1], np.int64), label)
-    parts: NDArray[np.bool_] = np.asarray(np.isnan(array.astype(np.float64, copy=False)).all(axis=1))
+    with np.errstate(invalid="ignore"):  # what is not a number parts strands, or is refused
+        parts: NDArray[np.bool_] = np.asarray(np.isnan(array.astype(np.float64, copy=False)).all(axis=1))
     return CurveData.checked(array[~parts], _run_lengths(parts), label)
 
 

@@ -136,6 +136,7 @@ def inverse(matrix: npt.ArrayLike) -> _Floats:
     return np.ascontiguousarray(both[:, size:])
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of numbers that are refused where they are used
 def interpolated(
     x: npt.ArrayLike, places: npt.ArrayLike, values: npt.ArrayLike, outside: float | None = None
 ) -> _Floats:

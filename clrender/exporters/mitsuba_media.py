@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from clrender.exact.matrices import inner, length
 from clrender.exporters.grid_vol import write_vol
-from clrender.exporters.mitsuba_xml import Element, element, transform, value
+from clrender.exporters.mitsuba_xml import Element, element, spectrum, transform, value
 from clrender.exporters.surfaces import Inside, inside_named, inside_of, tell_of_glow
 from clrender.exporters.target import Target
 from clrender.flatten.interiors import winding_number
@@ -21,10 +22,15 @@ from clrender.scene import Sphere
 from clrender.scene.grid_placement import grid_placement
 from clrender.scene.medium import Density, Grid, Grids
 from clrender.scene.shapes import AnyShape
+from clrender.scene.spectra import SpectralColor
+from clrender.scene.values import Vector
+from clrender.spectra.lifting import unbounded_spectra
 
 __all__ = ["MediumWriter", "Volume"]
 
 _TINY: Final = 1e-30
+_EQUAL: Final = 1e-12
+"""Relative difference of extinctions that are the same but for roundings."""
 _POINTS: Final = 16
 """Points of a boundary that decide about the volume around it."""
 
@@ -125,18 +131,21 @@ class MediumWriter:
         tell_of_glow(self._target, inside)
         return self._id(inside.key, inside.name, inside.absorption, inside.scattering, inside.g, inside.grids)
 
-    def _id(self, key: str, wanted: str, absorption: object, scattering: object, g: float, grids: Grids | None) -> str:
+    def _id(self, key: str, wanted: str, absorption: Vector, scattering: Vector, g: float, grids: Grids | None) -> str:
         """The id of a medium of these coefficients, per metre, times its density."""
         if key not in self._ids:
-            lost, turned = np.array(absorption), np.array(scattering)
+            lost, turned = self._coefficients(wanted, absorption, scattering, grids)
             extinction = lost + turned
             scale = max(float(extinction.max()), _TINY)
-            albedo = np.divide(turned, extinction, out=np.zeros(3), where=extinction > 0.0)
+            # Where there is no extinction it has the mean, so that one that is a number elsewhere stays one
+            none = 0.0 if len(turned) == 3 else math.fsum(turned) / max(math.fsum(extinction), _TINY)
+            albedo = np.divide(turned, extinction, out=np.full(len(turned), none), where=extinction > 0.0)
             # Its extinction is a colour, which is at most 1
             share, kind = extinction / scale, "homogeneous" if grids is None else "heterogeneous"
-            inside = [value("rgb", "albedo", albedo), value("rgb", "sigma_t", share)]
+            write = _coefficient if len(share) > 3 else partial(value, "rgb")
+            inside = [write("albedo", albedo), write("sigma_t", share)]
             if grids is not None:
-                inside[1] = self._grid(wanted, "density", grids.density, share)
+                inside[1] = self._grid(wanted, "density", grids.density, share if len(share) == 3 else np.ones(3))
             if grids is not None and grids.albedo is not None:
                 inside[0] = self._grid(wanted, "albedo", grids.albedo, albedo)
             phase = element("phase", value("float", "g", g), type="hg")
@@ -144,6 +153,24 @@ class MediumWriter:
             self._ids[key] = self._target.id("medium", wanted)
             self.written.append(element("medium", *inside, type=kind, id=self._ids[key]))
         return self._ids[key]
+
+    def _coefficients(
+        self, name: str, absorption: Vector, scattering: Vector, grids: Grids | None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Absorption and scattering, (3,), or (95,) if one of them is a spectrum that can be written."""
+        given = absorption, scattering
+        if not any(isinstance(each, SpectralColor) for each in given):
+            return np.array(absorption), np.array(scattering)
+        lost, turned = (
+            each.values if isinstance(each, SpectralColor) else unbounded_spectra(np.array(each)) for each in given
+        )
+        if grids is None:
+            return lost, turned
+        extinction = lost + turned
+        if grids.albedo is None and float(extinction.max() - extinction.min()) <= _EQUAL * float(extinction.max()):
+            return lost, turned  # the numbers of its grid have one factor
+        self._target.leave_out("spectra of media with grids, which are written as colours", "media", name)
+        return np.array(absorption), np.array(scattering)
 
     def _grid(self, name: str, key: str, grid: Grid, factors: NDArray[np.float64]) -> Element:
         """A volume with a grid of a medium, times a factor for each channel."""
@@ -192,6 +219,12 @@ class MediumWriter:
         if any(each is not found[0] for each in found):
             told()
         return (self.fog, 1.0) if found[0] is None else (found[0].medium, found[0].index)
+
+
+def _coefficient(name: str, values: NDArray[np.float64]) -> Element:
+    """A spectrum, (95,); one that is the same everywhere is a number."""
+    constant = float(values.max() - values.min()) <= _EQUAL * float(values.max())
+    return element("spectrum", name=name, value=repr(float(values[0]))) if constant else spectrum(name, values)
 
 
 def _innermost(volumes: list[Volume], point: NDArray[np.float64], camera: NDArray[np.float64]) -> Volume | None:

@@ -11,7 +11,7 @@ import numpy as np
 from clrender.scene.spectra import SpectralColor
 from clrender.spectra.colors import table_wavelengths
 
-__all__ = ["NO_ID", "Element", "element", "spectral", "transform", "value", "words"]
+__all__ = ["NO_ID", "Element", "element", "spectral", "spectrum", "transform", "value", "words"]
 
 Element = ElementTree.Element
 NO_ID: Final = re.compile(r"[^\w -]|^_+")
@@ -43,7 +43,12 @@ def spectral(name: str, given: Any, factor: Any = 1.0) -> Element:
     """A colour times a factor, or a spectrum times one that is a number."""
     if not isinstance(given, SpectralColor) or np.ndim(factor):
         return value("rgb", name, np.array(given) * factor)
-    lines = zip(table_wavelengths().tolist(), (given.values * factor).tolist(), strict=True)
+    return spectrum(name, given.values * factor)
+
+
+def spectrum(name: str, values: Any) -> Element:
+    """A spectrum of values at the lines of tables of spectra, (95,)."""
+    lines = zip(table_wavelengths().tolist(), values.tolist(), strict=True)
     return element("spectrum", name=name, value=", ".join(f"{wave:g}:{amount!r}" for wave, amount in lines))
 
 

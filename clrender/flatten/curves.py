@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.errors import SceneError
-from clrender.wording import counted
+from clrender.wording import counted, quoted
 
 if TYPE_CHECKING:
     from clrender.curves import CurveData
     from clrender.scene.shapes import Curves
     from clrender.scene.transforms import Affine
 
-__all__ = ["FlatCurves", "bezier_segments", "flat_curves", "strand_radii"]
+__all__ = ["FlatCurves", "bezier_segments", "flat_curves", "strand_radii", "strands_place"]
 
 _Floats = NDArray[np.float64]
 _STRAIGHT: Final = 0.94
@@ -54,6 +54,11 @@ class FlatCurves:
     along: NDArray[np.float32]
 
 
+def strands_place(shape: Curves, place: str) -> str:
+    """Beginning of messages about strands: the place of the shape, and the file that they are from."""
+    return place if shape.file is None else f"{place}.file: {quoted(shape.file)}"
+
+
 def strand_radii(shape: Curves, data: CurveData, place: str) -> _Floats:
     """Radius at each control point, metres, before the shape's transform.
 
@@ -79,7 +84,8 @@ def strand_radii(shape: Curves, data: CurveData, place: str) -> _Floats:
         if data.radii is None:
             raise SceneError(f"{place}.radius is missing, and its file has none; give a number of metres")
         if not data.radii.any():
-            raise SceneError(f"{place}: all radii of its file are 0, so that nothing can be seen of it; give a radius")
+            where = strands_place(shape, place)
+            raise SceneError(f"{where}: all radii of its file are 0, so that nothing can be seen of it; give a radius")
         return data.radii
     if len(shape.radius) == 1:
         return np.full(count, shape.radius[0])
@@ -184,7 +190,9 @@ def flat_curves(shape: Curves, data: CurveData, transform: Affine, place: str, m
     placed = np.stack(
         [(a * x + b * y) + c * z + o for (a, b, c), o in zip(transform.linear, transform.offset, strict=True)]
     )
-    controls, strand = bezier_segments(np.concatenate([placed, radii[None]]).T, data.counts, shape.basis, place)
+    controls, strand = bezier_segments(
+        np.concatenate([placed, radii[None]]).T, data.counts, shape.basis, strands_place(shape, place)
+    )
     each = np.bincount(strand, minlength=len(data.counts))
     within = np.arange(len(strand)) - (np.cumsum(each) - each)[strand]
     pieces = _cut(_Pieces(controls, strand, within / each[strand], (within + 1) / each[strand]), most)

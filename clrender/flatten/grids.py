@@ -17,7 +17,7 @@ from clrender.exact.matrices import inverse, times
 from clrender.scene.grid_placement import grid_placement
 from clrender.scene.medium import Temperature
 from clrender.spectra.colors import blackbody_color
-from clrender.wording import counted
+from clrender.wording import counted, quoted
 
 if TYPE_CHECKING:
     from clrender.grids import GridData
@@ -156,7 +156,7 @@ def _checked_map(
     offset = 0.5 - times(matrix, shift)
     if max(np.abs(matrix).max(), np.abs(offset).max()) > _LARGEST:
         text = "is a grid whose cells are too small for single precision, or that is too far away; give it another box"
-        raise SceneError(f"{scene.source}: media.{name}.{key} {text}")
+        raise SceneError(f"{scene.source}: media.{name}.{key}.file: {quoted(grid.file)} {text}")
     return matrix, offset
 
 

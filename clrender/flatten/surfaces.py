@@ -261,7 +261,7 @@ def _place_mesh(
 
 def _in_range(largest: float, place: str) -> None:
     if not largest <= COORDINATE_LIMIT:
-        text = f"reaches {largest:g} metres from the origin, but {COORDINATE_LIMIT:g} is the most"
+        text = f"reaches {largest:.9g} metres from the origin, but {COORDINATE_LIMIT:g} is the most"
         raise SceneError(f"{place} {text}; make it or its transform smaller")
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from clrender.curves import CurveData
 from clrender.errors import SceneError
 from clrender.exact.elementary import sines_cosines
-from clrender.flatten.curves import bezier_segments, strand_radii
+from clrender.flatten.curves import bezier_segments, strand_radii, strands_place
 from clrender.meshes.data import MeshData
 from clrender.scene.shapes import Curves
 from clrender.wording import counted
@@ -50,7 +50,7 @@ def curve_mesh(
     if shape.profile == "ribbon":
         return _ribbons(shape, data, place, steps)
     rows = np.column_stack([data.points, strand_radii(shape, data, place)])
-    controls, strand = bezier_segments(rows, data.counts, shape.basis, place)
+    controls, strand = bezier_segments(rows, data.counts, shape.basis, strands_place(shape, place))
     middle, tangent, along, first = _rings(controls, strand, steps)
     across = _frames(tangent, first)
     up = np.cross(tangent, across)
@@ -87,7 +87,7 @@ def _ribbons(shape: Curves, data: CurveData, place: str, steps: int) -> MeshData
             )
             raise SceneError(f"{place}.normals {text}")
         columns.append(np.broadcast_to(normals, data.points.shape))
-    controls, strand = bezier_segments(np.column_stack(columns), data.counts, shape.basis, place)
+    controls, strand = bezier_segments(np.column_stack(columns), data.counts, shape.basis, strands_place(shape, place))
     middle, tangent, along, first = _rings(controls, strand, steps)
     across = _frames(tangent, first)
     if normals is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final, Protocol, TypeVar
 
@@ -111,7 +112,9 @@ class DenseBox:
         """
         corner = (matrix * (self._low - 0.5)[None, :]).sum(axis=1) + vector
         placement = np.concatenate([matrix * np.array(self._values.shape)[None, :], corner[:, None]], axis=1)
-        if not np.isfinite(placement).all() or abs(determinant(matrix)) < 1e-30:
+        with np.errstate(over="ignore", invalid="ignore"):
+            volume = abs(determinant(matrix))
+        if not (np.isfinite(placement).all() and 1e-30 <= volume < math.inf):
             raise ValueError("its map to the world cannot be inverted")
         return GridData.checked(
             np.ascontiguousarray(np.maximum(self._values, 0.0).transpose(2, 1, 0)), self._label, placement

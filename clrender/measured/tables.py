@@ -208,7 +208,8 @@ def _values(fields: Mapping[str, NDArray[Any]], shape: tuple[int, ...]) -> _Floa
         sums = np.zeros((*seen, *square, 3))
         for number, weights in enumerate(reflectance_weights(wavelengths.tolist())):
             if weights.any():
-                sums += planes[:, :, number, :, :, None] * weights
+                with np.errstate(over="ignore", invalid="ignore"):  # sums that are not finite are refused below
+                    sums += planes[:, :, number, :, :, None] * weights
         values = sums
     if not (np.isfinite(values).all() and float(np.abs(values).max()) <= _BRIGHTEST):
         raise ValueError("its colours are not finite, or too large")

@@ -56,6 +56,8 @@ __all__ = [
 
 _MOST_VALUES: Final = 4096
 _MOST_INDEX: Final = 1000.0
+LEAST_INDEX: Final = 1e-6
+"""Of metals: below it, the square of its square is 0 in single precision, and Fresnel's formula has no value."""
 _WIDTH: Final = 5.0
 """Distance of the lines of tables, nanometres."""
 
@@ -87,6 +89,9 @@ class Spectrum(Part):
         None, description="temperature, kelvin; of luminance 1"
     )
     scale: Power = Field(1.0, description="factor of it")
+    color: Color | None = Field(
+        None, description="of a coefficient: what it is in red, green and blue; default: the spectrum's own colour"
+    )
 
     @model_validator(mode="after")
     def _is_one(self) -> Spectrum:
@@ -196,6 +201,7 @@ class SpectralColor(tuple[float, float, float]):
 
 def of_light(spectrum: Spectrum) -> SpectralColor:
     """The colour of light with this spectrum; what is out of the gamut of Rec. 709 is clipped."""
+    _check_colorless(spectrum)
     values = spectrum.light()
     return SpectralColor(spectrum, values, film_color(values))
 
@@ -204,6 +210,7 @@ def of_reflectance(spectrum: Spectrum) -> SpectralColor:
     """The colour of a reflectance in daylight."""
     if spectrum.illuminant is not None or spectrum.blackbody is not None:
         raise fault("spectrum", "is of light; a reflectance needs wavelengths and values")
+    _check_colorless(spectrum)
     values = spectrum.reflectance()
     if float(values.max()) > 1.0:
         raise fault("spectrum", f"has a reflectance of {float(values.max()):g}; at most 1 is possible", "values")
@@ -213,9 +220,20 @@ def of_reflectance(spectrum: Spectrum) -> SpectralColor:
 
 
 def of_index(spectrum: Spectrum) -> SpectralColor:
-    """An index of refraction, of which red, green and blue see the means in daylight."""
+    """The real part of an index of refraction, of which red, green and blue see the means in daylight."""
+    found = of_extinction(spectrum)
+    least = float(found.values.min())
+    if not least >= LEAST_INDEX:
+        raise fault("spectrum", f"has an index of {least:g}; at least {LEAST_INDEX:g} is known", "values")
+    # A colour that is out of gamut is not 0 either
+    return SpectralColor(spectrum, found.values, [max(each, LEAST_INDEX) for each in found])
+
+
+def of_extinction(spectrum: Spectrum) -> SpectralColor:
+    """The imaginary part, likewise."""
     if spectrum.illuminant is not None or spectrum.blackbody is not None:
         raise fault("spectrum", "is of light; an index needs wavelengths and values")
+    _check_colorless(spectrum)
     values = spectrum.reflectance()
     if not float(values.max()) <= _MOST_INDEX:
         raise fault("spectrum", f"has an index of {float(values.max()):g}; at most {_MOST_INDEX:g} is known", "values")
@@ -229,7 +247,16 @@ def of_coefficient(spectrum: Spectrum) -> SpectralColor:
     values = spectrum.reflectance()
     if not float(values.max()) <= POWER_LIMIT:
         raise fault("spectrum", f"reaches {float(values.max()):g}; at most {POWER_LIMIT:g} is possible", "values")
-    return SpectralColor(spectrum, values, times(reflectance_film_weights().T, values))
+    if spectrum.color is None:
+        return SpectralColor(spectrum, values, times(reflectance_film_weights().T, values))
+    if (max(spectrum.color) > 0.0) != bool(values.any()):
+        raise fault("spectrum", "and the spectrum have to be 0 together, or neither of them", "color")
+    return SpectralColor(spectrum, values, spectrum.color)
+
+
+def _check_colorless(spectrum: Spectrum) -> None:
+    if spectrum.color is not None:
+        raise fault("spectrum", "is of coefficients of media; leave it out", "color")
 
 
 def _said(value: Any) -> Any:
@@ -257,6 +284,7 @@ if TYPE_CHECKING:
     light_branch: TypeAlias = Color
     reflectance_branch: TypeAlias = Reflectance
     index_branch: TypeAlias = Color
+    extinction_branch: TypeAlias = Color
     coefficient_branch: TypeAlias = Color
 else:
     coefficient_branch: TypeAlias = Annotated[
@@ -265,14 +293,21 @@ else:
     index_branch: TypeAlias = Annotated[
         Spectrum, BeforeValidator(_said), AfterValidator(of_index), _SCHEMA, Tag("<spectrum>")
     ]
+    extinction_branch: TypeAlias = Annotated[
+        Spectrum, BeforeValidator(_said), AfterValidator(of_extinction), _SCHEMA, Tag("<spectrum>")
+    ]
     light_branch: TypeAlias = Annotated[
         Spectrum, BeforeValidator(_said), AfterValidator(of_light), _SCHEMA, Tag("<spectrum>")
     ]
     reflectance_branch: TypeAlias = Annotated[
         Spectrum, BeforeValidator(_said), AfterValidator(of_reflectance), _SCHEMA, Tag("<spectrum>")
     ]
+_MetalIndex = Annotated[Index, Field(ge=LEAST_INDEX)]
 _Indices: TypeAlias = Annotated[
-    tuple[Index, Index, Index], BeforeValidator(number_as_triple), WithJsonSchema(NUMBER_OR_TRIPLE), Tag("<constant>")
+    tuple[_MetalIndex, _MetalIndex, _MetalIndex],
+    BeforeValidator(number_as_triple),
+    WithJsonSchema(NUMBER_OR_TRIPLE),
+    Tag("<constant>"),
 ]
 _Extinctions: TypeAlias = Annotated[
     tuple[Extinction, Extinction, Extinction],
@@ -282,7 +317,7 @@ _Extinctions: TypeAlias = Annotated[
 ]
 IndexColor: TypeAlias = Annotated[_Indices | index_branch, Discriminator(_color_form)]
 """The real part of an index of refraction: at red, green and blue, or a spectrum."""
-ExtinctionColor: TypeAlias = Annotated[_Extinctions | index_branch, Discriminator(_color_form)]
+ExtinctionColor: TypeAlias = Annotated[_Extinctions | extinction_branch, Discriminator(_color_form)]
 """The imaginary part, likewise."""
 Coefficient: TypeAlias = Annotated[Annotated[Color, Tag("<constant>")] | coefficient_branch, Discriminator(_color_form)]
 """A coefficient of a medium: of red, green and blue, or a spectrum."""

@@ -73,6 +73,7 @@ def luminance(color: Color) -> float:
     return sum(weight * value for weight, value in zip(LUMINANCE, color, strict=True))
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a colour that is not finite is refused where it is used
 def light_color(wavelengths: Sequence[float], values: Sequence[float]) -> Color:
     """The colour of light with a spectrum, normalised so that an equal-energy spectrum of 1 has luminance 1.
 
@@ -95,6 +96,7 @@ def _xyz(wavelengths: Sequence[float], values: Sequence[float]) -> _Floats:
     return _weighted(_sampled(wavelengths, values), observer)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def reflectance_color(wavelengths: Sequence[float], values: Sequence[float]) -> Color:
     """The colour of a reflectance, or another fraction, under illuminant D65; a constant stays the same.
 
@@ -155,6 +157,7 @@ def blackbody_xyz(kelvin: float) -> _Floats:
     return _xyz(nanometres.tolist(), values.tolist())
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def value_at(wavelengths: Sequence[float], values: Sequence[float], nanometres: float) -> float:
     """Value of a spectrum at a wavelength: interpolated linearly, constant outside."""
     return float(interpolated(nanometres, wavelengths, values))

@@ -21,6 +21,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+import mutated_formats
 import numpy as np
 import OpenEXR
 import peer_scenes
@@ -39,6 +40,7 @@ from clrender.importers import load
 from clrender.meshes.read import read_mesh, read_serialized_mesh
 from clrender.scene import Scene
 from clrender.scene.ies import read_ies
+from clrender.spectra.kernel_table import kernel_table
 
 __all__ = ["main"]
 
@@ -131,6 +133,8 @@ def originals(folder: Path, ending: str) -> list[bytes]:
     y, x = np.mgrid[0:24, 0:40]
     image = np.stack([x / 7, y / 5, (x * y) % 11], -1).astype(np.float32)
     path = folder / f"original{ending}"
+    if ending in mutated_formats.SOUND:
+        return mutated_formats.SOUND[ending](folder)
     if ending == ".ply":
         rows = [(np.float32(i % 3), np.float32(i // 2), np.float32(i * 0.1)) for i in range(5)]
         text = b"".join(b"%g %g %g 7 8 9\n" % row for row in rows)
@@ -309,8 +313,12 @@ def mutated(data: bytes, rng: random.Random, ending: str = "") -> bytes:
         return changed_compression(rng)
     if ending == ".serialized" and rng.random() < 0.7:
         return changed_meshes(data, rng)
+    if ending == ".binary":
+        return mutated_formats.changed_merl(rng)
+    if ending == "-spectra.json" and rng.random() < 0.8:
+        return mutated_formats.changed_scene(rng, VALUES, NUMBERS)
     new = bytearray(data)
-    words = b"scene version" in data or b"WorldBegin" in data  # it is all of one kind
+    words = any(mark in data for mark in (b"scene version", b"WorldBegin", b"# spectrum", b"[camera]", b"# hair"))
     for _ in range(rng.randint(1, 4)):
         if words and rng.random() < 0.8:
             _exchange(new, rng)
@@ -441,6 +449,8 @@ READERS: dict[str, Callable[[Path], Any]] = {
     ".xml": _scene,
     ".pbrt": _scene,
     PLACES: _placements,
+    ".vdb": _grid,
+    **mutated_formats.READERS,
 }
 
 
@@ -461,6 +471,8 @@ def main(folder: Path, count: int, seed: int, endings: list[str]) -> None:
     start = time.monotonic()
     for ending in endings:
         sources = originals(folder, ending)
+        if ending in mutated_formats.READERS:
+            kernel_table()  # once in a process, which takes seconds
         for number in range(count):
             rng = random.Random(f"{seed} {ending} {number}")
             path = folder / f"mutated{ending}"

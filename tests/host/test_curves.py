@@ -138,6 +138,17 @@ def test_strands_of_too_few_points_are_refused(basis: str, counts: list[int], te
         flatten(scene_of(basis=basis, counts=counts), 8, 8)
 
 
+def test_files_of_too_few_points_are_named(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("0 0 0\n")
+    scene = scene_of(points=None, file="a.txt", basis="linear").placed("scene", tmp_path)
+    with pytest.raises(SceneError, match=r'shapes\[0\]\.file: "a\.txt": strand 0 has 1 control point'):
+        flatten(scene, 8, 8)
+    (tmp_path / "a.txt").write_text("0 0 0 0\n1 0 0 0\n")
+    scene = scene_of(points=None, file="a.txt", radius=None, basis="linear").placed("scene", tmp_path)
+    with pytest.raises(SceneError, match=r'shapes\[0\]\.file: "a\.txt": all radii of its file are 0'):
+        flatten(scene, 8, 8)
+
+
 @for_each(
     "material, text",
     [

@@ -13,6 +13,9 @@ FILES = [".npy", ".exr", ".png", ".hdr", ".ies", ".film", ".vol", ".nvdb"]
 SCENES = [".ply", ".obj", ".mtl", ".stl", ".serialized", ".gltf", ".glb", ".xml", ".pbrt", "-places.npy"]
 COMPRESSED = ["-meshopt.glb", ".ktx2"]
 """Each of these takes a process."""
+SPECTRA = [".spd", "-mitsuba.spd", "-spectra.xml", "-spectra.pbrt", "-spectra.json", "-spectra.toml"]
+STRANDS = ["-strands.npy", "-strands.txt", "-strands.pbrt", ".hair"]
+TABLES = [".bsdf", ".binary", ".vdb"]
 RASTERS = [".tga", ".bmp", ".ppm", ".tif", ".gif", ".dds", ".pfm"]
 PROGRAM = Path(__file__).with_name("mutate_files.py")
 needs_decoders = pytest.mark.skipif(
@@ -40,6 +43,11 @@ def test_mutated_files(tmp_path: Path, endings: list[str]) -> None:
     answers(tmp_path, 60, 1, endings)
 
 
+@pytest.mark.thorough
+def test_mutated_spectra_strands_and_tables(tmp_path: Path) -> None:
+    answers(tmp_path, 8, 7, [*SPECTRA, *STRANDS, *TABLES])
+
+
 @pytest.mark.long
 @needs_decoders
 def test_mutated_compressed_scenes(tmp_path: Path) -> None:
@@ -61,6 +69,12 @@ def test_ten_thousand_mutated_scenes(tmp_path: Path, ending: str) -> None:
 @pytest.mark.parametrize("ending", RASTERS)
 def test_ten_thousand_mutated_pictures(tmp_path: Path, ending: str) -> None:
     answers(tmp_path, 10_000, 5, [ending])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", [*SPECTRA, *STRANDS, *TABLES, ".ies", ".vol", ".nvdb"])
+def test_ten_thousand_mutated_spectra_strands_and_tables(tmp_path: Path, ending: str) -> None:
+    answers(tmp_path, 10_000, 8, [ending])
 
 
 @pytest.mark.slow

@@ -27,6 +27,8 @@ from clrender.image.pixel_filter import PIXEL_FILTERS
 from clrender.meshes.data import MeshData
 from clrender.scene import Scene
 from clrender.scene.groups import TransformArray
+from clrender.scene.spectra import SpectralColor
+from clrender.spectra.lifting import unbounded_spectra
 
 RNG = np.random.default_rng(3)
 SAME: tuple[str, ...] = (
@@ -343,6 +345,51 @@ def test_media_around_surfaces(tmp_path: Path) -> None:
         )
     absorption = [math.log(2.0) / 2.0, math.log(4.0) / 2.0, 0.0]
     assert near(again.media["inside of glass"].absorption, absorption)
+
+
+LINES: Any = {"wavelengths": [400.0, 450.0, 455.0, 700.0], "values": [0.5, 0.0, 2.0, 1.5]}
+RAMP: Any = {"wavelengths": [360.0, 830.0], "values": [0.0, 3.0], "scale": 0.5}
+REST: Any = {"wavelengths": [360.0, 830.0], "values": [1.5, 0.0]}
+
+
+@for_each(
+    ("absorption", "scattering"),
+    [(LINES, RAMP), (LINES, 0.0), (0.0, LINES), (0.3, LINES), (LINES, [1.0, 2.0, 3.0]), (RAMP, RAMP)],
+)
+def test_spectra_of_media_stay(tmp_path: Path, absorption: Any, scattering: Any) -> None:
+    scene = described(
+        media={"dye": {"absorption": absorption, "scattering": scattering}}, shapes=[{**BALL, "interior": "dye"}]
+    )
+    again, notes = written(scene, tmp_path)
+    assert notes == ()
+    for name in ("absorption", "scattering"):
+        found, wanted = (getattr(each.media["dye"], name) for each in (again, scene))
+        if isinstance(wanted, SpectralColor):
+            assert np.allclose(found.values, wanted.values, rtol=1e-12, atol=1e-12)
+        elif wanted != (0.0, 0.0, 0.0):
+            assert np.allclose(found.values, unbounded_spectra(np.array(wanted)), rtol=1e-12, atol=1e-12)
+        if absorption == scattering or 0.0 in (absorption, scattering):  # others are products of colours there
+            assert near(found, wanted, 1e-6)
+
+
+@for_each(("absorption", "albedo", "stays"), [(REST, False, True), (LINES, False, False), (REST, True, False)])
+def test_spectra_of_media_with_grids(tmp_path: Path, absorption: Any, albedo: bool, stays: bool) -> None:
+    """They stay where the extinction is the same at all wavelengths: Mitsuba's grids have three channels."""
+    np.save(tmp_path / "smoke.npy", np.arange(24.0, dtype=np.float32).reshape(2, 3, 4))
+    medium: dict[str, Any] = {"absorption": absorption, "scattering": RAMP, "density": {"file": "smoke.npy"}}
+    if albedo:
+        medium["albedo"] = {"file": "share.npy"}
+        np.save(tmp_path / "share.npy", np.full((2, 3, 4), 0.5, np.float32))
+    scene = described(media={"smoke": medium}, shapes=[{**BALL, "interior": "smoke"}])
+    notes = write_mitsuba(scene.placed("test", tmp_path), tmp_path / "out.xml")
+    assert (
+        any("spectra of media with grids, which are written as colours (media.smoke)" in each for each in notes)
+        != stays
+    )
+    if stays:
+        found, wanted = (each.media["smoke"] for each in (clrender.load(tmp_path / "out.xml"), scene))
+        for name in ("absorption", "scattering"):
+            assert np.allclose(getattr(found, name).values, getattr(wanted, name).values, rtol=1e-12, atol=1e-12)
 
 
 @for_each(

@@ -162,6 +162,20 @@ def test_faults_of_pbrts_files(tmp_path: Path, world: str, line: int, words: str
     assert f"line {line}: " in message and words in message, message
 
 
+@for_each(
+    ("numbers", "words"),
+    [
+        ("400 0.5 500 nan", '"s.spd" has a number that is not finite'),
+        ("400 inf 500 1", '"s.spd" has a number that is not finite'),
+        ("400 0.5 500 x", '"s.spd" holds other things'),
+    ],
+)
+def test_files_of_spectra_are_refused(tmp_path: Path, numbers: str, words: str) -> None:
+    (tmp_path / "s.spd").write_text(numbers)
+    world = 'Material "diffuse" "spectrum reflectance" "s.spd"\nShape "sphere"\n'
+    assert words in refusal(tmp_path / "scene.pbrt", f'Camera "perspective"\nWorldBegin\n{world}')
+
+
 def test_a_fault_in_an_included_file_names_it(tmp_path: Path) -> None:
     (tmp_path / "part.xml").write_text('<scene version="3.0.0">\n<ball/></scene>', encoding="utf-8")
     message = refusal(tmp_path / "scene.xml", '<scene version="3.0.0"><include filename="part.xml"/></scene>')

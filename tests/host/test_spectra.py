@@ -79,6 +79,7 @@ def with_material(**keys: Any) -> dict[str, Any]:
 
 
 RAMP = {"wavelengths": [400.0, 500.0, 600.0, 700.0], "values": [0.1, 0.2, 0.8, 0.9]}
+DARK = {"wavelengths": [400.0, 700.0], "values": [0.0, 1.0]}
 
 
 @pytest.mark.parametrize("name", ILLUMINANTS)
@@ -181,6 +182,20 @@ def test_a_scene_says_spectra_and_says_them_again() -> None:
     assert scene.changed({"camera.vertical_fov": 30.0}).materials == scene.materials
 
 
+def test_a_coefficient_may_have_a_color_of_its_own() -> None:
+    """Where wavelengths are not rendered; it is part of the hash."""
+    own, plain = (
+        Scene.model_validate(described(media={"dye": {"absorption": {**RAMP, **more}}}, fog="dye"))
+        for more in ({"color": [0.1, 0.2, 0.3]}, {})
+    )
+    found = own.media["dye"].absorption
+    assert isinstance(found, SpectralColor) and tuple(found) == (0.1, 0.2, 0.3)
+    other = plain.media["dye"].absorption
+    assert isinstance(other, SpectralColor) and np.array_equal(found.values, other.values)
+    assert own.content_sha256() != plain.content_sha256()
+    assert "color" not in str(plain.model_dump(mode="json", exclude_unset=True)["media"])
+
+
 def test_a_spectrum_of_light_has_the_color_that_it_has() -> None:
     scene = Scene.model_validate(
         described(lights=[{"type": "environment", "radiance": {"blackbody": 2700.0, "scale": 4.0}}])
@@ -201,6 +216,12 @@ def test_a_spectrum_of_light_has_the_color_that_it_has() -> None:
         (described(lights=[{"type": "environment", "radiance": {"illuminant": "F99"}}]), "illuminant"),
         (described(lights=[{"type": "environment", "radiance": {"blackbody": 5.0}}]), "blackbody"),
         (described(lights=[{"type": "environment", "radiance": {"colour": 5.0}}]), "colour"),
+        (with_material(type="lambert", reflectance={**RAMP, "color": [0.1, 0.2, 0.3]}), "is of coefficients of media"),
+        (described(lights=[{"type": "environment", "radiance": {**RAMP, "color": 0.5}}]), "is of coefficients"),
+        (described(media={"dye": {"absorption": {**RAMP, "color": 0.0}}}), "0 together, or neither"),
+        (described(media={"dye": {"absorption": {**RAMP, "scale": 0.0, "color": 1.0}}}), "0 together, or neither"),
+        (with_material(type="conductor", eta=DARK, k=DARK), "eta.values has an index of 0; at least 1e-06 is known"),
+        (with_material(type="conductor", eta=1e-9, k=0.0), "eta.0. is 1e-09, but must be at least 1e-06"),
         (with_material(type="dielectric", dispersion={"glass": "BK7", "abbe": 60.0}), "needs one of"),
         (with_material(type="dielectric", dispersion={"glass": "BK8"}), "glass"),
         (with_material(type="dielectric", dispersion={"sellmeier": [1.0]}), "dispersion.sellmeier"),
@@ -213,6 +234,19 @@ def test_a_spectrum_of_light_has_the_color_that_it_has() -> None:
 def test_wrong_spectra_are_refused(content: dict[str, Any], words: str) -> None:
     with pytest.raises(SceneError, match=words):
         Scene(**content)
+
+
+def test_indices_of_metals_out_of_gamut_are_not_zero() -> None:
+    """Of a narrow line the colour red is below 0; Fresnel's formula has no value for an index of 0."""
+    line = {"wavelengths": [360.0, 500.0, 505.0, 510.0, 830.0], "values": [1e-6, 1e-6, 3.0, 1e-6, 1e-6]}
+    scene = Scene.model_validate(with_material(type="conductor", eta=line, k={**line, "scale": 0.0}))
+    assert min(scene.materials["thing"].eta) == 1e-6  # type: ignore[union-attr, arg-type]
+    flat = flatten(scene, 4, 4)
+    assert all(
+        np.isfinite(array).all()
+        for array in spectral_arrays(flat.arrays, flat.spectral).values()
+        if array.dtype.kind == "f"
+    )
 
 
 def test_glass_has_the_index_that_its_dispersion_says() -> None:

@@ -60,6 +60,16 @@ def test_pbrt_curves_of_a_material_become_one_shape(tmp_path: Path) -> None:
     assert data.radii[4:] == pytest.approx([0.2, 0.15, 0.1, 0.05])
 
 
+def test_pbrt_curves_may_end_in_a_point(tmp_path: Path) -> None:
+    """0.1 + (0 - 0.1) * 3 / 3 is below 0, by a rounding."""
+    curve = f'Shape "curve" "point3 P" [{POINTS}] "float width0" 0.1 "float width1" 0\n'
+    ((_, data),) = strands(pbrt(tmp_path, curve))
+    assert data.radii.min() == data.radii[-1] == 0.0 and data.radii[0] == 0.05
+    far = curve.replace("1 0 0]", "1e13 0 0]")
+    with pytest.raises(SceneError, match=r"a\.pbrt: curves 1 has 1e\+13 in point 3"):
+        pbrt(tmp_path, far)
+
+
 @pytest.mark.parametrize(("basis", "degree", "count"), [("bspline", 3, 6), ("bspline", 2, 5), ("bezier", 2, 5)])
 def test_pbrt_curves_of_other_bases(tmp_path: Path, basis: str, degree: int, count: int) -> None:
     """Against the polynomials of their basis, in the middle of each segment."""

@@ -53,6 +53,7 @@ NEVER = {
     ("Scene", "render"),
     *((camera, key) for camera in ("Camera",) for key in ("f_stop", "iso")),  # of display images
     ("Camera", "response"),  # other colours (tests/image/test_spectral.py)
+    ("Spectrum", "color"),  # of files of other programs (tests/host/test_mitsuba_spectra.py)
     *(("Response", key) for key in ("wavelengths", "red", "green", "blue", "white")),
     ("Camera", "flow_step"),  # of layers (tests/image/test_flow.py)
     ("Camera", "rolling_shutter"),  # refused by half of the integrators (tests/image/test_motion_blur.py)

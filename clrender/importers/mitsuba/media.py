@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 
 from clrender.grids import GridData
-from clrender.importers.mitsuba.plugins import Plugin
+from clrender.importers.mitsuba.nested_spectra import nested_spectrum
+from clrender.importers.mitsuba.plugins import Plugin, Spectrum
 from clrender.importers.mitsuba.textures import TextureReader
 from clrender.importers.shared.matrices import transform_key
+from clrender.importers.shared.spectra import coefficient_table, split_by_albedo
 from clrender.importers.shared.staging import Staging
 from clrender.spectra.colors import Color
 from clrender.wording import quoted
@@ -68,23 +70,32 @@ class MediumReader:
             density = self._grid(nested)
             if density is None:
                 return None
+        spectra: dict[str, Any] = {}
+        parts: tuple[Any, Any] | None = None
         if plugin.has("sigma_a", "sigma_s"):  # 0.6
             absorption, scattering = (self._color(plugin, name, 0.0) for name in ("sigma_a", "sigma_s"))
+            for key, name in (("absorption", "sigma_a"), ("scattering", "sigma_s")):
+                said = self._table(plugin, name, scale)
+                if said is not None:
+                    spectra[key] = said
         else:
             extinction = (1.0, 1.0, 1.0) if density is not None else self._color(plugin, "sigma_t", 1.0)
+            thinned = None if density is not None else self._table(plugin, "sigma_t")
             volume = plugin.child("albedo")
             albedos = None if volume is None or volume.type != "gridvolume" else self._grid(volume)
             if albedos is not None and density is None:  # the same everywhere
-                extinction = self._color(plugin, "sigma_t", 1.0)
                 self._staging.draft.grids[_ONE] = GridData(np.ones((1, 1, 1), np.float32))
                 density = {**albedos, "file": _ONE}
             albedo = (1.0, 1.0, 1.0) if albedos is not None else self._color(plugin, "albedo", 0.75)
+            turned = None if albedos is not None else self._table(plugin, "albedo")
             scattering = tuple(t * a for t, a in zip(extinction, albedo, strict=True))  # type: ignore[assignment]
             absorption = tuple(t * (1.0 - a) for t, a in zip(extinction, albedo, strict=True))  # type: ignore[assignment]
+            parts = thinned or extinction, turned or albedo
         made: dict[str, Any] = {
             "absorption": [max(scale * x, 0.0) for x in absorption],
             "scattering": [max(scale * x, 0.0) for x in scattering],
         }
+        made |= spectra if parts is None else split_by_albedo(*parts, scale, made)
         if density is not None:
             made["density"] = density
         if albedos is not None:
@@ -119,9 +130,21 @@ class MediumReader:
         return made
 
     def _color(self, plugin: Plugin, name: str, default: float) -> Color:
+        return self._textures.surface_of(self._spectrum(plugin, name, default), default)
+
+    def _table(self, plugin: Plugin, name: str, scale: float = 1.0) -> dict[str, Any] | None:
+        """A coefficient, or an albedo, as scenes say it, times a scale; None if it is a colour."""
+        found = self._spectrum(plugin, name, None)
+        return None if found is None else coefficient_table(found.wavelengths, found.values, scale)
+
+    def _spectrum(self, plugin: Plugin, name: str, default: float | None) -> Spectrum | None:
+        """What is given by a name; notes what is not known, unless there is no default."""
         nested = plugin.child(name)
-        if nested is not None and nested.type != "gridvolume":
-            if nested.type == "constvolume":
-                return self._textures.surface_of(nested.spectrum("value"), default)
+        if nested is None or nested.type == "gridvolume":
+            return plugin.spectrum(name)
+        if nested.type == "constvolume":
+            return self._spectrum(nested, "value", default)
+        found = nested_spectrum(nested)
+        if found is None and default is not None:
             self._staging.note(f"{nested.label} is not known: {default:g} in its place")
-        return self._textures.surface_of(plugin.spectrum(name), default)
+        return found

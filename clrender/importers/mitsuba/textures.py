@@ -10,6 +10,7 @@ import numpy as np
 from clrender.exact.angles import angle_of, sin_cos
 from clrender.exact.matrices import length
 from clrender.image.pictures import CODED_ENDINGS
+from clrender.importers.mitsuba.nested_spectra import NESTED_SPECTRA, nested_spectrum
 from clrender.importers.mitsuba.plugins import Plugin, Spectrum
 from clrender.importers.shared.matrices import Matrix
 from clrender.importers.shared.spectra import light_table, reflectance_table
@@ -65,7 +66,7 @@ class TextureReader:
             kelvin = nested.number("temperature", 5000.0) if nested.type == "blackbody" else 0.0
             if _COLDEST <= kelvin <= _HOTTEST:
                 return {"blackbody": kelvin, "scale": luminance(color)}
-            spectrum = nested.spectrum("value") if nested.type == "uniform" else None
+            spectrum = None if nested.type in ("rgb", "srgb") else nested_spectrum(nested)
         if spectrum is None or spectrum.color is not None:
             return list(color)
         if not spectrum.wavelengths:
@@ -90,10 +91,10 @@ class TextureReader:
                 raise nested.fault(f"the temperature is {kelvin:g}; it must be 1 to 1000000 kelvin")
             red, green, blue = blackbody_color(kelvin)
             return red * scale, green * scale, blue * scale
-        if nested.type in ("d65", "uniform", "rgb", "srgb"):
-            key = "scale" if nested.type == "d65" else "value" if nested.has("value") else "color"
-            return self.light_of(nested.spectrum(key), 1.0)
+        if nested.type in ("d65", *NESTED_SPECTRA):
             # D65 is the white point of Rec. 709
+            found = nested.spectrum("scale") if nested.type == "d65" else nested_spectrum(nested)
+            return self.light_of(found, 1.0)
         self._staging.note(f"{nested.label} is not known: white in its place")
         return 1.0, 1.0, 1.0
 
@@ -112,8 +113,8 @@ class TextureReader:
         if nested is not None and nested.kind == "texture" and texture:
             return self.texture(nested)
         if nested is not None:
-            if nested.type in ("uniform", "rgb", "srgb"):
-                found = nested.spectrum("value" if nested.has("value") else "color")
+            if nested.type in NESTED_SPECTRA:
+                found = nested_spectrum(nested)
                 return self._staging.reflectance(self.surface_of(found, default), f"{quoted(name)} of {plugin.label}")
             sentence = f"{nested.label} cannot be {quoted(name)} of {plugin.label}: {default:g} in its place"
             self._staging.note(sentence)
@@ -123,7 +124,8 @@ class TextureReader:
 
     def reflecting(self, plugin: Plugin, name: str, default: float) -> Any:
         """A reflectance: like `color`, or a spectrum."""
-        spectrum = plugin.spectrum(name) if plugin.child(name) is None else None
+        nested = plugin.child(name)
+        spectrum = plugin.spectrum(name) if nested is None else nested_spectrum(nested)
         color = self.color(plugin, name, default)
         if spectrum is None or spectrum.color is not None or not spectrum.wavelengths:
             return color

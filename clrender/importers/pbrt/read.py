@@ -69,7 +69,7 @@ class _World:
         self._textures = TextureReader(self.staging)
         self._media = MediumReader(self.staging, self._textures)
         self._materials = MaterialReader(self.staging, self._textures, self._media)
-        self._strands = StrandCollector(self.staging.draft)
+        self._strands = StrandCollector(self.staging.draft, self.staging.files.source)
         self._shapes = ShapeReader(self.staging, self._textures, self._materials, self._strands)
         self._lights = LightReader(self.staging, self._textures)
         self._placer = Placer(self.staging, self._textures, self._strands)

@@ -53,7 +53,7 @@ class _Curve:
         joined = np.concatenate([self.controls[:1, 0], self.controls[:, 1:].reshape(-1, 3)])
         first, last = self.widths
         radii = (first + (last - first) * np.arange(len(joined)) / (len(joined) - 1)) / 2.0
-        return np.column_stack([joined, radii])
+        return np.column_stack([joined, np.maximum(radii, 0.0)])  # a tip of width 0 may be less by a rounding
 
 
 class ShapeReader:

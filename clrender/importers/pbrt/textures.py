@@ -110,6 +110,8 @@ class TextureReader:
                 numbers = [float(word) for word in words]
             except ValueError:
                 raise parameters.fault(f"{quoted(file)} holds other things than numbers", name) from None
+            if not all(map(math.isfinite, numbers)):
+                raise parameters.fault(f"{quoted(file)} has a number that is not finite; give another", name)
         if len(numbers) < 2 or len(numbers) % 2:
             raise parameters.fault(f"{quoted(name)} is no spectrum; give wavelengths, each with its value", name)
         waves, values = ([float(x) for x in numbers[first::2]] for first in (0, 1))

@@ -63,10 +63,12 @@ class StrandCollector:
     Parameters
     ----------
     draft : Draft
+    source : str
+        The scene's file, for messages.
     """
 
-    def __init__(self, draft: Draft) -> None:
-        self._draft = draft
+    def __init__(self, draft: Draft, source: str) -> None:
+        self._draft, self._source = draft, source
         self._collected: dict[Hashable, tuple[str, list[_Floats]]] = {}
         self._ribbons: dict[Hashable, tuple[str, list[MeshData]]] = {}
         self._stretched: dict[tuple[str, bytes], tuple[str, Matrix]] = {}
@@ -127,11 +129,11 @@ class StrandCollector:
         """
         for name, strands in self._collected.values():
             counts = np.array([len(each) for each in strands], np.int64)
-            self._draft.curves[name] = CurveData.checked(np.concatenate(strands), counts, name)
+            self._draft.curves[name] = CurveData.checked(np.concatenate(strands), counts, f"{self._source}: {name}")
         for (name, _), (new, matrix) in self._stretched.items():
             data = self._draft.curves[name]
             rows = placed_rows(self._draft, data.rows, matrix)
-            self._draft.curves[new] = CurveData.checked(rows, data.counts, new)
+            self._draft.curves[new] = CurveData.checked(rows, data.counts, f"{self._source}: {new}")
         for name, ribbons in self._ribbons.values():
             self._draft.meshes[name] = _joined(ribbons)
 

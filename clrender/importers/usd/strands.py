@@ -33,7 +33,7 @@ class Strands:
 
     def __init__(self, draft: Draft, files: AssetFiles, stage: Stage) -> None:
         self._draft, self._files, self._stage = draft, files, stage
-        self._collector = StrandCollector(draft)
+        self._collector = StrandCollector(draft, files.source)
 
     def add(self, item: dict[str, Any], material: str, matrices: NDArray[np.float64]) -> None:
         """Add the curves of an item.
