@@ -11,7 +11,7 @@ from clrender.flatten.plugin_rows import used_plugins
 from clrender.integrators import INTEGRATORS
 from clrender.scene.description import Scene
 from clrender.scene.light_kinds import MOVING_LIGHTS
-from clrender.scene.materials import Dielectric, Principled, Subsurface, material_parts, material_textures
+from clrender.scene.materials import Dielectric, Principled, Subsurface, material_textures
 from clrender.scene.motion import rests
 from clrender.scene.poses import MotionKey
 from clrender.scene.shapes import Curves, Mesh
@@ -66,12 +66,6 @@ def check_materials(scene: Scene, integrator: str) -> None:
                 "--integrator path"
             )
         material = scene.materials[shape.material] if shape.material is not None else None
-        parts = material_parts(scene.materials, shape.material)
-        if any(part.type in takes.no_materials for part in parts):
-            raise SceneError(
-                f"{scene.source}: {place(at)}.material: {shape.material!r} is of type hair, which the integrator "
-                f"{integrator} does not take; give the shape another, or use --integrator path"
-            )
         if isinstance(material, Dielectric | Principled) and not volumes:
             for key in ("priority", "attenuation_color"):
                 if getattr(material, key, None) is not None:

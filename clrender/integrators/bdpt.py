@@ -19,8 +19,6 @@ INTEGRATOR: Final = Integrator(
     },
     # The environment is sampled in full, as paths from there need it.
     fixed={"bsdf_samples": 0},
-    # Which side of a fibre a path has met depends on where it comes from.
-    no_materials=("hair",),
     media=True,
     auto_light_sampler="power",
     shares="image",

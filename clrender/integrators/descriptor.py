@@ -83,8 +83,6 @@ class Integrator:
         Members of the kernels' `Settings` that override the user's settings.
     materials : tuple of str
         Supported types of material; empty: all.
-    no_materials : tuple of str
-        Types of materials that it does not support.
     environment_pictures : bool
         Whether it supports environments that are not constant.
     volumes : bool
@@ -126,7 +124,6 @@ class Integrator:
     takes: Mapping[str, tuple[object, ...]] = field(default_factory=dict)
     fixed: Mapping[str, int] = field(default_factory=dict)
     materials: tuple[str, ...] = ()
-    no_materials: tuple[str, ...] = ()
     environment_pictures: bool = True
     volumes: bool = True
     media: bool = False

@@ -14,8 +14,6 @@ INTEGRATOR: Final = Integrator(
     # Photons start at lights, and a light BVH only samples lights for a given shading point.
     takes={"indirect_rays": (1,), "light_sampler": ("auto", "power", "uniform")},
     fixed={"indirect_rays": 0},
-    # Photons lie on the side of a fibre that they came to, and light that passes it leaves on the other.
-    no_materials=("hair",),
     media=True,
     glowing_media=False,
     auto_light_sampler="power",

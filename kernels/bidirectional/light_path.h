@@ -167,7 +167,7 @@ static uint light_path_splat(const Scene* scene, const LightPath* p, const Light
     const vec3 f = bsdf_reversed(scene, &a->surface, &a->bsdf, from, view.direction, seen, &back);
     const float share = quotient_one(1.0f, (float)scene->settings->light_paths);
     const vfloat density = view.density * vertex_cosine(&a->surface, &a->bsdf, view.direction) * share;
-    const vfloat reach = vertex_reach(scene, &p->interior, &a->surface, &a->bsdf, view.direction);
+    const vfloat reach = vertex_reached(scene, &p->interior, &a->surface, &a->bsdf, view.direction);
     const vfloat others = techniques_behind(&p->techniques, techniques_bounded(view.density * share) * reach, back);
     const vfloat weight = techniques_only(techniques_weight(others, 1.0f), splat_uint(1u), p->depth + 2u) * place.weight;
     const vec3 arriving = mul(p->flux, scale(f, inverse_or_one(a->arrived) * density * weight));
@@ -209,7 +209,7 @@ static vmask light_path_scatter(const Scene* scene, LightPath* p, const LightArr
         const vec3 f = bsdf_reversed(scene, &a->surface, bsdf, negate(p->ray.direction), next.direction, lobes, &back);
         const vfloat sides = vertex_cosine(&a->surface, bsdf, next.direction) * inverse_or_one(a->arrived * next.pdf);
         weight = choose(lobes, choose(largest(next.weight) > 0.0f, scale(f, sides), vec3_all(0.0f)), weight);
-        const vfloat reach = vertex_reach(scene, &p->interior, &a->surface, bsdf, next.direction);
+        const vfloat reach = vertex_reached(scene, &p->interior, &a->surface, bsdf, next.direction);
         techniques_scatter(&p->techniques, next.pdf, back, reach, !(a->dark & bsdf_in_medium(bsdf)), !a->dark, lobes);
     }
 

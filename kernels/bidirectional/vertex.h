@@ -38,6 +38,16 @@ static vfloat vertex_reach(const Scene* scene, const Interior* in, const Surface
 #endif
 }
 
+// The same for paths that come from there. Those that meet a curve do so on its outside only, while a path that it scatters may go on through it.
+static vfloat vertex_reached(const Scene* scene, const Interior* in, const Surface* s, const Bsdf* b, vec3 direction) {
+    const vfloat reach = vertex_reach(scene, in, s, b, direction);
+#ifdef CURVES
+    return s->curve & !(inner(s->normal, direction) > 0.0f) ? splat(0.0f) : reach;
+#else
+    return reach;
+#endif
+}
+
 // A vertex of a light path: how it was reached, and with what.
 typedef struct {
     vec3 origin, direction;      // of the ray that met it

@@ -17,7 +17,7 @@ typedef struct {
     vec3 point, normal, tangent;     // in the world, the latter two unit vectors
     vec3 error;                      // of the point, as in Surface, in the space of its group
     vfloat along;                    // where it is from the beginning of the curve, 0, to its end, 1
-    vfloat radius;
+    vfloat radius;                   // in the world
 } CurvePoint;
 
 // What is a curve has a number of its own in the row of its primitive.
@@ -56,6 +56,7 @@ static CurvePoint curve_point(const Scene* scene, const Ray* ray, const Placed* 
         p.point = choose(placed->present, placed_point(placed->placement + PLACEMENT_ROW_TO_WORLD, p.point), p.point);
         const vec3 turned = placed_normal(placed, outward);
         p.normal = choose(placed->present, unit(turned), outward);
+        p.radius = p.radius * (placed->present ? placed->placement[PLACEMENT_ROW_SCALE] : splat(1.0f));
         p.tangent = choose(placed->present, placed_vector(placed->placement + PLACEMENT_ROW_TO_WORLD, slope), slope);
     }
 #endif

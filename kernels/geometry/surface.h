@@ -56,6 +56,7 @@ typedef struct {
 #ifdef CURVES
     vmask curve;
     vec3 tangent;        // of a curve: unit, along it, square to the normal
+    vfloat radius;       // of a curve
 #endif
 } Surface;
 
@@ -112,6 +113,7 @@ static void surface_curve(const Scene* scene, const Ray* ray, const Placed* plac
     s->error = choose(s->curve, p.error, s->error);
     s->normal = choose(s->curve, p.normal, s->normal);
     s->shading = choose(s->curve, p.normal, s->shading);
+    s->radius = p.radius;
     s->tangent = p.tangent;
     s->from = s->curve ? splat_uint(NONE) : s->from;     // a curve that bends can be hit again
 #ifdef TEXTURES

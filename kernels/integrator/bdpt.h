@@ -66,8 +66,8 @@ static Join bdpt_join(const Scene* scene, const LightVertices* light, const Path
     bsdf_reversed(scene, here, &vertex->bsdf, camera, join.direction, *asked, &back_here);
 
     const vfloat nearness = inverse_or_one(distance2);
-    const vfloat reach = vertex_reach(scene, &path->interior, here, &vertex->bsdf, join.direction);
-    const vfloat reach_there = vertex_reach(scene, &y.interior, &there, &bsdf, back);
+    const vfloat reach = vertex_reached(scene, &path->interior, here, &vertex->bsdf, join.direction);
+    const vfloat reach_there = vertex_reached(scene, &y.interior, &there, &bsdf, back);
     const vfloat by_camera = techniques_behind(&y.techniques, techniques_bounded(pdf * reach_there) * nearness, back_there);
     const vfloat by_light = techniques_behind(&path->techniques, techniques_bounded(pdf_there * reach) * nearness, back_here);
     const vfloat all = techniques_weight(by_camera + by_light, TECHNIQUES_JOIN_SHARE);

@@ -27,7 +27,7 @@ static vfloat path_weight_sampled(const Scene* scene, const Path* path, const Ve
     vfloat back;
     const vmask asked = vertex->samples_lights & (light->pdf > 0.0f);
     bsdf_reversed(scene, &vertex->surface, &vertex->bsdf, negate(path->ray.direction), light->direction, asked, &back);
-    const vfloat reach = vertex_reach(scene, &path->interior, &vertex->surface, &vertex->bsdf, light->direction);
+    const vfloat reach = vertex_reached(scene, &path->interior, &vertex->surface, &vertex->bsdf, light->direction);
     const vfloat started = techniques_behind(&path->techniques, techniques_bounded(light->started) * reach, back);
     const vfloat found = light->delta ? splat(0.0f) : techniques_over(bsdf_pdf, light->pdf);
     return techniques_only(techniques_weight(found + started, 1.0f), path->depth + 2u, splat_uint(1u));
@@ -47,7 +47,7 @@ static void path_note_direction(const Scene* scene, Path* path, const Vertex* v,
     if (!lane_any(lobes)) return;
     vfloat back;
     bsdf_reversed(scene, &v->surface, &v->bsdf, negate(path->ray.direction), next->direction, lobes, &back);
-    const vfloat reach = vertex_reach(scene, &path->interior, &v->surface, &v->bsdf, next->direction);
+    const vfloat reach = vertex_reached(scene, &path->interior, &v->surface, &v->bsdf, next->direction);
     techniques_scatter(&path->techniques, next->pdf, back, reach, !(v->dark & bsdf_in_medium(&v->bsdf)), !v->dark, lobes);
 }
 

@@ -90,6 +90,18 @@ static vmask closure_passes(const Closure* c) {
     return passes;
 }
 
+// What is not reciprocal.
+static vmask closure_is_one_way(const Closure* c) {
+    vmask one_way = mask_none();
+#ifdef MEASURED
+    one_way = one_way | c->measured.present;
+#endif
+#ifdef HAIR
+    one_way = one_way | c->hair.present;
+#endif
+    return one_way;
+}
+
 // T(μ) of coat and sheen.
 static vfloat closure_transmittance(const Closure* c, vfloat cosine) {
     vfloat left = splat(1.0f);

@@ -42,6 +42,12 @@ static vec3 bsdf_reversed(const Scene* scene, const Surface* surface, const Bsdf
         f = choose(again, bsdf_made_again(scene, surface, from, to, &density), f);
         *pdf = again ? density : *pdf;
     }
+#ifdef CURVES
+    // From there another place of the curve is seen
+    const vmask behind = surface->curve & !seen & !medium;
+    f = choose(behind, vec3_all(0.0f), f);
+    *pdf = behind ? splat(0.0f) : *pdf;
+#endif
 #endif
     return f;
 }

@@ -87,9 +87,48 @@ static void photon_deposit(const Photon* p, const Surface* s, vec3 flux, vuint m
     }
 }
 
+#if defined(HAIR) && defined(CURVES)
+// The place of a fibre that a ray along -`w` meets which passes its axis on one side or the other, by so much of the radius.
+static Surface photon_fibre(const Surface* surface, vec3 w, vfloat across) {
+    Surface s = *surface;
+    const vec3 flat = along(w, s.tangent, -inner(w, s.tangent));
+    const vec3 towards = unit(choose(inner(flat, flat) > 1.0e-12f, flat, s.normal));
+    s.normal = s.shading = unit(along(scale(towards, root(fma(-across, across, splat(1.0f)))), outer(s.tangent, towards), across));
+    s.point = along(s.point, sub(s.normal, surface->normal), s.radius);
+    s.clearance = ray_clearance(s.normal, s.error);
+    s.front = mask_all();
+    return s;
+}
+
+// Paths from the camera know how far from a fibre's axis light leaves it, not where it has arrived (DECISIONS.md 110). Photons arrive everywhere across
+// it: so each may be taken for one that has come at any distance from the axis, and that by the same way through the fibre leaves as far from the axis,
+// on the other side. `surface` becomes the place where it does. Returns the weight of the direction, which is sampled here.
+static vec3 photon_from_fibre(const Scene* scene, const Photon* p, vuint bits_u, vuint bits_v, vmask where, Surface* surface, vec3* direction) {
+    vuint random, unused;
+    sampler_hash_bits(p->sampler, sampler_set(p->depth, SET_LOBE), &random, &unused);
+    const vfloat across = fma(unit_interval(random), splat(2.0f), splat(-1.0f)), one = splat(1.0f);
+    const vec3 from = negate(p->ray.direction);
+    const Surface met = photon_fibre(surface, from, across);
+    Bsdf bsdf;
+    bsdf_at(scene, &met, p->ray.direction, &bsdf);
+    const BsdfSample next = bsdf_sample(&bsdf, bits_u, bits_v);
+    const Surface left = photon_fibre(surface, next.direction, -across);
+    vfloat pdf;
+    const vec3 f = bsdf_made_again(scene, &left, from, next.direction, &pdf);
+    const vfloat sine_i = inner(from, surface->tangent), sine_o = inner(next.direction, surface->tangent);
+    const vfloat in = root(fma(-sine_i, sine_i, one)), out = root(fma(-sine_o, sine_o, one));
+    surface->point = choose(where, left.point, surface->point);
+    surface->normal = choose(where, left.normal, surface->normal);
+    surface->clearance = where ? left.clearance : surface->clearance;
+    *direction = choose(where, next.direction, *direction);
+    const vmask sent = (largest(next.weight) > 0.0f) & (next.pdf > 0.0f);
+    return choose(sent, scale(f, out * inverse_or_one(in * next.pdf)), vec3_all(0.0f));
+}
+#endif
+
 // Choose where the photon goes on; it does with the probability of its largest weight, and its flux keeps its size. `sent`: its flux before it came
 // here, of which a medium may have absorbed a part.
-static vmask photon_scatter(const Scene* scene, Photon* p, const Surface* surface, const Bsdf* bsdf, const Crossing* crossing, vec3 sent, Hit hit,
+static vmask photon_scatter(const Scene* scene, Photon* p, Surface* surface, const Bsdf* bsdf, const Crossing* crossing, vec3 sent, Hit hit,
                             vmask found) {
     const vmask straight = interior_straight(crossing);
     vuint bits_u, bits_v;
@@ -98,15 +137,19 @@ static vmask photon_scatter(const Scene* scene, Photon* p, const Surface* surfac
     // bsdf_sample weighs radiance, and this is flux
     const vfloat turned = bsdf_turned(bsdf, p->ray.direction, next.direction) * bsdf_index_squared(bsdf, next.direction);
     vec3 weight = scale(next.weight, bsdf_in_medium(bsdf) ? splat(1.0f) : turned);
-#ifdef MEASURED
+#if defined(MEASURED) || defined(HAIR)
     // What is not reciprocal is as it is seen from where the photon goes
-    const vmask measured = found & bsdf->closure.present & bsdf->closure.measured.present & (next.pdf > 0.0f);
-    if (lane_any(measured)) {
+    const vmask one_way = found & bsdf->closure.present & closure_is_one_way(&bsdf->closure) & (next.pdf > 0.0f);
+    if (lane_any(one_way)) {
         vfloat back;
-        const vec3 f = bsdf_reversed(scene, surface, bsdf, negate(p->ray.direction), next.direction, measured, &back);
+        const vec3 f = bsdf_reversed(scene, surface, bsdf, negate(p->ray.direction), next.direction, one_way, &back);
         const vfloat in = absolute(inner(surface->normal, p->ray.direction)), out = absolute(inner(surface->normal, next.direction));
-        weight = choose(measured, choose(largest(next.weight) > 0.0f, scale(f, out * inverse_or_one(in * next.pdf)), vec3_all(0.0f)), weight);
+        weight = choose(one_way, choose(largest(next.weight) > 0.0f, scale(f, out * inverse_or_one(in * next.pdf)), vec3_all(0.0f)), weight);
     }
+#endif
+#if defined(HAIR) && defined(CURVES)
+    const vmask fibre = found & surface->curve & bsdf->closure.present & bsdf->closure.hair.present;
+    if (lane_any(fibre)) weight = choose(fibre, photon_from_fibre(scene, p, bits_u, bits_v, fibre, surface, &next.direction), weight);
 #endif
     interior_straighten(crossing, p->ray.direction, &next.direction, &weight);
     const vfloat late = straight ? splat(1.0f) : roulette_late(p->depth + 1u);

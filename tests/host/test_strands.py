@@ -406,14 +406,3 @@ def test_colors_and_absorption_stand_for_each_other() -> None:
 def test_hair_has_one_color(keys: dict[str, Any], text: str) -> None:
     with pytest.raises(SceneError, match=text):
         Hair(type="hair", **keys)
-
-
-@pytest.mark.parametrize("integrator", ["bdpt", "photon"])
-def test_paths_from_lights_do_not_take_hair(integrator: str) -> None:
-    camera = {"position": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0]}
-    materials = {"h": {"type": "hair"}, "m": {"type": "mix", "materials": ["h", "g"]}, "g": {"type": "mirror"}}
-    scene = clrender.Scene(
-        camera=camera, shapes=[{"type": "sphere", "radius": 1.0, "material": "m"}], materials=materials
-    )
-    with pytest.raises(SceneError, match=rf"is of type hair, which the integrator {integrator} does not take"):
-        clrender.render(scene, integrator=integrator, spp=1, size=(8, 8), device="pocl")

@@ -232,6 +232,8 @@ RENDERS: Final = {
     "path-1-strands": Run("path", 1, strands=True, textured=True, opacity="veil"),
     "path-8-single-strands": Run("path", 8, "single", strands=True),
     "staged-1-strands": Run("staged", 1, strands=True),
+    "bdpt-1-strands": Run("bdpt", 1, strands=True, instances=True),
+    "photon-4-strands": Run("photon", 4, strands=True, instances=True),
     "path-1-motion": Run("path", 1, rough=True, media=True, motion=True),
     "staged-1-motion": Run("staged", 1, samples=2, motion=True),
     "bdpt-1-motion": Run("bdpt", 1, motion=True),

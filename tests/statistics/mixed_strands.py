@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from mixed_parts import Draw, Json
 
-__all__ = ["has_hair", "stranded"]
+__all__ = ["stranded"]
 
 _OPAQUE: Final = ("lambert", "oren_nayar", "conductor", "mirror")
 _LEAST: Final = {"bspline": (4, 5, 7), "bezier": (4, 7), "catmull-rom": (2, 3, 5), "linear": (2, 4)}
@@ -99,8 +99,3 @@ def _hair(draw: Draw, white: bool) -> Json:
         made["opacity"] = draw.one((draw.between(0.3, 1.0), draw.one(varied)))
         made |= {"opacity_cutoff": draw.between(0.2, 0.8)} if draw.chance(0.4) else {}
     return made
-
-
-def has_hair(content: Json) -> bool:
-    """Whether a scene has hair, which paths from lights do not take."""
-    return any(made["type"] == "hair" for made in content.get("materials", {}).values())

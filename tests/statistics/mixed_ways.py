@@ -9,7 +9,6 @@ from typing import Any, Final
 
 from mixed_moves import FAR_LAMP
 from mixed_parts import Draw, Json
-from mixed_strands import has_hair
 
 __all__ = ["SAMPLERS", "UNUSED", "Way", "biased_ways", "black_ways", "ways", "white_ways"]
 
@@ -93,7 +92,7 @@ def ways(draw: Draw, content: Json) -> Iterator[Way]:
     guiding = {"guiding": draw.one(("on", "on", "auto")), "guiding_paths": draw.one((1 << 10, 1 << 13, 1 << 16))}
     yield Way("guided", {**depth, **guiding, **draw.one(({}, {"sampling": "light"}, {"indirect_rays": 2}))}, depth)
     yield Way("reuse", {**depth, "integrator": "reuse", "reuse": draw.one((2, 4, 8, 16))}, depth)
-    if _found_by_path(content) and not has_hair(content) and "shadow_terminator_offset" not in json.dumps(content):
+    if _found_by_path(content) and "shadow_terminator_offset" not in json.dumps(content):
         yield Way("bdpt", {**depth, "integrator": "bdpt", "light_sampler": draw.one(("power", "uniform"))}, depth)
     if _found_by_path(content):
         more: Json = draw.one(({}, {"guiding": "on", "guiding_paths": 1 << 13}, {"sampling": "light"}))
@@ -126,7 +125,7 @@ def biased_ways(content: Json) -> Iterator[Way]:
     content : dict
         The scene.
     """
-    if not _found_by_path(content) or has_hair(content):
+    if not _found_by_path(content):
         return
     settings: Json = {"integrator": "photon", "photons": 8192, "photon_radius": 0.1}
     yield Way("photon", settings, bias=0.05, stages=((8, 8), (16, 32)))

@@ -145,8 +145,11 @@ def _colors(more: Mapping[str, Any]) -> dict[str, Any]:
     return {k: [v] * 3 if k == "emission" and isinstance(v, int | float) else v for k, v in more.items()}
 
 
-def hashes_by_lanes_and_cuts(device: Device, what: Scene, lanes: Sequence[int] = (1, 4, 8, 16)) -> set[str]:
+def hashes_by_lanes_and_cuts(
+    device: Device, what: Scene, lanes: Sequence[int] = (1, 4, 8, 16), **settings: Any
+) -> set[str]:
     """Hashes of a small image as the device would render it, in small tiles and single samples, and in some lanes."""
     ways: list[dict[str, Any]] = [{}, {"tile": 8, "samples_per_pass": 1}, *({"lanes": number} for number in lanes)]
-    images = (clrender.render(what, device=device.info.index, size=(40, 31), spp=4, **way) for way in ways)
+    fixed: dict[str, Any] = {"device": device.info.index, "size": (40, 31), "spp": 4, **settings}
+    images = (clrender.render(what, **fixed, **way) for way in ways)
     return {str(image.stats["image_sha256"]) for image in images}
