@@ -203,6 +203,7 @@ class DeviceWorker:
             self._done_at = 0.0
             self._rays = 0
             self._records: list[npt.NDArray[np.uint32]] = []
+            self._brought: list[npt.NDArray[np.uint32]] = []
             named = {**self._arrays.buffers, "settings": self._settings_buffer}
             if settings["spectral"][0]:
                 first, count = divmod(int(settings["bands"][0]), 1024)
@@ -259,7 +260,9 @@ class DeviceWorker:
         read = self._read(sums, counts, slots)
         squares = None if self._replicates is None else self._replicates.read(*read, done)
         records = np.concatenate(self._records) if self._records else None
-        return UnitSums(*read, done, traced.rays, traced.shadow_rays, traced.deepest, squares, records=records)
+        splats = np.stack(self._brought) if self._brought else None
+        counted = traced.rays, traced.shadow_rays, traced.deepest
+        return UnitSums(*read, done, *counted, squares, records=records, splats=splats)
 
     def hold(self, film: Film) -> bool:
         """Prepare for `render_held`, with the samples of a film; False if the device has not memory to spare for it."""
@@ -321,18 +324,23 @@ class DeviceWorker:
             self._splats = [splats]
 
         def add(part: Unit, samples: Buffer) -> None:
-            self._accumulated(part, samples, part.first_slot - unit.first_slot, sums, counts)
             if self._pipeline.reads_records:
-                self._records.append(self._read_records(part))
+                self._read_records(part)
+            self._accumulated(part, samples, part.first_slot - unit.first_slot, sums, counts)
 
         self._records.clear()
+        self._brought.clear()
         return self._in_slices(unit, add, on_slice, should_stop), sums, counts
 
-    def _read_records(self, part: Unit) -> npt.NDArray[np.uint32]:
-        """What the kernel has written about the samples of one pixel: (samples, words) uint32."""
+    def _read_records(self, part: Unit) -> None:
+        """Read what the kernel has written about the samples of one pixel, and what light paths have brought to it."""
         found = np.empty((part.sample_count, self._pipeline.record_bytes // 4), np.uint32)
         self.device.read(self._scratch.buffer("records", found.nbytes), found)
-        return found
+        self._records.append(found)
+        if self._pipeline.splats:  # one sample: the film takes them next, and clears them
+            brought = np.empty((part.slot_count, 3, 4), np.uint32)
+            self.device.read(self._scratch.buffer("splats", brought.nbytes), brought)
+            self._brought.append(brought[0])
 
     def _apart(
         self, unit: Unit, on_slice: Callable[[int, int], None] | None, should_stop: Callable[[], bool] | None

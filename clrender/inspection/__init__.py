@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from clrender.inspection.light_path import Addition, Guidance, LightPath, PathVertex, Roulette
+from clrender.inspection.light_path import Addition, Guidance, LightPath, LightSubpath, PathVertex, Roulette
 from clrender.inspection.maps import PathMaps, path_maps
-from clrender.inspection.pixel_paths import PixelPaths
+from clrender.inspection.pixel_paths import PixelPaths, Splats
 from clrender.inspection.tracing import paths
 
 __all__ = [
     "Addition",
     "Guidance",
     "LightPath",
+    "LightSubpath",
     "PathMaps",
     "PathVertex",
     "PixelPaths",
     "Roulette",
+    "Splats",
     "path_maps",
     "paths",
 ]

@@ -22,7 +22,7 @@ from clrender.wording import counted, grouped
 if TYPE_CHECKING:
     from clrender.inspection.surroundings import Surroundings
 
-__all__ = ["ENDINGS", "PixelPaths", "check_ending", "check_pixel"]
+__all__ = ["ENDINGS", "PixelPaths", "Splats", "check_ending", "check_pixel"]
 
 ENDINGS: Final = (".json", ".html")
 
@@ -58,6 +58,25 @@ def check_pixel(pixel: object, width: int, height: int) -> tuple[int, int]:
 
 
 @dataclass(frozen=True)
+class Splats:
+    """What paths from lights bring to a pixel in which the camera sees them: they belong to no path from the camera.
+
+    Attributes
+    ----------
+    values : (spp, 3) float32
+        What they add as part of each sample, by number; 0 of samples that are left out.
+    splatted : (3,) float32
+        The mean of these: their part of the pixel, W/(sr m2).
+    camera : (3,) float32
+        The rest of the pixel: the mean of `PixelPaths.values`, which are of paths from the camera.
+    """
+
+    values: npt.NDArray[np.float32]
+    splatted: npt.NDArray[np.float32]
+    camera: npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
 class PixelPaths:
     """Light paths of a pixel.
 
@@ -69,13 +88,16 @@ class PixelPaths:
     pixel : (int, int)
         Column and row, from the upper left.
     radiance : (3,) float32
-        The pixel, W/(sr m2): that of a render with these settings, bit for bit. It is the mean of `values`.
+        The pixel, W/(sr m2): that of a render with these settings, bit for bit. It is the mean of `values`, and of
+        `splats` where there are any.
     values : (spp, 3) float32
         What each sample adds to the sum of the pixel, by number.
     nonfinite_samples : int
         Samples that are left out, because they are not finite or brighter than 2^43.
     samples : tuple of LightPath
         The samples with the largest contributions, by luminance, the largest first.
+    splats : Splats or None
+        Of integrator `bdpt`: what paths from lights that the camera sees bring. They are added up and not listed.
     surroundings : Surroundings or None
         Pictures and points of the scene for a page.
     """
@@ -86,6 +108,7 @@ class PixelPaths:
     values: npt.NDArray[np.float32]
     nonfinite_samples: int
     samples: tuple[LightPath, ...]
+    splats: Splats | None = field(default=None, repr=False)
     surroundings: Surroundings | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
@@ -94,7 +117,9 @@ class PixelPaths:
 
     def to_json(self) -> str:
         """The paths as JSON, in the format ``clrender light paths 1``."""
-        parts = document(self.about, self.pixel, self.radiance, self.nonfinite_samples, self.values, self.samples)
+        parts = document(
+            self.about, self.pixel, self.radiance, self.nonfinite_samples, self.values, self.samples, self.splats
+        )
         samples = parts.pop("samples")
         head = json.dumps(parts, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
         lines = [json.dumps(each, ensure_ascii=False, allow_nan=False, separators=(",", ":")) for each in samples]
