@@ -105,7 +105,7 @@ class DeviceWorker:
     Attributes
     ----------
     lanes : int
-        Paths per work-item, in SIMD fashion.
+        Paths per work-item, in SIMD fashion, of what is launched by `launch`.
     build_seconds : float
         Time of the upload and the BVH build.
     busy_seconds : float
@@ -164,7 +164,7 @@ class DeviceWorker:
                 scene.features,
                 self._settings,
                 pipeline,
-                launch,
+                launch=launch,
                 chains=table is not None,
             )
             # What an integrator prepares is compiled for the scene, and must agree with the rest
@@ -174,9 +174,11 @@ class DeviceWorker:
             any_scene = any_scene and not settings["spectral"][0]
             universal = build(universal=True) if any_scene else None
             self._own = universal if universal and launch.code == "any" else build()
-            self.lanes = self._own.lanes
+            self._preparing = build(launch=launch.prepared) if launch.prepared else self._own
+            self.lanes = self._preparing.lanes
             self._per_pass = launch.samples_per_pass
             self._samples = launch.compiled_for
+            self._prepared_samples = (launch.prepared or launch).compiled_for
             self._slice_seconds = launch.slice_seconds
             platform = device.info.platform.lower()
             self._short_loops = any(name in platform for name in _SHORT_LOOPS)
@@ -218,15 +220,15 @@ class DeviceWorker:
 
     def program(self, entry: str, more: Mapping[str, int | str] | None = None) -> Program:
         """Build a kernel file that reads the scene, for this scene and launch configuration, with `more` macros."""
-        return self.device.program(entry, {**self._own.macros, **(more or {})}, self._samples)
+        return self.device.program(entry, {**self._preparing.macros, **(more or {})}, self._prepared_samples)
 
     def padded(self, items: int) -> int:
         """Round a number of work-items up to whole groups."""
-        return _padded(items, self._own.group)
+        return _padded(items, self._preparing.group)
 
     def launch(self, program: Program, kernel: str, items: int, arguments: Sequence[Argument]) -> None:
         """Launch a kernel over a padded number of work-items; the scene's arguments come first."""
-        self.device.launch(program, kernel, items, self._own.group, [*self.scene_arguments, *arguments])
+        self.device.launch(program, kernel, items, self._preparing.group, [*self.scene_arguments, *arguments])
 
     def launch_over(self, program: Program, kernel: str, count: int, arguments: Sequence[Argument]) -> None:
         """Launch a kernel over `count` elements, one per lane; the scene's arguments come first."""

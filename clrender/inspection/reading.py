@@ -122,7 +122,7 @@ def light_path(
         if kind != layout.INSPECT_VERTEX:
             made = _addition(_Row(words, _LIGHT), kind, names, here, np.float32(filter_weight), integrator)
             if kind == layout.INSPECT_JOIN:
-                made = dataclasses.replace(made, light_path=_light_subpath(rows[place:], names, here))
+                made = _with_light_path(made, _light_subpath(rows[place:], names, here))
             # A medium shines before the path arrives, which its vertex then has
             (before if kind == layout.INSPECT_GLOW else additions).append(made)
             continue
@@ -194,6 +194,14 @@ def _addition(
         contribution,
         None,
     )
+
+
+def _with_light_path(made: Addition, path: LightSubpath | None) -> Addition:
+    """A connection with its light path, and the light that this is from."""
+    if path is None:
+        return made
+    light = {name: getattr(path, name) for name in ("light", "light_kind", "object", "light_group")}
+    return dataclasses.replace(made, light_path=path, **light)
 
 
 def _light_subpath(rows: _Words, names: Names, origin: npt.NDArray[np.float64]) -> LightSubpath | None:
