@@ -83,7 +83,7 @@ def test_paths_of_scenes_add_up(session: clrender.Session, name: str) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", [name for name in SCENES if name != "chick"])  # which has hair
 def test_bidirectional_paths_of_scenes_add_up(session: clrender.Session, name: str) -> None:
     made = same_as_render(session, clrender.load(name), PIXELS, size=SIZE, spp=8, integrator="bdpt")
     assert all(found.splats is not None for found in made)

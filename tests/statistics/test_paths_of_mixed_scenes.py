@@ -11,6 +11,7 @@ import pytest
 from mixed_files import written
 from mixed_moves import compiled_for_volumes, with_all_features
 from mixed_scenes import KINDS, Mixed, mixed_scene
+from mixed_strands import has_hair
 from paths_support import same_as_render
 
 import clrender
@@ -48,6 +49,8 @@ def add_up(
     additions = 0
     for number in numbers:
         mixed, rng = mixed_scene(KINDS[number % len(KINDS)], number // len(KINDS)), random.Random(number)
+        if settings.get("integrator") == "bdpt" and has_hair(mixed.content):
+            continue
         scene = (Mixed(mixed.name, with_all_features(mixed.content)) if all_features else mixed).scene(folder)
         chosen = [(rng.randrange(SIZE[0]), rng.randrange(SIZE[1])) for _ in range(pixels)]
         way = {**WAYS[number % len(WAYS)], **settings}

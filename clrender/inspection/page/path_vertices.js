@@ -43,12 +43,12 @@ function additionRow(addition, isMost) {
 function lightRows(addition) {
   if (!addition.light_path) return [];
   const { position, direction, flux, number: path, stands_for, vertices } = addition.light_path;
-  const line = (what, kind, at, before, after, pdf) => make("tr", { role: "row", class: "lp-addition lp-light" }, cell("", {}), cell("Event", {}, what), cell("At", {}, kind),
+  const line = (what, kind, at, before, after, pdf) => make("tr", { role: "row", class: "lp-addition lp-light" }, cell("", {}), cell("Event", {}, ...what), cell("At", {}, kind),
     cell("Position, m", {}, at), cell("Flux before", {}, before), cell("Flux after", {}, after), cell("pdf, 1/sr", { colspan: 4, class: "lp-words" }, pdf));
   const square = make("span", { class: "lp-swatch", "aria-hidden": "true" });
   square.style.background = COLORS.lightPath;
   return [line([square, `light path ${path}`], named(addition), position ? triple(position) : `towards ${triple(direction)}`, "", `flux ${color(flux)}`, stands_for > 1 ? `counts for ${number(stands_for)} vertices of its path` : ""),
-    ...vertices.map((vertex) => line(vertex.event, placeOf(vertex), triple(vertex.position), `flux ${color(vertex.throughput_in)}`,
+    ...vertices.map((vertex) => line([vertex.event], placeOf(vertex), triple(vertex.position), `flux ${color(vertex.throughput_in)}`,
       vertex.event === "connection" ? "" : color(vertex.throughput), vertex.pdf === null ? "" : vertex.pdf === 0 ? "delta" : `pdf ${number(vertex.pdf)}`))];
 }
 
