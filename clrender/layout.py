@@ -510,7 +510,7 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("SAMPLE_SPARE", 17, 31, ""),
     ),
     "INSPECT_VERTEX": (
-        ("KIND", 0, 1, "bits: INSPECT_VERTEX, or INSPECT_LIGHT_START or INSPECT_LIGHT_VERTEX, with the flux for throughput"),
+        ("KIND", 0, 1, "bits: INSPECT_VERTEX; INSPECT_LIGHT_START or INSPECT_LIGHT_VERTEX: throughputs are fluxes"),
         ("DEPTH", 1, 1, "bits: scattering events before it"),
         ("FLAGS", 2, 1, "bits: INSPECT_*"),
         ("PRIMITIVE", 3, 1, "bits"),
@@ -545,7 +545,7 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("TARGET", 6, 3, "point of the light, or a direction if it is infinitely far away; or vertex of a light path"),
         ("DIRECTION", 9, 3, "unit, towards the light"),
         ("EMITTED", 12, 3, "radiance from there; or flux that arrives at the vertex of a light path"),
-        ("LIGHT_PDF", 15, 1, "density of light samples, per steradian, with the choice of the light; or of a light path"),
+        ("LIGHT_PDF", 15, 1, "density of light samples, with the choice of the light, or of a light path; per sr"),
         ("CHOICE", 16, 1, "probability of the choice"),
         ("BSDF_PDF", 17, 1, "density of directions of the BSDF, and of the guiding field"),
         ("LIGHT_WEIGHT", 18, 1, "MIS weight of light samples"),

@@ -349,7 +349,7 @@ typedef struct {
 #define INSPECT_SAMPLE_ROW_TIME 16      // while the shutter is open, 0 to 1
 #define INSPECT_SAMPLE_ROW_SAMPLE_SPARE 17
 
-#define INSPECT_VERTEX_ROW_KIND 0       // bits: INSPECT_VERTEX, or INSPECT_LIGHT_START or INSPECT_LIGHT_VERTEX, with the flux for throughput
+#define INSPECT_VERTEX_ROW_KIND 0       // bits: INSPECT_VERTEX; INSPECT_LIGHT_START or INSPECT_LIGHT_VERTEX: throughputs are fluxes
 #define INSPECT_VERTEX_ROW_DEPTH 1      // bits: scattering events before it
 #define INSPECT_VERTEX_ROW_FLAGS 2      // bits: INSPECT_*
 #define INSPECT_VERTEX_ROW_PRIMITIVE 3  // bits
@@ -383,7 +383,7 @@ typedef struct {
 #define INSPECT_LIGHT_ROW_TARGET 6      // point of the light, or a direction if it is infinitely far away; or vertex of a light path
 #define INSPECT_LIGHT_ROW_DIRECTION 9   // unit, towards the light
 #define INSPECT_LIGHT_ROW_EMITTED 12    // radiance from there; or flux that arrives at the vertex of a light path
-#define INSPECT_LIGHT_ROW_LIGHT_PDF 15  // density of light samples, per steradian, with the choice of the light; or of a light path
+#define INSPECT_LIGHT_ROW_LIGHT_PDF 15  // density of light samples, with the choice of the light, or of a light path; per sr
 #define INSPECT_LIGHT_ROW_CHOICE 16     // probability of the choice
 #define INSPECT_LIGHT_ROW_BSDF_PDF 17   // density of directions of the BSDF, and of the guiding field
 #define INSPECT_LIGHT_ROW_LIGHT_WEIGHT 18// MIS weight of light samples

@@ -119,13 +119,15 @@ def test_paths_of_a_thousand_pixels_add_up(session: clrender.Session) -> None:
 
 @pytest.mark.thorough
 def test_bidirectional_paths_add_up(session: clrender.Session) -> None:
-    """Those of the camera by themselves, and with what light paths splat; connections have the paths that they are with."""
+    """Those of the camera by themselves, and with what light paths splat; connections have their light paths."""
     rng = random.Random(8)
     pixels = [(rng.randrange(SIZE[0]), rng.randrange(SIZE[1])) for _ in range(4)]
     made = same_as_render(session, clrender.load("room"), pixels, size=SIZE, spp=8, integrator="bdpt")
     assert {found.about["integrator"] for found in made} == {"bdpt"}
     assert any(found.splats is not None and found.splats.splatted.all() for found in made)
-    every = [each for found in made for sample in found.samples for vertex in sample.vertices for each in vertex.additions]
+    every = [
+        each for found in made for sample in found.samples for vertex in sample.vertices for each in vertex.additions
+    ]
     ways = {(each.strategy, each.light_vertices) for each in every if each.arrives}
     assert {("emission", 0), ("light sample", 1), ("connection", 2), ("connection", 3)} <= ways
     for found in made:

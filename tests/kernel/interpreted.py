@@ -593,8 +593,11 @@ def light_paths(device: Device) -> str:
             settings[key] = value
         with tempfile.TemporaryDirectory() as folder:
             flat = scene(RENDERS[name], Path(folder))
-        prepared = {"guided": partial(GuidedPaths, field=field_over(flat)), "bdpt": partial(LightPaths, flat=flat, count=40)}
-        prepare = prepared.get(kernel)
+        prepare: Callable[[DeviceWorker], DevicePreparation] | None = None
+        if kernel == "guided":
+            prepare = partial(GuidedPaths, field=field_over(flat))
+        elif kernel == "bdpt":
+            prepare = partial(LightPaths, flat=flat, count=40)
         worker = DeviceWorker(device, flat, settings, RECORDING[f"integrator_{kernel}"], LaunchConfig(1, 2), prepare)
         sums = worker.render(Unit(0, 16, 0, 2, 4))
         worker.release()
