@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from clrender.inspection.light_path import Addition, Guidance, LightPath, LightSubpath, PathVertex, Roulette
+from clrender.inspection.light_path import Addition, Guidance, LightPath, LightSubpath, PathVertex, Roulette, Splats
 from clrender.inspection.maps import PathMaps, path_maps
-from clrender.inspection.pixel_paths import PixelPaths, Splats
+from clrender.inspection.pixel_paths import PixelPaths
 from clrender.inspection.tracing import paths
 
 __all__ = [

@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
-    from clrender.inspection.light_path import LightPath
-    from clrender.inspection.pixel_paths import Splats
+    from clrender.inspection.light_path import LightPath, Splats
 
 __all__ = ["FORMAT", "document", "plain"]
 

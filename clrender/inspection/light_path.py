@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Addition", "Guidance", "LightPath", "LightSubpath", "PathVertex", "Roulette"]
+__all__ = ["Addition", "Guidance", "LightPath", "LightSubpath", "PathVertex", "Roulette", "Splats"]
 
 _Floats = npt.NDArray[np.float32]
 _Places = npt.NDArray[np.float64]
@@ -323,3 +323,22 @@ class LightPath:
     vertices: tuple[PathVertex, ...]
     rows_left_out: int
     rest: _Floats
+
+
+@dataclass(frozen=True)
+class Splats:
+    """What paths from lights bring to a pixel in which the camera sees them: they belong to no path from the camera.
+
+    Attributes
+    ----------
+    values : (spp, 3) float32
+        What they add as part of each sample, by number; 0 of samples that are left out.
+    splatted : (3,) float32
+        The mean of these: their part of the pixel, W/(sr m2).
+    camera : (3,) float32
+        The rest of the pixel: the mean of `clrender.PixelPaths.values`, which are of paths from the camera.
+    """
+
+    values: _Floats
+    splatted: _Floats
+    camera: _Floats

@@ -15,14 +15,14 @@ import numpy.typing as npt
 from clrender.errors import UsageError
 from clrender.files.access import atomic_write
 from clrender.inspection.document import document
-from clrender.inspection.light_path import LightPath
+from clrender.inspection.light_path import LightPath, Splats
 from clrender.limits import shown
 from clrender.wording import counted, grouped
 
 if TYPE_CHECKING:
     from clrender.inspection.surroundings import Surroundings
 
-__all__ = ["ENDINGS", "PixelPaths", "Splats", "check_ending", "check_pixel"]
+__all__ = ["ENDINGS", "PixelPaths", "check_ending", "check_pixel"]
 
 ENDINGS: Final = (".json", ".html")
 
@@ -55,25 +55,6 @@ def check_pixel(pixel: object, width: int, height: int) -> tuple[int, int]:
             "upper left"
         )
     return x, y
-
-
-@dataclass(frozen=True)
-class Splats:
-    """What paths from lights bring to a pixel in which the camera sees them: they belong to no path from the camera.
-
-    Attributes
-    ----------
-    values : (spp, 3) float32
-        What they add as part of each sample, by number; 0 of samples that are left out.
-    splatted : (3,) float32
-        The mean of these: their part of the pixel, W/(sr m2).
-    camera : (3,) float32
-        The rest of the pixel: the mean of `PixelPaths.values`, which are of paths from the camera.
-    """
-
-    values: npt.NDArray[np.float32]
-    splatted: npt.NDArray[np.float32]
-    camera: npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,10 @@ import numpy.typing as npt
 from clrender.errors import RenderError, UsageError
 from clrender.files.kernel_hash import kernels_sha256
 from clrender.film.fixed_point import add_words, subtract_words, to_float64
+from clrender.inspection.light_path import Splats
 from clrender.inspection.names import Names
 from clrender.inspection.pipelines import PIPELINES, check_integrator
-from clrender.inspection.pixel_paths import PixelPaths, Splats, check_pixel
+from clrender.inspection.pixel_paths import PixelPaths, check_pixel
 from clrender.inspection.reading import as_rows, counts, highest, light_path, luminance, sample_values, written
 from clrender.inspection.surroundings import surroundings_of
 from clrender.rendering.job import RenderJob
