@@ -108,8 +108,12 @@ INSPECT_LIGHT_SAMPLE: Final = 2
 INSPECT_EMISSION: Final = 3
 INSPECT_CHAIN: Final = 4
 INSPECT_GLOW: Final = 5
+INSPECT_JOIN: Final = 6
+INSPECT_LIGHT_START: Final = 7
+INSPECT_LIGHT_VERTEX: Final = 8
 """Kinds of its other rows: a vertex of the path; radiance that a light sample, an emitter that the path met, a specular
-chain, and the medium on its way added."""
+chain, the medium on its way, and a connection with a light path added; after the last, the start and the vertices of
+that light path."""
 
 INSPECT_FOUND: Final = 1
 INSPECT_IN_MEDIUM: Final = 2
@@ -506,11 +510,11 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("SAMPLE_SPARE", 17, 31, ""),
     ),
     "INSPECT_VERTEX": (
-        ("KIND", 0, 1, "bits: INSPECT_VERTEX"),
+        ("KIND", 0, 1, "bits: INSPECT_VERTEX; INSPECT_LIGHT_START or INSPECT_LIGHT_VERTEX: throughputs are fluxes"),
         ("DEPTH", 1, 1, "bits: scattering events before it"),
         ("FLAGS", 2, 1, "bits: INSPECT_*"),
         ("PRIMITIVE", 3, 1, "bits"),
-        ("MATERIAL", 4, 1, "bits: MATERIAL_*"),
+        ("MATERIAL", 4, 1, "bits: MATERIAL_*; of the start of a light path LIGHT_*"),
         ("DISTANCE", 5, 1, "from the origin of its ray, metres"),
         ("POINT", 6, 3, "relative to the scene's origin; of a ray that left the scene nothing"),
         ("NORMAL", 9, 3, "of the geometry, unit, out of the front"),
@@ -532,16 +536,16 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("VERTEX_SPARE", 41, 7, ""),
     ),
     "INSPECT_LIGHT": (
-        ("KIND", 0, 1, "bits: INSPECT_LIGHT_SAMPLE, INSPECT_EMISSION, INSPECT_CHAIN or INSPECT_GLOW"),
+        ("KIND", 0, 1, "bits: INSPECT_LIGHT_SAMPLE, INSPECT_EMISSION, INSPECT_CHAIN, INSPECT_GLOW or INSPECT_JOIN"),
         ("DEPTH", 1, 1, "bits: scattering events before it"),
         ("FLAGS", 2, 1, "bits: INSPECT_*"),
         ("ORDER", 3, 1, "bits: number of the addition to the sample's radiance; 0: nothing was added"),
         ("LIGHT", 4, 1, "bits: number of the light, or NONE"),
         ("LIGHT_KIND", 5, 1, "bits: LIGHT_*"),
-        ("TARGET", 6, 3, "point of the light, or a direction if it is infinitely far away"),
+        ("TARGET", 6, 3, "point of the light, or a direction if it is infinitely far away; or vertex of a light path"),
         ("DIRECTION", 9, 3, "unit, towards the light"),
-        ("EMITTED", 12, 3, "radiance from there"),
-        ("LIGHT_PDF", 15, 1, "density of light samples, per steradian, with the choice of the light"),
+        ("EMITTED", 12, 3, "radiance from there; or flux that arrives at the vertex of a light path"),
+        ("LIGHT_PDF", 15, 1, "density of light samples, with the choice of the light, or of a light path; per sr"),
         ("CHOICE", 16, 1, "probability of the choice"),
         ("BSDF_PDF", 17, 1, "density of directions of the BSDF, and of the guiding field"),
         ("LIGHT_WEIGHT", 18, 1, "MIS weight of light samples"),
@@ -550,7 +554,10 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("ADDED", 23, 3, "what it added to the radiance"),
         ("COLOR", 26, 3, "the same as red, green and blue of the film"),
         ("THROUGHPUT", 29, 3, "of the path there"),
-        ("LIGHT_SPARE", 32, 16, ""),
+        ("PATH", 32, 1, "bits: number of the light path that it was connected with"),
+        ("EVENTS", 33, 1, "bits: scattering events of that before its vertex"),
+        ("STANDS_FOR", 34, 1, "vertices of that which this one stands for"),
+        ("LIGHT_SPARE", 35, 13, ""),
     ),
     "CHAIN_HEAD": (
         ("LIGHTS", 0, 1, "bits: number of lights that specular chains lead to"),

@@ -57,6 +57,9 @@
 #define INSPECT_EMISSION 3u
 #define INSPECT_CHAIN 4u
 #define INSPECT_GLOW 5u
+#define INSPECT_JOIN 6u
+#define INSPECT_LIGHT_START 7u
+#define INSPECT_LIGHT_VERTEX 8u
 #define INSPECT_FOUND 1u
 #define INSPECT_IN_MEDIUM 2u
 #define INSPECT_BACK 4u
@@ -346,11 +349,11 @@ typedef struct {
 #define INSPECT_SAMPLE_ROW_TIME 16      // while the shutter is open, 0 to 1
 #define INSPECT_SAMPLE_ROW_SAMPLE_SPARE 17
 
-#define INSPECT_VERTEX_ROW_KIND 0       // bits: INSPECT_VERTEX
+#define INSPECT_VERTEX_ROW_KIND 0       // bits: INSPECT_VERTEX; INSPECT_LIGHT_START or INSPECT_LIGHT_VERTEX: throughputs are fluxes
 #define INSPECT_VERTEX_ROW_DEPTH 1      // bits: scattering events before it
 #define INSPECT_VERTEX_ROW_FLAGS 2      // bits: INSPECT_*
 #define INSPECT_VERTEX_ROW_PRIMITIVE 3  // bits
-#define INSPECT_VERTEX_ROW_MATERIAL 4   // bits: MATERIAL_*
+#define INSPECT_VERTEX_ROW_MATERIAL 4   // bits: MATERIAL_*; of the start of a light path LIGHT_*
 #define INSPECT_VERTEX_ROW_DISTANCE 5   // from the origin of its ray, metres
 #define INSPECT_VERTEX_ROW_POINT 6      // relative to the scene's origin; of a ray that left the scene nothing
 #define INSPECT_VERTEX_ROW_NORMAL 9     // of the geometry, unit, out of the front
@@ -371,16 +374,16 @@ typedef struct {
 #define INSPECT_VERTEX_ROW_INDEX 40     // squared index of refraction beyond, relative to where the path began
 #define INSPECT_VERTEX_ROW_VERTEX_SPARE 41
 
-#define INSPECT_LIGHT_ROW_KIND 0        // bits: INSPECT_LIGHT_SAMPLE, INSPECT_EMISSION, INSPECT_CHAIN or INSPECT_GLOW
+#define INSPECT_LIGHT_ROW_KIND 0        // bits: INSPECT_LIGHT_SAMPLE, INSPECT_EMISSION, INSPECT_CHAIN, INSPECT_GLOW or INSPECT_JOIN
 #define INSPECT_LIGHT_ROW_DEPTH 1       // bits: scattering events before it
 #define INSPECT_LIGHT_ROW_FLAGS 2       // bits: INSPECT_*
 #define INSPECT_LIGHT_ROW_ORDER 3       // bits: number of the addition to the sample's radiance; 0: nothing was added
 #define INSPECT_LIGHT_ROW_LIGHT 4       // bits: number of the light, or NONE
 #define INSPECT_LIGHT_ROW_LIGHT_KIND 5  // bits: LIGHT_*
-#define INSPECT_LIGHT_ROW_TARGET 6      // point of the light, or a direction if it is infinitely far away
+#define INSPECT_LIGHT_ROW_TARGET 6      // point of the light, or a direction if it is infinitely far away; or vertex of a light path
 #define INSPECT_LIGHT_ROW_DIRECTION 9   // unit, towards the light
-#define INSPECT_LIGHT_ROW_EMITTED 12    // radiance from there
-#define INSPECT_LIGHT_ROW_LIGHT_PDF 15  // density of light samples, per steradian, with the choice of the light
+#define INSPECT_LIGHT_ROW_EMITTED 12    // radiance from there; or flux that arrives at the vertex of a light path
+#define INSPECT_LIGHT_ROW_LIGHT_PDF 15  // density of light samples, with the choice of the light, or of a light path; per sr
 #define INSPECT_LIGHT_ROW_CHOICE 16     // probability of the choice
 #define INSPECT_LIGHT_ROW_BSDF_PDF 17   // density of directions of the BSDF, and of the guiding field
 #define INSPECT_LIGHT_ROW_LIGHT_WEIGHT 18// MIS weight of light samples
@@ -389,7 +392,10 @@ typedef struct {
 #define INSPECT_LIGHT_ROW_ADDED 23      // what it added to the radiance
 #define INSPECT_LIGHT_ROW_COLOR 26      // the same as red, green and blue of the film
 #define INSPECT_LIGHT_ROW_THROUGHPUT 29 // of the path there
-#define INSPECT_LIGHT_ROW_LIGHT_SPARE 32
+#define INSPECT_LIGHT_ROW_PATH 32       // bits: number of the light path that it was connected with
+#define INSPECT_LIGHT_ROW_EVENTS 33     // bits: scattering events of that before its vertex
+#define INSPECT_LIGHT_ROW_STANDS_FOR 34 // vertices of that which this one stands for
+#define INSPECT_LIGHT_ROW_LIGHT_SPARE 35
 
 #define CHAIN_HEAD_ROW_LIGHTS 0         // bits: number of lights that specular chains lead to
 #define CHAIN_HEAD_ROW_ALL_LIGHTS 1     // bits: of all

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 __all__ = ["paths"]
 
-_OTHERS: Final = ("reuse", "photon", "radiosity", "bdpt")
+_OTHERS: Final = ("reuse", "photon", "radiosity")
 _WITHOUT: Final = frozenset(
     {"crop", "time_limit", "error", "confidence", "share", "error_floor"}
     | {name for name, each in SETTINGS.items() if each.group == WORK or each.integrator in _OTHERS}
@@ -104,7 +104,8 @@ def paths(
 
     With --pixel: every vertex, density, weight and contribution. The paths are those of `clrender render` with the same
     options, and add up to its pixel, bit for bit. They are sorted by what they contribute: the first ones are what
-    makes a firefly. For the integrators path, direct and whitted, and for guided paths.
+    makes a firefly. For the integrators path, direct, whitted and bdpt, and for guided paths. With bdpt, paths from
+    lights that the camera sees add to the pixel, too; the line says how much.
 
     With --maps: what each bounce adds to the image, the mean length of the paths of each pixel, and the error of each
     strategy of sampling. For the integrator path.
@@ -186,6 +187,9 @@ def _result_line(found: PixelPaths, outputs: Sequence[Path]) -> str:
             f"{counted(len(first.vertices), 'vertex', 'vertices')}"
         )
         parts.append(words)
+    if found.splats is not None:
+        red, green, blue = found.splats.splatted.tolist()
+        parts.append(f"{red:.6g} {green:.6g} {blue:.6g} of it splatted by paths from lights")
     if found.nonfinite_samples:
         parts.append(f"{counted(found.nonfinite_samples, 'sample was', 'samples were')} not finite and left out")
     return ", ".join(parts)

@@ -39,6 +39,8 @@ class LaunchConfig:
         by `samples`.
     stand_ins : bool
         Whether a program for any scene may trace samples while the scene's own is not compiled, if `code` is None.
+    prepared : LaunchConfig or None
+        The same of what an integrator prepares; None: as this one.
     """
 
     lanes: int | None = None
@@ -50,6 +52,7 @@ class LaunchConfig:
     staged: bool = False
     code: str | None = None
     stand_ins: bool = False
+    prepared: LaunchConfig | None = None
 
     @property
     def compiled_for(self) -> int | None:

@@ -105,7 +105,7 @@ class DeviceWorker:
     Attributes
     ----------
     lanes : int
-        Paths per work-item, in SIMD fashion.
+        Paths per work-item, in SIMD fashion, of what is launched by `launch`.
     build_seconds : float
         Time of the upload and the BVH build.
     busy_seconds : float
@@ -164,7 +164,7 @@ class DeviceWorker:
                 scene.features,
                 self._settings,
                 pipeline,
-                launch,
+                launch=launch,
                 chains=table is not None,
             )
             # What an integrator prepares is compiled for the scene, and must agree with the rest
@@ -174,9 +174,11 @@ class DeviceWorker:
             any_scene = any_scene and not settings["spectral"][0]
             universal = build(universal=True) if any_scene else None
             self._own = universal if universal and launch.code == "any" else build()
-            self.lanes = self._own.lanes
+            self._preparing = build(launch=launch.prepared) if launch.prepared else self._own
+            self.lanes = self._preparing.lanes
             self._per_pass = launch.samples_per_pass
             self._samples = launch.compiled_for
+            self._prepared_samples = (launch.prepared or launch).compiled_for
             self._slice_seconds = launch.slice_seconds
             platform = device.info.platform.lower()
             self._short_loops = any(name in platform for name in _SHORT_LOOPS)
@@ -203,6 +205,7 @@ class DeviceWorker:
             self._done_at = 0.0
             self._rays = 0
             self._records: list[npt.NDArray[np.uint32]] = []
+            self._brought: list[npt.NDArray[np.uint32]] = []
             named = {**self._arrays.buffers, "settings": self._settings_buffer}
             if settings["spectral"][0]:
                 first, count = divmod(int(settings["bands"][0]), 1024)
@@ -217,15 +220,15 @@ class DeviceWorker:
 
     def program(self, entry: str, more: Mapping[str, int | str] | None = None) -> Program:
         """Build a kernel file that reads the scene, for this scene and launch configuration, with `more` macros."""
-        return self.device.program(entry, {**self._own.macros, **(more or {})}, self._samples)
+        return self.device.program(entry, {**self._preparing.macros, **(more or {})}, self._prepared_samples)
 
     def padded(self, items: int) -> int:
         """Round a number of work-items up to whole groups."""
-        return _padded(items, self._own.group)
+        return _padded(items, self._preparing.group)
 
     def launch(self, program: Program, kernel: str, items: int, arguments: Sequence[Argument]) -> None:
         """Launch a kernel over a padded number of work-items; the scene's arguments come first."""
-        self.device.launch(program, kernel, items, self._own.group, [*self.scene_arguments, *arguments])
+        self.device.launch(program, kernel, items, self._preparing.group, [*self.scene_arguments, *arguments])
 
     def launch_over(self, program: Program, kernel: str, count: int, arguments: Sequence[Argument]) -> None:
         """Launch a kernel over `count` elements, one per lane; the scene's arguments come first."""
@@ -259,7 +262,9 @@ class DeviceWorker:
         read = self._read(sums, counts, slots)
         squares = None if self._replicates is None else self._replicates.read(*read, done)
         records = np.concatenate(self._records) if self._records else None
-        return UnitSums(*read, done, traced.rays, traced.shadow_rays, traced.deepest, squares, records=records)
+        splats = np.stack(self._brought) if self._brought else None
+        counted = traced.rays, traced.shadow_rays, traced.deepest
+        return UnitSums(*read, done, *counted, squares, records=records, splats=splats)
 
     def hold(self, film: Film) -> bool:
         """Prepare for `render_held`, with the samples of a film; False if the device has not memory to spare for it."""
@@ -321,18 +326,23 @@ class DeviceWorker:
             self._splats = [splats]
 
         def add(part: Unit, samples: Buffer) -> None:
-            self._accumulated(part, samples, part.first_slot - unit.first_slot, sums, counts)
             if self._pipeline.reads_records:
-                self._records.append(self._read_records(part))
+                self._read_records(part)
+            self._accumulated(part, samples, part.first_slot - unit.first_slot, sums, counts)
 
         self._records.clear()
+        self._brought.clear()
         return self._in_slices(unit, add, on_slice, should_stop), sums, counts
 
-    def _read_records(self, part: Unit) -> npt.NDArray[np.uint32]:
-        """What the kernel has written about the samples of one pixel: (samples, words) uint32."""
+    def _read_records(self, part: Unit) -> None:
+        """Read what the kernel has written about the samples of one pixel, and what light paths have brought to it."""
         found = np.empty((part.sample_count, self._pipeline.record_bytes // 4), np.uint32)
         self.device.read(self._scratch.buffer("records", found.nbytes), found)
-        return found
+        self._records.append(found)
+        if self._pipeline.splats:  # one sample: the film takes them next, and clears them
+            brought = np.empty((part.slot_count, 3, 4), np.uint32)
+            self.device.read(self._scratch.buffer("splats", brought.nbytes), brought)
+            self._brought.append(brought[0])
 
     def _apart(
         self, unit: Unit, on_slice: Callable[[int, int], None] | None, should_stop: Callable[[], bool] | None

@@ -107,6 +107,8 @@ class UnitSums:
         then.
     records : (sample_count, record words) uint32 or None
         Of pipelines whose records the host reads.
+    splats : (sample_count, 3, 4) uint32 or None
+        Of those of them that splat: what light paths bring to the pixel in each sample, as `sums`.
     """
 
     sums: npt.NDArray[np.uint32]
@@ -118,6 +120,7 @@ class UnitSums:
     squares: npt.NDArray[np.uint32] | None = None
     samples: npt.NDArray[np.float32] | None = None
     records: npt.NDArray[np.uint32] | None = None
+    splats: npt.NDArray[np.uint32] | None = None
 
     @classmethod
     def nothing(cls, unit: Unit) -> UnitSums:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from clrender.inspection.light_path import Addition, Guidance, LightPath, PathVertex, Roulette
+from clrender.inspection.light_path import Addition, Guidance, LightPath, LightSubpath, PathVertex, Roulette, Splats
 from clrender.inspection.maps import PathMaps, path_maps
 from clrender.inspection.pixel_paths import PixelPaths
 from clrender.inspection.tracing import paths
@@ -11,10 +11,12 @@ __all__ = [
     "Addition",
     "Guidance",
     "LightPath",
+    "LightSubpath",
     "PathMaps",
     "PathVertex",
     "PixelPaths",
     "Roulette",
+    "Splats",
     "path_maps",
     "paths",
 ]

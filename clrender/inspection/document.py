@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
-    from clrender.inspection.light_path import LightPath
+    from clrender.inspection.light_path import LightPath, Splats
 
 __all__ = ["FORMAT", "document", "plain"]
 
@@ -25,12 +25,13 @@ def document(
     nonfinite_samples: int,
     values: npt.NDArray[np.float32],
     samples: Sequence[LightPath],
+    splats: Splats | None,
 ) -> dict[str, Any]:
     """The paths of a pixel as JSON values; numbers that are not finite become None.
 
     Parameters
     ----------
-    about, pixel, radiance, nonfinite_samples, values, samples
+    about, pixel, radiance, nonfinite_samples, values, samples, splats
         See `clrender.inspection.pixel_paths.PixelPaths`.
     """
     return {
@@ -40,6 +41,7 @@ def document(
         "radiance": plain(radiance),
         "nonfinite_samples": nonfinite_samples,
         "values": plain(values),
+        "splats": plain(splats),
         "samples": [plain(each) for each in samples],
     }
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Addition", "Guidance", "LightPath", "PathVertex", "Roulette"]
+__all__ = ["Addition", "Guidance", "LightPath", "LightSubpath", "PathVertex", "Roulette", "Splats"]
 
 _Floats = npt.NDArray[np.float32]
 _Places = npt.NDArray[np.float64]
@@ -22,7 +22,8 @@ class Addition:
     strategy : str
         ``light sample``: of a point of a light, by a shadow ray. ``emission``: the path ran into the light.
         ``specular chain``: over mirrors or glass (`specular_chains`). ``medium emission``: the medium shines.
-        ``light centre``: of integrator `whitted`, to the centre of a light.
+        ``light centre``: of integrator `whitted`, to the centre of a light. ``connection``: of integrator `bdpt`, with
+        a vertex of a path from a light.
     order : int
         Number of the addition in the path, from 1; 0: nothing was added.
     light : int or None
@@ -34,20 +35,30 @@ class Addition:
     light_group : str or None
         Its light group.
     position : (3,) float64 or None
-        Point of the light, world space, metres; None if it is infinitely far away, or not a point.
+        Point of the light, world space, metres; None if it is infinitely far away, or not a point. Of a connection, the
+        vertex of the light path.
     direction : (3,) float32 or None
-        Unit vector towards the light, world space.
+        Unit vector towards it, world space.
     emitted : (3,) float32
-        Radiance from there, W/(sr m2); of a light without extent, what stands for it.
+        Radiance from there, W/(sr m2); of a light without extent, what stands for it; of a connection, the flux that
+        arrives at the vertex of the light path, W.
     light_probability : float
         Probability with which light sampling chooses this light at the vertex.
     light_pdf : float
         Density with which light sampling finds this direction, with the choice of the light, per steradian; of a light
-        without extent, the probability of the choice.
+        without extent, the probability of the choice; of a connection, density with which the light path would have
+        gone on to the vertex.
     bsdf_pdf : float
         Density with which directions of the BSDF, and of the guiding field, find it, per steradian; 0: a delta.
-    light_weight, bsdf_weight : float
-        MIS weights of both strategies, by the balance heuristic. One of them was used: that of this strategy.
+    camera_vertices, light_vertices : int or None
+        The strategy: how many vertices of the path are of its part from the camera, the camera among them, and how many
+        of its part from a light, that on the light among them. Surfaces that are no boundary do not count. None: of
+        specular chains and of integrator `whitted`.
+    weight : float or None
+        MIS weight with which it counts; 1 if no other strategy could have found it. None: of specular chains.
+    light_weight, bsdf_weight : float or None
+        MIS weights of light samples and of directions of the BSDF, by the balance heuristic. One of them is `weight`.
+        None: of integrator `bdpt`, which has more strategies than two.
     in_full : bool
         Whether light sampling could not have found it, so that it counts in full.
     delta : bool
@@ -62,6 +73,8 @@ class Addition:
         What was added to the radiance of the path, W/(sr m2); with wavelengths, at each of the three.
     contribution : (3,) float32
         The same as red, green and blue, times the weight of the pixel filter.
+    light_path : LightSubpath or None
+        Of a connection whose ray was traced: the path from the light.
     """
 
     strategy: str
@@ -76,8 +89,11 @@ class Addition:
     light_probability: float
     light_pdf: float
     bsdf_pdf: float
-    light_weight: float
-    bsdf_weight: float
+    camera_vertices: int | None
+    light_vertices: int | None
+    weight: float | None
+    light_weight: float | None
+    bsdf_weight: float | None
     in_full: bool
     delta: bool
     shadow_ray: bool
@@ -85,6 +101,46 @@ class Addition:
     unshadowed: _Floats
     added: _Floats
     contribution: _Floats
+    light_path: LightSubpath | None
+
+
+@dataclass(frozen=True)
+class LightSubpath:
+    """The part of a path that began at a light, as far as the vertex that a path from the camera was connected with.
+
+    Attributes
+    ----------
+    number : int
+        Number of the light path among those of its sample of all pixels.
+    stands_for : float
+        Number of vertices of the light path, of which this one was drawn: it counts for all of them.
+    light : int
+        Number of the light.
+    light_kind : str
+        As of `Addition`.
+    object, light_group : str or None
+        As of `Addition`.
+    position : (3,) float64 or None
+        Where it began, world space, metres; None if the light is infinitely far away.
+    direction : (3,) float32
+        Unit vector in which it left, world space.
+    flux : (3,) float32
+        With which it left, W.
+    vertices : tuple of PathVertex
+        In order from the light on; throughputs are fluxes, W, and directions and sides those of light. The event of the
+        last one is ``connection``.
+    """
+
+    number: int
+    stands_for: float
+    light: int
+    light_kind: str
+    object: str | None
+    light_group: str | None
+    position: _Places | None
+    direction: _Floats
+    flux: _Floats
+    vertices: tuple[PathVertex, ...]
 
 
 @dataclass(frozen=True)
@@ -135,7 +191,8 @@ class PathVertex:
         What happened: ``reflection`` and ``transmission`` (to the side that the path came from, and to the other),
         ``specular reflection`` and ``specular transmission`` (at a delta, such as a mirror or smooth glass),
         ``scattering`` (at a point of a medium), ``straight`` (a surface that is no boundary), ``end`` (none: the path
-        ended here, by `ended`), ``escape`` (the path left the scene).
+        ended here, by `ended`), ``escape`` (the path left the scene), ``connection`` (the last vertex of a
+        `LightSubpath`).
     depth : int
         Scattering events before it.
     again : bool
@@ -225,8 +282,11 @@ class LightPath:
         Number of the sample in the pixel, from 0.
     value : (3,) float32
         What the sample adds to the sum of its pixel, red, green and blue, W/(sr m2). The pixel is the mean.
+    splat : (3,) float32 or None
+        What paths from lights that the camera sees add beside it, as part of this sample, in which they count with a
+        camera vertex of one; it is not in `value`. None: the integrator has no such paths.
     share : float
-        Its part of the luminance of the pixel; 1 / spp if all samples are alike.
+        Part of `value` of the luminance of the pixel; 1 / spp if all samples are alike.
     radiance : (3,) float32
         Sum of all that was added, in single precision and in the order of the additions; with wavelengths, at each of
         the three. `value` is this as red, green and blue, times `filter_weight`.
@@ -251,6 +311,7 @@ class LightPath:
 
     index: int
     value: _Floats
+    splat: _Floats | None
     share: float
     radiance: _Floats
     wavelengths: _Floats | None
@@ -262,3 +323,22 @@ class LightPath:
     vertices: tuple[PathVertex, ...]
     rows_left_out: int
     rest: _Floats
+
+
+@dataclass(frozen=True)
+class Splats:
+    """What paths from lights bring to a pixel in which the camera sees them: they belong to no path from the camera.
+
+    Attributes
+    ----------
+    values : (spp, 3) float32
+        What they add as part of each sample, by number; 0 of samples that are left out.
+    splatted : (3,) float32
+        The mean of these: their part of the pixel, W/(sr m2).
+    camera : (3,) float32
+        The rest of the pixel: the mean of `clrender.PixelPaths.values`, which are of paths from the camera.
+    """
+
+    values: _Floats
+    splatted: _Floats
+    camera: _Floats

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from clrender.errors import UsageError
 from clrender.files.access import atomic_write
 from clrender.inspection.document import document
-from clrender.inspection.light_path import LightPath
+from clrender.inspection.light_path import LightPath, Splats
 from clrender.limits import shown
 from clrender.wording import counted, grouped
 
@@ -69,13 +69,16 @@ class PixelPaths:
     pixel : (int, int)
         Column and row, from the upper left.
     radiance : (3,) float32
-        The pixel, W/(sr m2): that of a render with these settings, bit for bit. It is the mean of `values`.
+        The pixel, W/(sr m2): that of a render with these settings, bit for bit. It is the mean of `values`, and of
+        `splats` where there are any.
     values : (spp, 3) float32
         What each sample adds to the sum of the pixel, by number.
     nonfinite_samples : int
         Samples that are left out, because they are not finite or brighter than 2^43.
     samples : tuple of LightPath
         The samples with the largest contributions, by luminance, the largest first.
+    splats : Splats or None
+        Of integrator `bdpt`: what paths from lights that the camera sees bring. They are added up and not listed.
     surroundings : Surroundings or None
         Pictures and points of the scene for a page.
     """
@@ -86,6 +89,7 @@ class PixelPaths:
     values: npt.NDArray[np.float32]
     nonfinite_samples: int
     samples: tuple[LightPath, ...]
+    splats: Splats | None = field(default=None, repr=False)
     surroundings: Surroundings | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
@@ -94,7 +98,9 @@ class PixelPaths:
 
     def to_json(self) -> str:
         """The paths as JSON, in the format ``clrender light paths 1``."""
-        parts = document(self.about, self.pixel, self.radiance, self.nonfinite_samples, self.values, self.samples)
+        parts = document(
+            self.about, self.pixel, self.radiance, self.nonfinite_samples, self.values, self.samples, self.splats
+        )
         samples = parts.pop("samples")
         head = json.dumps(parts, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
         lines = [json.dumps(each, ensure_ascii=False, allow_nan=False, separators=(",", ":")) for each in samples]

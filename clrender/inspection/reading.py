@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
@@ -9,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender import layout
-from clrender.inspection.light_path import Addition, Guidance, LightPath, PathVertex, Roulette
+from clrender.inspection.light_path import Addition, Guidance, LightPath, LightSubpath, PathVertex, Roulette
 
 if TYPE_CHECKING:
     from clrender.inspection.names import Names
@@ -27,7 +28,9 @@ _STRATEGIES: Final = {
     layout.INSPECT_EMISSION: "emission",
     layout.INSPECT_CHAIN: "specular chain",
     layout.INSPECT_GLOW: "medium emission",
+    layout.INSPECT_JOIN: "connection",
 }
+_OF_LIGHT_PATHS: Final = (layout.INSPECT_LIGHT_START, layout.INSPECT_LIGHT_VERTEX)
 _LIMIT: Final = np.float32(2.0**43)
 """Magnitude from which on the film leaves a sample out."""
 
@@ -75,6 +78,7 @@ class _Row:
 def light_path(
     index: int,
     value: _Floats,
+    splat: _Floats | None,
     rows: _Words,
     names: Names,
     origin: Sequence[float],
@@ -90,6 +94,8 @@ def light_path(
         Number of the sample.
     value : (3,) float32
         What it adds to its pixel; NaN if the kernel has not finished it.
+    splat : (3,) float32, optional
+        See `LightPath`.
     rows : (n, `INSPECT_WORDS`) uint32
         What the kernel has written.
     names : Names
@@ -109,10 +115,14 @@ def light_path(
     additions: list[Addition] = []
     here = np.asarray(origin, np.float64)
     ray: tuple[npt.NDArray[np.float64], _Floats] | None = None
-    for words in rows[1:]:
+    for place, words in enumerate(rows[1:], 1):
         kind = int(words[0])
+        if kind in _OF_LIGHT_PATHS:
+            continue
         if kind != layout.INSPECT_VERTEX:
             made = _addition(_Row(words, _LIGHT), kind, names, here, np.float32(filter_weight), integrator)
+            if kind == layout.INSPECT_JOIN:
+                made = _with_light_path(made, _light_subpath(rows[place:], names, here))
             # A medium shines before the path arrives, which its vertex then has
             (before if kind == layout.INSPECT_GLOW else additions).append(made)
             continue
@@ -127,6 +137,7 @@ def light_path(
     return LightPath(
         index,
         value,
+        splat,
         share,
         head.vector("RADIANCE"),
         head.vector("WAVELENGTHS") if spectral else None,
@@ -149,9 +160,12 @@ def _addition(
     known = light != layout.NONE
     if known:
         light_kind, name, group = names.of_light(light, row.bits("LIGHT_KIND"))
-    sampled = kind == layout.INSPECT_LIGHT_SAMPLE
-    infinite = bool(flags & layout.INSPECT_INFINITE)
-    strategy = "light centre" if sampled and integrator == "whitted" else _STRATEGIES[kind]
+    sampled, joined = kind == layout.INSPECT_LIGHT_SAMPLE, kind == layout.INSPECT_JOIN
+    infinite, whitted = bool(flags & layout.INSPECT_INFINITE), integrator == "whitted"
+    strategy = "light centre" if sampled and whitted else _STRATEGIES[kind]
+    chain, bidirectional = kind == layout.INSPECT_CHAIN, integrator == "bdpt"
+    light_weight, bsdf_weight = row.number("LIGHT_WEIGHT"), row.number("BSDF_WEIGHT")
+    light_vertices = row.bits("EVENTS") + 2 if joined else int(sampled)
     contribution: _Floats = row.vector("COLOR") * filter_weight
     return Addition(
         strategy,
@@ -160,14 +174,17 @@ def _addition(
         light_kind,
         name,
         group,
-        row.vector("TARGET") + origin if sampled and not infinite else None,
-        row.vector("DIRECTION") if known else None,
+        row.vector("TARGET") + origin if joined or (sampled and not infinite) else None,
+        row.vector("DIRECTION") if known or joined else None,
         row.vector("EMITTED"),
         row.number("CHOICE"),
         row.number("LIGHT_PDF"),
         row.number("BSDF_PDF"),
-        row.number("LIGHT_WEIGHT"),
-        row.number("BSDF_WEIGHT"),
+        None if chain or whitted else row.bits("DEPTH") + 2,
+        None if chain or whitted else light_vertices,
+        None if chain else light_weight if sampled else bsdf_weight,
+        None if bidirectional else light_weight,
+        None if bidirectional else bsdf_weight,
         bool(flags & layout.INSPECT_IN_FULL),
         bool(flags & layout.INSPECT_DELTA),
         bool(flags & layout.INSPECT_ASKED),
@@ -175,6 +192,40 @@ def _addition(
         row.vector("UNSHADOWED"),
         row.vector("ADDED"),
         contribution,
+        None,
+    )
+
+
+def _with_light_path(made: Addition, path: LightSubpath | None) -> Addition:
+    """A connection with its light path, and the light that this is from."""
+    if path is None:
+        return made
+    light = {name: getattr(path, name) for name in ("light", "light_kind", "object", "light_group")}
+    return dataclasses.replace(made, light_path=path, **light)
+
+
+def _light_subpath(rows: _Words, names: Names, origin: npt.NDArray[np.float64]) -> LightSubpath | None:
+    """The light path of a connection, whose row comes first; None: it was not recorded, at least not to its end."""
+    joined = _Row(rows[0], _LIGHT)
+    if len(rows) < 2 or int(rows[1, 0]) != layout.INSPECT_LIGHT_START:
+        return None
+    start, vertices = _Row(rows[1], _VERTEX), []
+    for words in rows[2:]:
+        if int(words[0]) != layout.INSPECT_LIGHT_VERTEX:
+            break
+        vertices.append(_vertex(_Row(words, _VERTEX), names, origin, (), "bdpt"))
+    if not vertices or vertices[-1].ended is None:
+        return None
+    vertices[-1] = dataclasses.replace(vertices[-1], event="connection", ended=None)
+    return LightSubpath(
+        joined.bits("PATH"),
+        joined.number("STANDS_FOR"),
+        start.bits("LIGHT"),
+        *names.of_light(start.bits("LIGHT"), start.bits("MATERIAL")),
+        start.vector("POINT") + origin if start.bits("FLAGS") & layout.INSPECT_FOUND else None,
+        start.vector("LEAVES"),
+        start.vector("AFTER"),
+        tuple(vertices),
     )
 
 
@@ -243,6 +294,8 @@ def _ended(row: _Row, flags: int, integrator: str) -> str | None:
         return "roulette"
     if not (row.vector("AFTER") > 0.0).any():
         return "absorbed"
+    if integrator == "bdpt":
+        return "roulette"
     return "diffuse" if integrator != "path" or flags & layout.INSPECT_SAMPLES_LIGHTS else "roulette"
 
 

@@ -11,6 +11,8 @@ import numpy.typing as npt
 
 from clrender.errors import RenderError, UsageError
 from clrender.files.kernel_hash import kernels_sha256
+from clrender.film.fixed_point import add_words, subtract_words, to_float64
+from clrender.inspection.light_path import Splats
 from clrender.inspection.names import Names
 from clrender.inspection.pipelines import PIPELINES, check_integrator
 from clrender.inspection.pixel_paths import PixelPaths, check_pixel
@@ -50,7 +52,8 @@ def paths(
     """Trace the light paths of a pixel: every vertex, density, weight and contribution, as the integrator has them.
 
     The paths are those of a render with the same settings, of all samples of the pixel. What they contribute adds up
-    to the pixel of that render, bit for bit.
+    to the pixel of that render, bit for bit; with `bdpt` together with what paths from lights that the camera sees
+    bring to it, which is known as a sum.
 
     Parameters
     ----------
@@ -69,7 +72,7 @@ def paths(
         See `Session`.
     **settings
         See `clrender.render`: ``size``, ``plugins``, ``guiding_field`` and the fields of `RenderSettings`. The
-        integrator is ``path``, ``direct`` or ``whitted``.
+        integrator is ``path``, ``direct``, ``whitted`` or ``bdpt``.
 
     Returns
     -------
@@ -154,11 +157,15 @@ def paths_in(
     }
     names, flat = Names(job.scene, recorded.flat), recorded.flat
     bright = luminance(values)
+    splats = kept.splats()
     total = float(bright[counts(values)].sum())
+    if splats is not None:
+        total += float(luminance(splats.values).sum())
     found = [
         light_path(
             number,
             values[number],
+            None if splats is None else splats.values[number],
             rows,
             names,
             flat.origin,
@@ -170,17 +177,19 @@ def paths_in(
     ]
     around = surroundings_of(session, job, (x, y), recorded, should_stop) if surroundings else None
     lost = int(len(values) - np.count_nonzero(counts(values)))
-    return PixelPaths(about, (x, y), radiance, values, lost, tuple(found), around)
+    return PixelPaths(about, (x, y), radiance, values, lost, tuple(found), splats, around)
 
 
 class _Kept:
-    """Values of all samples, and the records of those that contribute most."""
+    """Values of all samples, and the records of those that contribute most; and what light paths brought."""
 
     def __init__(self, most: int) -> None:
         self._most = most
         self._values: list[npt.NDArray[np.float32]] = []
         self._rows: dict[int, npt.NDArray[np.uint32]] = {}
         self._best = np.zeros((0, 3), np.float32)
+        self._brought: list[npt.NDArray[np.float32]] = []
+        self._sums = np.zeros((2, 3, 2), np.uint64)  # of light paths, and of all
 
     def take(self, unit: Unit, sums: UnitSums) -> None:
         """Take a unit of samples."""
@@ -189,6 +198,13 @@ class _Kept:
         found, complete = sample_values(sums.records)
         found = np.where(complete[:, None], found, np.float32(np.nan))
         self._values.append(found)
+        if sums.splats is not None:
+            # Of samples that are left out nothing counts
+            brought = np.where(counts(found)[:, None, None], _words(sums.splats), np.uint64(0))
+            self._brought.append(_floats(brought))
+            for each in brought:
+                add_words(self._sums[0], each)
+            add_words(self._sums[1], _words(sums.sums[0]))
         of_unit = dict(enumerate(as_rows(sums.records), unit.first_sample))
         numbers, values = [*self._rows, *of_unit], np.concatenate([self._best, found])
         order = highest(values, counts(values), self._most)
@@ -203,6 +219,26 @@ class _Kept:
         """What each sample adds to the sum of its pixel, (n, 3) float32."""
         return np.concatenate(self._values) if self._values else np.zeros((0, 3), np.float32)
 
+    def splats(self) -> Splats | None:
+        """What light paths that the camera sees brought; None: the integrator has none."""
+        if not self._brought:
+            return None
+        by_camera = self._sums[1].copy()
+        subtract_words(by_camera, self._sums[0])
+        count = max(int(counts(self.values()).sum()), 1)
+        return Splats(np.concatenate(self._brought), _floats(self._sums[0], count), _floats(by_camera, count))
+
     def best(self) -> list[tuple[int, npt.NDArray[np.uint32]]]:
         """Numbers and rows of the samples that contribute most, in that order."""
         return list(self._rows.items())
+
+
+def _words(halves: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint64]:
+    """128-bit sums as the film has them, (..., 4) uint32, as (..., 2) uint64."""
+    words: npt.NDArray[np.uint64] = np.ascontiguousarray(halves, "<u4").view("<u8").astype(np.uint64)
+    return words
+
+
+def _floats(sums: npt.NDArray[np.uint64], count: int = 1) -> npt.NDArray[np.float32]:
+    """Sums over `count` samples as means, rounded as those of a film."""
+    return (to_float64(sums) / count).astype(np.float32)

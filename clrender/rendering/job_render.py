@@ -311,7 +311,15 @@ class JobRender:
         with self._memory_held():
             self._film = film = self._new_film(flat)
             prepared = self._prepared(flat)
-            launch = dataclasses.replace(self._launch, lanes=1, staged=False, samples=self._plan.samples)
+            # Paths are written down one by one, but light paths of the whole image are traced as for a render
+            whole = self._settings.width * self._settings.height * self._plan.samples
+            launch = dataclasses.replace(
+                self._launch,
+                lanes=1,
+                staged=False,
+                samples=self._plan.samples,
+                prepared=dataclasses.replace(self._launch, samples=whole),
+            )
             pipeline = pipelines[prepared.pipeline.kernel]
             worker = self._residency.worker(
                 self._residency.devices[0], prepared.flat, self._struct(), pipeline, launch, prepared.on_device

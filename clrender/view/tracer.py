@@ -209,7 +209,8 @@ class Tracer:
         session = self._opened(question.device)
         found = paths_in(session, question.job, question.pixel, _KEPT, should_stop=self._is_unwanted)
         parts = (found.about, found.pixel, found.radiance, found.nonfinite_samples, found.values, found.samples)
-        return {"x": question.message.x, "y": question.message.y, "paths": document(*parts), **question.around}
+        paths = document(*parts, found.splats)
+        return {"x": question.message.x, "y": question.message.y, "paths": paths, **question.around}
 
     def _is_unwanted(self) -> bool:
         return self._unwanted

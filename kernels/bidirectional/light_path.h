@@ -14,6 +14,7 @@
 #include "film/splat.h"
 #include "geometry/find.h"
 #include "geometry/surface.h"
+#include "integrator/inspect.h"
 #include "integrator/shadow.h"
 #include "material/bsdf.h"
 #include "material/interior.h"
@@ -34,6 +35,10 @@ typedef struct {
     vuint sphere;        // the light where the last vertex is on it, and light samples see a cone; else NONE
     Techniques techniques;
     Interior interior;   // the media that the ray begins in
+#ifdef PATH_INSPECTED
+    uint light;          // where it started, and where its next vertex is written down
+    __global uint* row;
+#endif
 } LightPath;
 
 // Where a path is.
@@ -81,6 +86,9 @@ static void light_path_start(const Scene* scene, uint pass, vuint number, vmask 
     if (lane_any(near)) interior_replace(&p->interior, surroundings_at(scene, e.ray.origin, near, ray_time(&e.ray)), near);
 #endif
     p->alive = p->alive | start;
+#ifdef PATH_INSPECTED
+    p->light = e.light;
+#endif
 }
 
 // Light samples see a sphere as a cone, with a density that depends on where from.
@@ -112,6 +120,7 @@ static void light_path_arrive(const Scene* scene, LightPath* p, Hit hit, LightAr
     p->far = p->far & !vertex;
     p->sphere = vertex ? splat_uint(NONE) : p->sphere;
     p->passed = vertex ? splat(0.0f) : p->passed + hit.distance;
+    inspect_light_arrival(p->row, &p->ray, p->flux, p->depth, hit, &a->surface, &a->bsdf, a->straight, a->dark, a->scatters, a->joins);
 }
 
 // Keep the vertex in the next free place of its path; when all are taken, in a random one or nowhere, so that at any time each vertex so far is as
@@ -221,6 +230,7 @@ static vmask light_path_scatter(const Scene* scene, LightPath* p, const LightArr
     interior_cross(&p->interior, &a->crossing, next.direction, bsdf->side);
     const vmask goes_on = interior_goes_on(&p->interior, &a->crossing, p->sampler, &p->flux);
     sampler_hash_bits(p->sampler, sampler_set(p->depth, SET_ROULETTE), &bits_u, &bits_v);
+    inspect_light_scatter(p->row, bsdf, &next, weight, survival, unit_interval(bits_u), index_squared, p->flux);
     p->depth = a->straight ? p->depth : p->depth + 1u;
     return a->scatters & goes_on & ((p->depth < scene->settings->max_depth) | a->straight) & (unit_interval(bits_u) < survival);
 }

@@ -9,6 +9,9 @@
 #define SHARED_TIME          // with the light paths of the same sample
 #include "bidirectional/vertex.h"
 #include "integrator/path.h"
+#ifdef PATH_INSPECTED
+#include "integrator/inspect_light.h"
+#endif
 
 // The light paths that were kept of this sample.
 typedef struct {
@@ -35,7 +38,7 @@ static vfloat bdpt_draw(const LightVertices* light, const Path* path, vmask aske
     return asked ? vfloat_of(vint_from_uint(made)) : splat(0.0f);
 }
 
-static Join bdpt_join(const Scene* scene, const LightVertices* light, const Path* path, const Vertex* vertex, vmask* asked) {
+static Join bdpt_join(const Scene* scene, const LightVertices* light, Path* path, const Vertex* vertex, vmask* asked) {
     const Surface* here = &vertex->surface;
     vuint number, place;
     const vfloat stands_for = bdpt_draw(light, path, *asked, &number, &place);
@@ -81,6 +84,7 @@ static Join bdpt_join(const Scene* scene, const LightVertices* light, const Path
     join.end.radiance = vec3_all(0.0f);
     join.end.pdf = splat(1.0f);
     join.end.delta = join.end.infinite = mask_none();
+    inspect_join(scene, path, number, y.depth, stands_for, y.flux, there.point, join.direction, pdf, pdf_there, all);
     return join;
 }
 
@@ -100,16 +104,20 @@ static void bdpt_sample_joins(const Scene* scenes, const LightVertices* light, P
         asked = path_asks(joined, k);
         stats->shadow_rays += lane_count(asked);
         stats->deepest = pool_deepest(stats->deepest, path[k].depth + 1u, asked);
+#ifdef PATH_INSPECTED
+        if (asked) inspect_light_path(scene, &path[k], light->pass, joined->arriving[k]);
+#endif
     }
 }
 
 static void bdpt_add_joins(const Scene* scene, Path* path, Direct* joined) {
     int any = 0;
     EACH_PACKET(k) any |= lane_any(path_asks(joined, k));
+    inspect_joined(path);
     if (any) path_add_light(scene, path, joined);
 }
 
-static void bdpt_trace(const Scene* given, const LightVertices* light, Pool* pool, PoolStats* stats) {
+static void bdpt_trace(const Scene* given, const LightVertices* light, Pool* pool, PoolStats* stats PATH_RECORDS) {
     Scene scene[SCENES];
     scenes_of(given, scene);
     CameraRays waiting = camera_rays_none();
@@ -119,6 +127,9 @@ static void bdpt_trace(const Scene* given, const LightVertices* light, Pool* poo
     Vertex vertex[PACKETS];
     Direct direct, joined;
     EACH_PACKET(k) path[k] = path_none();
+#ifdef PATH_INSPECTED
+    path[0].inspection = inspection_of(records);
+#endif
 
     while (path_next_of_all(scene, pool, &waiting, path)) {
         scene_settings_again(scene, path[0].depth);

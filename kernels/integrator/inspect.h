@@ -46,13 +46,11 @@ static uint inspect_light_kind(const Scene* scene, uint light) {
     return as_uint(scene->light_rows[light * 16u + LIGHT_ROW_KIND]) & ((1u << LIGHT_TEXTURE) - 1u);
 }
 
-// The path arrived at a surface, at a point of a medium, or outside of the scene.
-static void inspect_surface(Path* path, vec3 carried, Hit hit, const Surface* surface, const Bsdf* bsdf, uint flags) {
-    __global uint* row = path->inspection.vertex = inspect_row(path, INSPECT_VERTEX);
-    path->inspection.light_sample = 0;
+// A path with this ray arrived at a surface, at a point of a medium, or outside of the scene.
+static void inspect_arrived(__global uint* row, const Ray* ray, vec3 carried, Hit hit, const Surface* surface, const Bsdf* bsdf, uint flags) {
     if (!row) return;
-    INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_ORIGIN, path->ray.origin);
-    INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_ARRIVES, path->ray.direction);
+    INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_ORIGIN, ray->origin);
+    INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_ARRIVES, ray->direction);
     INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_BEFORE, carried);
     INSPECT_PUT(row, INSPECT_VERTEX_ROW_SURVIVAL, 1.0f);
     INSPECT_PUT(row, INSPECT_VERTEX_ROW_LIGHT_SHARE, 1.0f);
@@ -67,6 +65,15 @@ static void inspect_surface(Path* path, vec3 carried, Hit hit, const Surface* su
     INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_POINT, surface->point);
     INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_NORMAL, surface->normal);
     INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_SHADING, bsdf->frame.normal);
+}
+static void inspect_surface(Path* path, vec3 carried, Hit hit, const Surface* surface, const Bsdf* bsdf, uint flags) {
+    path->inspection.vertex = inspect_row(path, INSPECT_VERTEX);
+    path->inspection.light_sample = 0;
+#ifdef PATH_BIDIRECTIONAL
+    path->inspection.join = 0;
+    path->inspection.straight = (flags & INSPECT_STRAIGHT) != 0u;
+#endif
+    inspect_arrived(path->inspection.vertex, &path->ray, carried, hit, surface, bsdf, flags);
 }
 
 static void inspect_vertex(Path* path, Hit hit, const Vertex* v) {
@@ -98,14 +105,26 @@ static void inspect_glow(const Scene* scene, Path* path, vec3 glow) {
     inspect_added(scene, path, row, glow);
 }
 
+// The weight of the other strategy of two. A path that is made in more ways has one for each of them (bidirectional/techniques.h), and only that of
+// its own way is written down.
+#ifdef PATH_BIDIRECTIONAL
+#define inspect_found_pdf(path) (path)->inspection.bsdf_pdf
+#define inspect_weight_of_light_samples(scene, path, pdf) 0.0f
+#define inspect_weight_of_bsdf(scene, bsdf_samples, bsdf_pdf, pdf) 0.0f
+#else
+#define inspect_found_pdf(path) (path)->bsdf_pdf
+#define inspect_weight_of_light_samples(scene, path, pdf) \
+    mis_weight((float)(scene)->settings->light_samples, pdf, (path)->bsdf_samples, (path)->bsdf_pdf)
+#define inspect_weight_of_bsdf(scene, bsdf_samples, bsdf_pdf, pdf) mis_weight(bsdf_samples, bsdf_pdf, (float)(scene)->settings->light_samples, pdf)
+#endif
+
 // What a path found that ran into a light, by number; `weight` is that of its own way, and `pdf` the density of light samples.
 static void inspect_found(const Scene* scene, Path* path, uint number, vec3 emitted, float pdf, float choice, float weight, vec3 counted) {
     __global uint* row = inspect_row(path, INSPECT_EMISSION);
     if (row) {
         const uint kind = inspect_light_kind(scene, number);
         const int infinite = kind == LIGHT_ENVIRONMENT || kind == LIGHT_SUN;
-        const float other = path->counts_in_full ? 0.0f
-                                                 : mis_weight((float)scene->settings->light_samples, pdf, path->bsdf_samples, path->bsdf_pdf);
+        const float other = path->counts_in_full ? 0.0f : inspect_weight_of_light_samples(scene, path, pdf);
         row[INSPECT_LIGHT_ROW_FLAGS] =
             INSPECT_ARRIVED | (path->counts_in_full ? INSPECT_IN_FULL : 0u) | (infinite ? INSPECT_INFINITE : 0u);
         row[INSPECT_LIGHT_ROW_LIGHT] = number;
@@ -114,7 +133,7 @@ static void inspect_found(const Scene* scene, Path* path, uint number, vec3 emit
         INSPECT_PUT_VEC3(row, INSPECT_LIGHT_ROW_EMITTED, emitted);
         INSPECT_PUT(row, INSPECT_LIGHT_ROW_LIGHT_PDF, pdf);
         INSPECT_PUT(row, INSPECT_LIGHT_ROW_CHOICE, choice);
-        INSPECT_PUT(row, INSPECT_LIGHT_ROW_BSDF_PDF, path->bsdf_pdf);
+        INSPECT_PUT(row, INSPECT_LIGHT_ROW_BSDF_PDF, inspect_found_pdf(path));
         INSPECT_PUT(row, INSPECT_LIGHT_ROW_LIGHT_WEIGHT, other);
         INSPECT_PUT(row, INSPECT_LIGHT_ROW_BSDF_WEIGHT, path->counts_in_full ? 1.0f : weight);
         INSPECT_PUT_VEC3(row, INSPECT_LIGHT_ROW_UNSHADOWED, counted);
@@ -139,12 +158,12 @@ static void inspect_choice(const Scene* scene, Path* path, const LightChoice* ch
         scene->settings->light_levels > 0 ? choice->probability : scene->light_rows[choice->light * 16u + LIGHT_ROW_PROBABILITY];
 }
 
-// And a point of it; `arriving` is what it adds if nothing is in the way.
-static void inspect_light_sample(const Scene* scene, Path* path, const Surface* surface, const LightSample* light, float bsdf_pdf,
-                                 float bsdf_samples, float weight, vec3 arriving) {
+// And a point of it; `other` is the weight of directions of the BSDF, and `arriving` what it adds if nothing is in the way.
+#define inspect_light_sample(scene, path, surface, light, bsdf_pdf, bsdf_samples, weight, arriving) \
+    inspect_sampled(scene, path, light, bsdf_pdf, inspect_weight_of_bsdf(scene, bsdf_samples, bsdf_pdf, (light)->pdf), weight, arriving)
+static void inspect_sampled(const Scene* scene, Path* path, const LightSample* light, float bsdf_pdf, float other, float weight, vec3 arriving) {
     __global uint* row = path->inspection.light_sample = inspect_row(path, INSPECT_LIGHT_SAMPLE);
     if (!row) return;
-    const float other = light->delta ? 0.0f : mis_weight(bsdf_samples, bsdf_pdf, (float)scene->settings->light_samples, light->pdf);
     const int asked = light->pdf > 0.0f && largest(arriving) > 0.0f;
     row[INSPECT_LIGHT_ROW_FLAGS] = (asked ? INSPECT_ASKED : 0u) | (light->delta ? INSPECT_DELTA : 0u) | (light->infinite ? INSPECT_INFINITE : 0u);
     row[INSPECT_LIGHT_ROW_LIGHT] = path->inspection.light;
@@ -156,7 +175,7 @@ static void inspect_light_sample(const Scene* scene, Path* path, const Surface* 
     INSPECT_PUT(row, INSPECT_LIGHT_ROW_CHOICE, path->inspection.choice);
     INSPECT_PUT(row, INSPECT_LIGHT_ROW_BSDF_PDF, bsdf_pdf);
     INSPECT_PUT(row, INSPECT_LIGHT_ROW_LIGHT_WEIGHT, weight);
-    INSPECT_PUT(row, INSPECT_LIGHT_ROW_BSDF_WEIGHT, other);
+    INSPECT_PUT(row, INSPECT_LIGHT_ROW_BSDF_WEIGHT, light->delta ? 0.0f : other);
     INSPECT_PUT_VEC3(row, INSPECT_LIGHT_ROW_THROUGHPUT, path->throughput);
     if (asked) INSPECT_PUT_VEC3(row, INSPECT_LIGHT_ROW_UNSHADOWED, arriving);
 }
@@ -184,14 +203,19 @@ static vec3 inspect_chain(const Scene* scene, Path* path, vec3 brought) {
 }
 
 // The direction in which the path goes on from its vertex.
-static void inspect_direction(Path* path, const Bsdf* bsdf, const BsdfSample* next) {
-    __global uint* row = path->inspection.vertex;
+static void inspect_left(__global uint* row, const Bsdf* bsdf, const BsdfSample* next, vec3 weight) {
     if (!row) return;
     INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_LEAVES, next->direction);
-    INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_WEIGHT, next->weight);
+    INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_WEIGHT, weight);
     INSPECT_PUT(row, INSPECT_VERTEX_ROW_PDF, next->pdf);
     INSPECT_PUT(row, INSPECT_VERTEX_ROW_BSDF_PDF, next->pdf);
     if (inner(next->direction, bsdf->side) < 0.0f) row[INSPECT_VERTEX_ROW_FLAGS] |= INSPECT_CROSSES;
+}
+static void inspect_direction(Path* path, const Bsdf* bsdf, const BsdfSample* next) {
+#ifdef PATH_BIDIRECTIONAL
+    if (!path->inspection.straight) path->inspection.bsdf_pdf = next->pdf;
+#endif
+    inspect_left(path->inspection.vertex, bsdf, next, next->weight);
 }
 static void inspect_guided(Path* path, const Vertex* v) {
 #ifdef PATH_GUIDED
@@ -222,6 +246,72 @@ static void inspect_leaves(Path* path, vmask goes_on) {
     INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_AFTER, path->throughput);
     INSPECT_PUT(row, INSPECT_VERTEX_ROW_INDEX, path->index_squared);
 }
+
+#ifdef PATH_BIDIRECTIONAL
+
+// A vertex of a light path was drawn to connect with: after `depth` events of path `number`, with the flux that arrives there. It stands for so many
+// vertices of its path, and `weight` is that of this way among all; densities are those with which either path would have gone on to the other.
+static void inspect_join(const Scene* scene, Path* path, uint number, uint depth, float stands_for, vec3 flux, vec3 point, vec3 direction,
+                         float bsdf_pdf, float light_pdf, float weight) {
+    path->inspection.join = 0;
+    if (!(stands_for > 0.0f) || depth + path->depth + 2u > scene->settings->max_depth) return;
+    __global uint* row = path->inspection.join = inspect_row(path, INSPECT_JOIN);
+    path->inspection.joined = number;
+    path->inspection.joined_depth = depth;
+    if (!row) return;
+    row[INSPECT_LIGHT_ROW_LIGHT] = NONE;
+    INSPECT_PUT_VEC3(row, INSPECT_LIGHT_ROW_TARGET, point);
+    INSPECT_PUT_VEC3(row, INSPECT_LIGHT_ROW_DIRECTION, direction);
+    INSPECT_PUT_VEC3(row, INSPECT_LIGHT_ROW_EMITTED, flux);
+    INSPECT_PUT(row, INSPECT_LIGHT_ROW_LIGHT_PDF, light_pdf);
+    INSPECT_PUT(row, INSPECT_LIGHT_ROW_BSDF_PDF, bsdf_pdf);
+    INSPECT_PUT(row, INSPECT_LIGHT_ROW_BSDF_WEIGHT, weight);
+    INSPECT_PUT_VEC3(row, INSPECT_LIGHT_ROW_THROUGHPUT, path->throughput);
+    row[INSPECT_LIGHT_ROW_PATH] = number;
+    row[INSPECT_LIGHT_ROW_EVENTS] = depth;
+    INSPECT_PUT(row, INSPECT_LIGHT_ROW_STANDS_FOR, stands_for);
+}
+
+// The connection's ray is traced, for this radiance.
+static void inspect_join_asked(Path* path, vec3 arriving) {
+    __global uint* row = path->inspection.join;
+    if (!row) return;
+    row[INSPECT_LIGHT_ROW_FLAGS] |= INSPECT_ASKED;
+    INSPECT_PUT_VEC3(row, INSPECT_LIGHT_ROW_UNSHADOWED, arriving);
+}
+
+// What arrives next is that of the connection.
+static void inspect_joined(Path* path) { path->inspection.light_sample = path->inspection.join; }
+
+// Light paths: the light that one starts from, where it arrives, and how it goes on.
+static void inspect_light_start(const Scene* scene, __global uint* row, const Ray* ray, vec3 flux, uint light, vmask far) {
+    if (!row) return;
+    row[INSPECT_VERTEX_ROW_FLAGS] = far ? 0u : INSPECT_FOUND;
+    row[INSPECT_VERTEX_ROW_LIGHT] = light;
+    row[INSPECT_VERTEX_ROW_MATERIAL] = inspect_light_kind(scene, light);
+    INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_POINT, ray->origin);
+    INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_LEAVES, ray->direction);
+    INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_AFTER, flux);
+}
+static void inspect_light_arrival(__global uint* row, const Ray* ray, vec3 flux, uint depth, Hit hit, const Surface* surface, const Bsdf* bsdf,
+                                  vmask straight, vmask dark, vmask scatters, vmask joins) {
+    const uint where = INSPECT_FOUND | (bsdf_in_medium(bsdf) ? INSPECT_IN_MEDIUM : 0u) | (straight ? INSPECT_STRAIGHT : 0u);
+    const uint what = (dark ? INSPECT_DARK : 0u) | (scatters ? INSPECT_SCATTERS : 0u) | (joins ? INSPECT_SAMPLES_LIGHTS : 0u);
+    inspect_arrived(row, ray, flux, hit, surface, bsdf, where | what);
+    if (row) row[INSPECT_VERTEX_ROW_DEPTH] = depth;
+}
+static void inspect_light_scatter(__global uint* row, const Bsdf* bsdf, const BsdfSample* next, vec3 weight, float survival, float random,
+                                  float index_squared, vec3 flux) {
+    inspect_left(row, bsdf, next, weight);
+    if (!row) return;
+    row[INSPECT_VERTEX_ROW_FLAGS] |= INSPECT_CARRIES | INSPECT_ROULETTE | INSPECT_GOES_ON;
+    INSPECT_PUT(row, INSPECT_VERTEX_ROW_SURVIVAL, survival);
+    INSPECT_PUT(row, INSPECT_VERTEX_ROW_RANDOM, random);
+    INSPECT_PUT_VEC3(row, INSPECT_VERTEX_ROW_AFTER, flux);
+    INSPECT_PUT(row, INSPECT_VERTEX_ROW_INDEX, index_squared);
+}
+
+#endif
 
 // The sample is complete, and about to be delivered.
 static void inspect_end(const Scene* scene, const Pool* pool, const Path* path, vmask done) {
@@ -278,6 +368,10 @@ static void inspect_center(const Scene* scene, Path* path, const Surface* surfac
 #define inspect_end(scene, pool, path, done)
 #define inspect_whitted(scene, path, hit, found, escapes, surface, bsdf, straight, scatters, seen)
 #define inspect_center(scene, path, surface, number, light, direct, asked, left)
+#define inspect_join(scene, path, number, depth, stands_for, flux, point, direction, bsdf_pdf, light_pdf, weight)
+#define inspect_joined(path)
+#define inspect_light_arrival(row, ray, flux, depth, hit, surface, bsdf, straight, dark, scatters, joins)
+#define inspect_light_scatter(row, bsdf, next, weight, survival, random, index_squared, flux)
 
 #endif
 

@@ -18,6 +18,12 @@ typedef struct {
     uint used, additions;        // rows so far, and additions to the radiance
     uint light;                  // chosen for the next light sample, with this probability
     float choice;
+#ifdef PATH_BIDIRECTIONAL
+    __global uint* join;         // row of the vertex's connection with a light path
+    uint joined, joined_depth;   // number of that light path, and events before its vertex
+    int straight;                // the vertex is no boundary
+    float bsdf_pdf;              // density of the direction in which the last other one was left, per steradian
+#endif
     vec3 rest;                   // radiance that was added without a row
 } Inspection;
 
@@ -27,6 +33,12 @@ static Inspection inspection_of(__global uint* records) {
     i.vertex = i.light_sample = 0;
     i.used = i.additions = i.light = 0u;
     i.choice = 0.0f;
+#ifdef PATH_BIDIRECTIONAL
+    i.join = 0;
+    i.joined = i.joined_depth = 0u;
+    i.straight = 0;
+    i.bsdf_pdf = 0.0f;
+#endif
     i.rest = vec3_all(0.0f);
     return i;
 }

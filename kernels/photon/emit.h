@@ -11,6 +11,9 @@ typedef struct {
     vfloat spread;       // one over the density of the direction, per steradian; from far, of the place, per square metre
     vfloat extent;       // of a light that rays can find: π over the density of the place there, or one over that of all from far, with the choice of the light
     vuint sphere;        // the light where it is a sphere that light samples see as a cone, or NONE
+#ifdef PATH_INSPECTED
+    vuint light;
+#endif
 } Emission;
 
 // A point of a surface that shines: all of its area is as likely.
@@ -135,6 +138,9 @@ static Emission emission_sample(const Scene* scene, Sampler sampler, float4 boun
     e.extent = surface ? from.area * PI * chosen : splat(0.0f);
     e.extent = (environment | sun) ? chosen * disk_area * inverse_or_one(direction_pdf) : e.extent;
     e.sphere = sphere & (l.row[LIGHT_ROW_FACING] > 0.0f) ? light : splat_uint(NONE);
+#ifdef PATH_INSPECTED
+    e.light = light;
+#endif
     return e;
 }
 

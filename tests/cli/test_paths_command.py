@@ -64,6 +64,54 @@ def test_maps_in_the_place_of_a_pixel(made: Path, device: Device) -> None:
     assert len(read["bounces"]) == 3 and "What each bounce adds" in (made / "m.html").read_text()
 
 
+@pytest.fixture(scope="module")
+def bidirectional(device: Device, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A folder with the page and the numbers of a pixel of `bdpt`, and what the command said."""
+    folder = tmp_path_factory.mktemp("bdpt")
+    line = ("paths", "room", "--size", "50x38", "--pixel", "25,19", "--spp", "8", "--integrator", "bdpt", "--quiet")
+    result = call(*line, "-d", str(device.info.index), "-o", "paths.html", "-o", "paths.json", folder=folder)
+    assert (result.returncode, result.stderr) == (0, "")
+    return folder, result.stdout
+
+
+@pytest.mark.thorough
+def test_bidirectional_paths_say_what_is_splatted(bidirectional: tuple[Path, str]) -> None:
+    folder, said = bidirectional
+    read = numbers_of(folder)
+    assert read["integrator"] == "bdpt" and set(read["splats"]) == {"values", "splatted", "camera"}
+    assert len(read["splats"]["values"]) == 8 and read["splats"]["splatted"][0] > 0.0
+    words = " ".join(f"{each:.6g}" for each in read["splats"]["splatted"])
+    assert said.endswith(f", {words} of it splatted by paths from lights\n")
+    every = [each for sample in read["samples"] for vertex in sample["vertices"] for each in vertex["additions"]]
+    joined = [each["light_path"] for each in every if each["light_path"] is not None]
+    assert joined and all(each["vertices"][-1]["event"] == "connection" for each in joined)
+    assert {each["light_weight"] for each in every} == {None} and all(0.0 <= each["weight"] <= 1.0 for each in every)
+    for sample in read["samples"]:
+        assert sample["splat"] == read["splats"]["values"][sample["index"]]
+
+
+@pytest.mark.long
+def test_the_page_shows_light_paths(browser: Any, bidirectional: tuple[Path, str]) -> None:
+    errors: list[str] = []
+    folder, _ = bidirectional
+    page, read = opened(browser, folder, errors), numbers_of(folder)
+    assert "of it splatted by paths from lights" in page.locator("header p").inner_text()
+    assert "Splatted" in page.locator(".lp-samples thead").inner_text()
+    assert "path from a light" in page.locator(".lp-key").inner_text()
+    number = next(
+        place
+        for place, sample in enumerate(read["samples"])
+        if any(each["light_path"] for vertex in sample["vertices"] for each in vertex["additions"])
+    )
+    page.locator(".lp-samples tbody tr").nth(number).click()
+    lights = [each["light_path"] for vertex in read["samples"][number]["vertices"] for each in vertex["additions"]]
+    wanted = sum(1 + len(each["vertices"]) for each in lights if each)
+    assert page.locator("tr.lp-light").count() == wanted
+    told = page.locator(".lp-vertices").inner_text()
+    assert f"light path {next(each['number'] for each in lights if each)}" in told and "[object" not in told
+    assert not errors
+
+
 @pytest.mark.long
 def test_a_built_in_scene_has_its_name(tmp_path: Path, device: Device) -> None:
     line = ("paths", "cornell", "--pixel", "3,3", "--size", "8x8", "--spp", "1", "--quiet", "-o", "a.json")
@@ -207,8 +255,10 @@ BAD: dict[str, tuple[str, tuple[str, ...]]] = {
     "no folder": ("paths room --pixel 1,2 -o no/a.json", ("no/a.json",)),
     "the same twice": ("paths room --pixel 1,2 -o a.json -o ./a.json", ("named twice",)),
     "an unknown integrator": ("paths room --pixel 1,2 --integrator pat -o a.json", ("'pat'", "path")),
-    "bdpt": ("paths room --pixel 1,2 --integrator bdpt -o a.json", ("integrator bdpt", "path, direct, whitted")),
-    "photon": ("paths room --pixel 1,2 --integrator photon -o a.json", ("integrator photon gathers photons",)),
+    "photon": (
+        "paths room --pixel 1,2 --integrator photon -o a.json",
+        ("integrator photon gathers photons", "path, direct, whitted, bdpt"),
+    ),
     "reuse": ("paths room --pixel 1,2 --integrator reuse -o a.json", ("integrator reuse shares paths",)),
     "radiosity": ("paths cornell --pixel 1,2 --integrator radiosity -o a.json", ("integrator radiosity",)),
     "no samples": ("paths room --pixel 1,2 --samples 0 -o a.json", ("--samples", "at least 1")),

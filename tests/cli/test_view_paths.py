@@ -53,9 +53,21 @@ def test_the_paths_of_a_pixel_are_those_of_the_image(opened: Callable[..., Any])
     assert cropped["paths"]["values"] == told["paths"]["values"]
 
 
+@pytest.mark.thorough
+def test_bidirectional_paths_tell_what_is_splatted(opened: Callable[..., Any]) -> None:
+    _, page = opened(integrator="bdpt", spp=4)
+    page.until_done()
+    page.say("probe", x=40, y=50)
+    radiance = page.until_kind("probe").content["radiance"]
+    told = answered(page, 1, x=40, y=50).content["paths"]
+    assert bits(told["radiance"]) == bits(np.array(radiance, np.float32)) and len(told["splats"]["values"]) == 4
+    both = np.array(told["splats"]["camera"]) + np.array(told["splats"]["splatted"])
+    np.testing.assert_allclose(both, told["radiance"], rtol=1e-6)
+
+
 def test_what_has_no_paths_is_refused_with_the_reason(opened: Callable[..., Any]) -> None:
-    _, page = opened(integrator="bdpt", spp=1)
-    assert "paths from the lights" in answered(page, 1, x=1, y=1).content["message"]
+    _, page = opened(integrator="reuse", spp=1)
+    assert "shares paths" in answered(page, 1, x=1, y=1).content["message"]
     page.say("set", settings={"integrator": "path"})
     assert "not within the image of 96 x 64" in answered(page, 2, x=96, y=1).content["message"]
     page.say("paths", x=1, y=1, samples=0)
@@ -134,9 +146,9 @@ class Fake:
         if self.fails is not None:
             raise self.fails
         made = dataclasses.make_dataclass(
-            "Made", ["about", "pixel", "radiance", "nonfinite_samples", "values", "samples"]
+            "Made", ["about", "pixel", "radiance", "nonfinite_samples", "values", "samples", "splats"]
         )
-        return made({}, pixel, None, 0, None, ())
+        return made({}, pixel, None, 0, None, (), None)
 
 
 @pytest.fixture

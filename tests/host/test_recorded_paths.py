@@ -27,6 +27,8 @@ PROGRAMS: dict[str, tuple[str, dict[str, int | str]]] = {
     "guided": ("integrator/guided.cl", {"LANES": 1, **EVERYTHING}),
     "whitted": ("integrator/whitted.cl", {"LANES": 1, **EVERYTHING}),
     "bdpt": ("integrator/bdpt.cl", {"LANES": 1, **EVERYTHING}),
+    "light paths": ("bidirectional/light_paths.cl", {"LANES": 1, **EVERYTHING}),
+    "photons": ("photon/photons.cl", {"LANES": 1, **EVERYTHING}),
     "training": ("guiding/training.cl", {"LANES": 1, **EVERYTHING}),
     "staged": ("staged/scatter.cl", {"LANES": 1, **EVERYTHING}),
 }
@@ -57,7 +59,7 @@ def test_programs_that_record_do() -> None:
 
 def test_every_integrator_is_recorded_or_refused() -> None:
     recorded = {name for name, each in INTEGRATORS.items() if each.pipeline.kernel in PIPELINES}
-    assert recorded == {"path", "direct", "whitted"}
+    assert recorded == {"path", "direct", "whitted", "bdpt"}
     for pipeline in PIPELINES.values():
         assert pipeline.reads_records and pipeline.packets == 1
 

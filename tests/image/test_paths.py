@@ -36,6 +36,11 @@ WAYS: list[dict[str, Any]] = [
     {"spectral": True, "guiding": "on", "guiding_paths": 20000},
     {"integrator": "direct", "shadow_rays": 2},
     {"integrator": "whitted", "filter": "tent"},
+    {"integrator": "bdpt", "filter": "mitchell"},
+    {"integrator": "bdpt", "replicate_spp": 4},
+    {"integrator": "bdpt", "roulette": "none", "max_depth": 5, "light_paths": 99},
+    {"integrator": "bdpt", "specular_chains": "on"},
+    {"integrator": "bdpt", "spectral": True, "light_sampler": "uniform"},
 ]
 SCENES = (
     *("room-glass", "drink", "textures", "surfaces", "haze", "cloud", "campfire", "candles", "sky", "foliage"),
@@ -78,9 +83,17 @@ def test_paths_of_scenes_add_up(session: clrender.Session, name: str) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("name", [name for name in SCENES if name != "chick"])  # which has hair
+def test_bidirectional_paths_of_scenes_add_up(session: clrender.Session, name: str) -> None:
+    made = same_as_render(session, clrender.load(name), PIXELS, size=SIZE, spp=8, integrator="bdpt")
+    assert all(found.splats is not None for found in made)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("integrator", ["path", "bdpt"])
 @pytest.mark.parametrize("name", SPECTRAL)
-def test_paths_of_wavelengths_add_up(session: clrender.Session, name: str) -> None:
-    way = {"spectral": True, "integrator": "path"}
+def test_paths_of_wavelengths_add_up(session: clrender.Session, name: str, integrator: str) -> None:
+    way = {"spectral": True, "integrator": integrator}
     for found in same_as_render(session, clrender.load(name), PIXELS, size=SIZE, spp=8, **way):
         for sample in found.samples:
             assert sample.wavelengths is not None
@@ -95,10 +108,33 @@ def test_paths_of_a_thousand_pixels_add_up(session: clrender.Session) -> None:
         ("haze", {"filter": "mitchell"}),
         ("textures", {"seed": 7}),
         ("caustic", {"specular_chains": "on"}),
+        ("room", {"integrator": "bdpt"}),
+        ("haze", {"integrator": "bdpt", "filter": "mitchell"}),
+        ("caustic", {"integrator": "bdpt", "seed": 4}),
     )
     for name, way in ways:
         pixels = [(rng.randrange(SIZE[0]), rng.randrange(SIZE[1])) for _ in range(250)]
         same_as_render(session, clrender.load(name), pixels, size=SIZE, spp=4, **way)
+
+
+@pytest.mark.thorough
+def test_bidirectional_paths_add_up(session: clrender.Session) -> None:
+    """Those of the camera by themselves, and with what light paths splat; connections have their light paths."""
+    rng = random.Random(8)
+    pixels = [(rng.randrange(SIZE[0]), rng.randrange(SIZE[1])) for _ in range(4)]
+    made = same_as_render(session, clrender.load("room"), pixels, size=SIZE, spp=8, integrator="bdpt")
+    assert {found.about["integrator"] for found in made} == {"bdpt"}
+    assert any(found.splats is not None and found.splats.splatted.all() for found in made)
+    every = [
+        each for found in made for sample in found.samples for vertex in sample.vertices for each in vertex.additions
+    ]
+    ways = {(each.strategy, each.light_vertices) for each in every if each.arrives}
+    assert {("emission", 0), ("light sample", 1), ("connection", 2), ("connection", 3)} <= ways
+    for found in made:
+        assert found.splats is not None
+        shares = sum(each.share for each in found.samples)
+        luminance = [0.2126, 0.7152, 0.0722]
+        assert shares == pytest.approx(found.splats.camera @ luminance / (found.radiance @ luminance), rel=1e-5)
 
 
 def scene_of(*shapes: dict[str, Any], **more: Any) -> clrender.Scene:
@@ -150,6 +186,31 @@ def test_a_path_is_that_of_the_formulae(session: clrender.Session) -> None:
         assert light.bsdf_pdf == pytest.approx(to[2] / np.sqrt(square) / np.pi, rel=1e-4)
         assert light.position is not None
         np.testing.assert_allclose(light.position, [0.0, 3.0, 3.0], atol=1e-6)
+
+
+@pytest.mark.thorough
+def test_bidirectional_weights_are_those_of_the_formulae(session: clrender.Session) -> None:
+    """A point light over a diffuse wall is found by light samples and by splats: how dense either is can be told."""
+    side, fov, count = 32, 30.0, 200_000
+    way: dict[str, Any] = {"size": (side, side), "spp": 8, "max_depth": 1, "integrator": "bdpt", "light_paths": count}
+    (found,) = same_as_render(session, scene_of(WALL), [(16, 16)], **way)
+    pitch = 2.0 * np.tan(np.radians(fov / 2.0)) / side
+    assert found.splats is not None
+    for sample in found.samples:
+        (light,) = sample.vertices[0].additions
+        point = sample.vertices[0].position
+        assert point is not None and (light.camera_vertices, light.light_vertices) == (2, 1)
+        to, back = np.array([0.0, 3.0, 3.0]) - point, sample.origin - point
+        near, far = float(to @ to), float(back @ back)
+        cosine = back[2] / np.sqrt(far)
+        # Points of the wall that paths of all pixels, and that light paths, find in a square metre
+        by_camera = 1.0 / (pitch * pitch * cosine**3) * cosine / far
+        by_light = count / (4.0 * np.pi) * to[2] / np.sqrt(near) / near
+        assert light.weight == pytest.approx(by_camera / (by_camera + by_light), rel=1e-3)
+        whole = 0.5 / np.pi * 9.0 / near * to[2] / np.sqrt(near)
+        np.testing.assert_allclose(light.added, [whole * light.weight] * 3, rtol=1e-3)
+    # Splats bring the rest, in the mean; of so many light paths none comes here by a chance of exp(-8)
+    assert by_light / by_camera > 1.0 and found.splats.splatted[0] > 0.0
 
 
 def test_glass_and_what_ends_paths(session: clrender.Session) -> None:
@@ -273,8 +334,7 @@ def test_paths_that_are_stopped_are_an_error(device: Device, calls: int) -> None
         ((0, -1), {}, "0,-1 is not within"),
         ("middle", {}, "must be a column and a row"),
         ((1.5, 2), {}, "must be a column and a row"),
-        ((1, 2), {"integrator": "bdpt"}, "integrator bdpt .* path, direct, whitted"),
-        ((1, 2), {"integrator": "photon"}, "integrator photon gathers photons"),
+        ((1, 2), {"integrator": "photon"}, "integrator photon gathers photons.* of path, direct, whitted, bdpt"),
         ((1, 2), {"integrator": "reuse"}, "integrator reuse shares paths"),
         ((1, 2), {"crop": (0, 0, 4, 4)}, "crop has no effect"),
         ((1, 2), {"error": 0.1}, "error has no effect"),

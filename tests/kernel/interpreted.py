@@ -585,7 +585,8 @@ def render(device: Device, run: Run) -> str:
 def light_paths(device: Device) -> str:
     """Hash of the recorded paths of a pixel, by all kernels that record any."""
     digest = hashlib.sha256()
-    for kernel, name in (("path", "path-1-rough"), ("guided", "guided-1-media"), ("whitted", "path-4")):
+    some = {"path": "path-1-rough", "guided": "guided-1-media", "whitted": "path-4", "bdpt": "bdpt-1-rough"}
+    for kernel, name in some.items():
         settings = RenderSettings(integrator="path" if kernel == "guided" else kernel).struct(4)
         for key, value in {
             "width": WIDTH, "height": HEIGHT, "left": 3, "top": 3, "less_width": WIDTH - 1, "less_height": HEIGHT - 1,
@@ -594,7 +595,11 @@ def light_paths(device: Device) -> str:
             settings[key] = value
         with tempfile.TemporaryDirectory() as folder:
             flat = scene(RENDERS[name], Path(folder))
-        prepare = partial(GuidedPaths, field=field_over(flat)) if kernel == "guided" else None
+        prepare: Callable[[DeviceWorker], DevicePreparation] | None = None
+        if kernel == "guided":
+            prepare = partial(GuidedPaths, field=field_over(flat))
+        elif kernel == "bdpt":
+            prepare = partial(LightPaths, flat=flat, count=40)
         worker = DeviceWorker(device, flat, settings, RECORDING[f"integrator_{kernel}"], LaunchConfig(1, 2), prepare)
         sums = worker.render(Unit(0, 16, 0, 2, 4))
         worker.release()

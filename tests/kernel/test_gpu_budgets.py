@@ -59,5 +59,5 @@ def test_programs_are_those_of_the_kernels() -> None:
         "probe/arithmetic.cl",
         "material/furnace.cl",
         "plugin/formula.cl",
-        *(f"integrator/inspect_{name}.cl" for name in ("path", "guided", "whitted")),
+        *(f"integrator/inspect_{name}.cl" for name in ("path", "guided", "whitted", "bdpt")),
     }

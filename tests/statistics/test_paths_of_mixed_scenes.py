@@ -61,8 +61,16 @@ def test_paths_of_a_few_mixed_scenes_add_up(session: clrender.Session, folder: P
     assert add_up(session, folder, range(len(KINDS)), 3, all_features=False) > 50
 
 
+MANY: tuple[dict[str, Any], ...] = (
+    {},
+    {"spectral": True},
+    {"filter": "mitchell", "shadow_rays": 2},
+    {"integrator": "bdpt", "sampling": "mis", "light_sampler": "power"},
+)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("settings", [{}, {"spectral": True}, {"filter": "mitchell", "shadow_rays": 2}], ids=str)
+@pytest.mark.parametrize("settings", MANY, ids=str)
 def test_paths_of_many_mixed_scenes_add_up(session: clrender.Session, folder: Path, settings: dict[str, Any]) -> None:
     """A thousand pixels each, by one program for all scenes."""
     with compiled_for_volumes():

@@ -2,7 +2,7 @@
 
 import { make, readable } from "./elements.js";
 
-export const COLORS = { path: "#5db2ff", light: "#ffd45c", blocked: "#ff7a6b", other: "#7f93a8", escape: "#9fe08a" };
+export const COLORS = { path: "#5db2ff", light: "#ffd45c", blocked: "#ff7a6b", other: "#7f93a8", escape: "#9fe08a", lightPath: "#d29bff" };
 const luminance = (color) => (color.includes(null) ? Infinity : 0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2]);
 export const number = (value, digits = 4) => (value === null ? "not finite" : readable(value, digits));
 export const triple = (values, digits = 3) => (values === null ? "–" : values.map((each) => number(each, digits)).join("  "));
@@ -34,15 +34,25 @@ export function rowsOf(data) {
   return data.samples.map((sample, rank) => {
     const most = mostOf(sample);
     const last = sample.vertices[sample.vertices.length - 1];
-    return { sample, rank, most, last, brightness: luminance(sample.value), size: sample.vertices.length };
+    return { sample, rank, most, last, brightness: luminance(sample.value), splatted: sample.splat ? luminance(sample.splat) : 0, size: sample.vertices.length };
   });
 }
 
 export const named = (addition) => addition.object ?? addition.light_kind ?? "";
 export const brought = (most) => (most ? `${most.addition.strategy} ${named(most.addition)}`.trim() : "nothing");
 
+/** How much of a pixel paths from lights splatted, in words; empty where the integrator has none. */
+export const splatWords = (data) => (data.splats ? `${triple(data.splats.splatted, 4)} of it splatted by paths from lights` : "");
+
 /** Length of rays that leave the scene, metres, where no surroundings say it. */
 export const reachOf = (rows) => Math.max(...rows.flatMap((row) => row.sample.vertices.map((vertex) => vertex.distance ?? 0)), 1);
+
+/** Lines of a path from a light; from far away its first one begins beyond the scene. */
+function lightLines(path, further) {
+  const back = path.direction.map((each) => -each), ends = path.vertices.map((vertex) => vertex.position);
+  const starts = [path.position ?? further(ends[0], back), ...ends];
+  return ends.map((to, at) => ({ from: starts[at], to, color: COLORS.lightPath, width: 1.8 }));
+}
 
 /** Lines of a sample's path: `main` with the shadow rays of its vertices. */
 export function linesOf(row, main, reach) {
@@ -56,8 +66,9 @@ export function linesOf(row, main, reach) {
     if (escapes) break;
     from = vertex.position;
     for (const addition of main ? vertex.additions : []) {
-      const sampled = addition.strategy === "light sample" || addition.strategy === "light centre";
+      const sampled = addition.strategy === "light sample" || addition.strategy === "light centre" || addition.strategy === "connection";
       if (!sampled || !addition.shadow_ray) continue;
+      if (addition.light_path) found.push(...lightLines(addition.light_path, further));
       const end = addition.position ?? further(from, addition.direction);
       found.push({ from, to: end, color: addition.arrives ? COLORS.light : COLORS.blocked, width: 1.2, dash: addition.arrives ? null : [4, 4] });
     }
@@ -80,7 +91,7 @@ export function sentence(row) {
     if (top === null || gain > top.gain) top = { gain, at };
   });
   const part = row.brightness ? ` That is ${percent(most.brings / Math.abs(row.brightness))} of the sample.` : "";
-  const emitted = most.addition.light !== null ? `, where it meets radiance ${number(Math.max(...most.addition.emitted.map((each) => each ?? Infinity)))}` : "";
+  const emitted = most.addition.light !== null && most.addition.strategy !== "connection" ? `, where it meets radiance ${number(Math.max(...most.addition.emitted.map((each) => each ?? Infinity)))}` : "";
   const grown = top && top.gain > 1.5 ? ` The throughput grew most at vertex ${top.at + 1}, by a factor of ${number(top.gain)}.` : "";
   const alone = most.addition.in_full && most.place > 0 && most.addition.strategy === "emission"
     ? " No light sample could have found it, as the path came from a delta, so it counts in full." : "";

@@ -3,11 +3,12 @@
 import { make, readable } from "./elements.js";
 import { brought, percent, swatch } from "./path_rows.js";
 
-const COLUMNS = [
+const ALL_COLUMNS = [
   { name: "Draw" },
   { name: "Sample", key: (row) => row.sample.index, up: true },
   { name: "Luminance", key: (row) => Math.abs(row.brightness), title: "of what the sample adds to the sum of the pixel" },
   { name: "Of the pixel", key: (row) => row.sample.share },
+  { name: "Splatted", key: (row) => Math.abs(row.splatted), title: "luminance that paths from lights add beside it as part of this sample", splats: true },
   { name: "Vertices", key: (row) => row.size },
   { name: "Brought mostly by", key: (row) => brought(row.most), words: true, up: true },
   { name: "Ends by", key: (row) => row.last?.ended ?? "", words: true, up: true },
@@ -23,9 +24,10 @@ function share(rem) {
 /**
  * The table: `element`, and `update()` after another one was chosen or others are drawn.
  *
- * `state`: rows, spp, chosen, drawn (ranks); `choose(row)`, `redraw()`.
+ * `state`: rows, spp, splats (whether there are any), chosen, drawn (ranks); `choose(row)`, `redraw()`.
  */
 export function createSamples(state, choose, redraw) {
+  const COLUMNS = ALL_COLUMNS.filter((column) => state.splats || !column.splats);
   let order = { column: 2, up: false };
   const body = make("tbody");
   const headings = COLUMNS.map((column) => make("th", { scope: "col", class: column.words && "lp-words", title: column.title }, column.key ? null : column.name));
@@ -56,6 +58,7 @@ export function createSamples(state, choose, redraw) {
       row.line = make("tr", { "data-sample": sample.index, onclick: () => choose(row) },
         make("td", {}, row.box), make("td", {}, String(sample.index)), make("td", {}, swatch(sample.value), sample.finite ? readable(row.brightness, 4) : "not finite"),
         make("td", {}, percent(sample.share), share(bar)),
+        state.splats ? make("td", {}, swatch(sample.splat), readable(row.splatted, 4)) : null,
         make("td", {}, String(row.size)), make("td", { class: "lp-words" }, brought(row.most)), make("td", { class: "lp-words" }, row.last?.ended ?? ""));
       return row.line;
     }));

@@ -28,7 +28,7 @@ function poseOf({ origin, direction }) {
  */
 export function createPathView(data, around, part) {
   const rows = rowsOf(data), reach = around ? around.reach : reachOf(rows);
-  const state = { rows, spp: data.spp, chosen: rows[0] ?? null, drawn: new Set(rows.length ? [0] : []) };
+  const state = { rows, spp: data.spp, splats: data.splats !== null, chosen: rows[0] ?? null, drawn: new Set(rows.length ? [0] : []) };
   let marked = null;
 
   const shownRows = () => rows.filter((row) => state.drawn.has(row.rank) && row !== state.chosen).concat(state.chosen ? [state.chosen] : []);
@@ -80,7 +80,8 @@ export function createPathView(data, around, part) {
     overlay: overlay?.element ?? null,
     stage: scene && make("section", { class: around ? "lp-part" : "lp-part lp-wide" }, make("h2", {}, "Scene"), scene.element,
       make("ul", { class: "lp-key" }, key(COLORS.path, "path"), key(COLORS.light, "shadow ray, light arrives"),
-        key(COLORS.blocked, "shadow ray, blocked", "lp-blocked"), key(COLORS.escape, "leaves the scene"), key(COLORS.other, "other paths")),
+        key(COLORS.blocked, "shadow ray, blocked", "lp-blocked"), key(COLORS.escape, "leaves the scene"),
+        data.splats && key(COLORS.lightPath, "path from a light, connected"), key(COLORS.other, "other paths")),
       make("p", { class: "cv-note" }, "Drag or arrow keys turn, with Shift they shift; wheel, + and − zoom; 0 or a double click returns to the camera.")),
     samples: make("section", { class: "lp-part lp-wide" }, make("h2", {}, "Samples"), samples.element),
     details,

@@ -2,7 +2,7 @@
 
 import { make } from "./elements.js";
 import { marks, svg } from "./path_overlay.js";
-import { triple } from "./path_rows.js";
+import { splatWords, triple } from "./path_rows.js";
 import { createPathView } from "./path_view.js";
 
 const data = JSON.parse(document.getElementById("paths").textContent);
@@ -27,6 +27,7 @@ function pictures() {
 
 const facts = [data.integrator + (data.guided ? ", guided" : "") + (data.spectral ? ", wavelengths" : ""), `${data.spp} samples`, `seed ${data.seed}`,
   `${data.width} × ${data.height}`, `radiance ${triple(data.radiance, 5)}`];
+if (data.splats) facts.push(splatWords(data));
 if (data.nonfinite_samples) facts.push(`${data.nonfinite_samples} samples were not finite and are left out`);
 document.getElementById("view").append(
   make("header", { class: "lp-bar" }, make("h1", {}, document.title), make("p", {}, facts.join(" · "))),

@@ -2,7 +2,7 @@
 
 import { make, readable, setText } from "./elements.js";
 import { createField } from "./fields.js";
-import { triple } from "./path_rows.js";
+import { splatWords, triple } from "./path_rows.js";
 import { createPathView } from "./path_view.js";
 
 const QUIET = 600; // milliseconds without another image, before the paths of the new one are asked for
@@ -76,7 +76,8 @@ export function createPathsPanel(hub, picture) {
     const most = first?.finite ? ` Sample ${first.index} contributes most: ${readable(100 * first.share, 3)} % of the pixel.` : "";
     const lost = paths.nonfinite_samples ? ` ${paths.nonfinite_samples} samples were not finite and are left out.` : "";
     const flat = around.camera.projects ? "" : " Paths are not drawn over the image of this kind of camera.";
-    say(`${which} of pixel ${x}, ${y}, mean radiance ${triple(paths.radiance, 4)}.${most}${lost}${flat}`);
+    const splatted = paths.splats ? `, ${splatWords(paths)}` : "";
+    say(`${which} of pixel ${x}, ${y}, mean radiance ${triple(paths.radiance, 4)}${splatted}.${most}${lost}${flat}`);
     if (hub.newest("state")?.revision !== revision) changed();
   }
 

@@ -1,0 +1,20 @@
+// Entry point of bidirectional path tracing that writes its paths down: those of integrator_bdpt, for one pixel, and the light paths that they were
+// connected with.
+#undef TERMINATOR_OFFSET         // as in bdpt.cl
+#define PATH_INSPECTED
+#ifdef INTERIORS
+#define LIGHTS_IN_MEDIA          // as light_paths.cl has it where there are volumes: elsewhere none are found
+#endif
+#include "integrator/bdpt.h"
+
+// vertices, counts, kept: as integrator_bdpt in bdpt.cl. records: as inspect_path in inspect_path.cl.
+__kernel GROUPED void inspect_bdpt(SCENE_PARAMETERS uint first_slot, uint slot_count, uint first_sample, uint sample_count,
+                                   __global float* restrict samples, __global uint4* restrict stats, __global const float* restrict vertices,
+                                   __global const uint* restrict counts, uint kept, __global uint* restrict records) {
+    SCENE_COLLECT(scene);
+    Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count);
+    PoolStats counted = {0, 0, splat_uint(0u)};
+    const LightVertices light = {vertices, counts, kept, first_sample};
+    if (pool.base < slot_count) bdpt_trace(&scene, &light, &pool, &counted, records);
+    stats[get_global_id(0)] = (uint4)(counted.rays, counted.shadow_rays, lane_largest_uint(counted.deepest), 0u);
+}
