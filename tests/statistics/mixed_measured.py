@@ -12,7 +12,7 @@ _OPAQUE: Final = ("lambert", "oren_nayar", "conductor", "mirror")
 _FILES: Final = ("paint.bsdf", "brushed.bsdf")
 
 
-def measured(name: str, content: Json, white: bool) -> None:
+def measured(name: str, content: Json, white: bool, black: bool) -> None:
     """Give some shapes a measured material; by random numbers of their own.
 
     Parameters
@@ -23,6 +23,8 @@ def measured(name: str, content: Json, white: bool) -> None:
         What a scene file says.
     white : bool
         Whether all radiance is the same, so that nothing may absorb light.
+    black : bool
+        Whether all light is outside of what may be walls, which have no holes then.
     """
     draw = Draw(f"measured of {name}", white=False)
     if white or not draw.chance(0.15):
@@ -45,6 +47,8 @@ def measured(name: str, content: Json, white: bool) -> None:
         varied: tuple[Json, ...] = ({"ramp": [0.2, 0.9]}, {"checker": [0.3, 1.0]}, {"texture": "numbers.png"})
         made["opacity"] = draw.one((draw.between(0.3, 1.0), draw.one(varied if textured else (0.5,))))
         made |= {"opacity_cutoff": draw.between(0.2, 0.8)} if draw.chance(0.4) else {}
+    if black:
+        made = {key: value for key, value in made.items() if not key.startswith("opacity")}
     materials["measured"] = made
     wanted = "measured"
     if "opacity" not in made and draw.chance(0.3):

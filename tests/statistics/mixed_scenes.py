@@ -99,7 +99,7 @@ def mixed_scene(kind: str, number: int) -> Mixed:
     _glowing(mixed)
     _dyed(mixed, kind == "white")
     stranded(mixed.name, mixed.content, kind == "white")
-    measured(mixed.name, mixed.content, kind == "white")
+    measured(mixed.name, mixed.content, kind == "white", kind == "black")
     filmed(mixed.name, mixed.content, kind == "white")
     plugged(mixed.name, mixed.content)
     spectral(mixed.name, mixed.content, kind == "white")
