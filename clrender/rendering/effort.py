@@ -65,7 +65,8 @@ def effort_told(job: RenderJob) -> str | None:
     camera = math.prod(job.film_size) * job.sample_count
     if paths is None or not camera or (ratio := paths.count(job) / camera) < _FAR:
         return None
+    image = "image" if settings.film_size == (settings.width, settings.height) else "part of the image"
     return (
         f"note: the integrator {settings.integrator} traces {paths.words(job)}, {ratio:.0f} times as many paths as "
-        f"from the camera for this image, so it is far slower here than the integrator path; {paths.cure}"
+        f"from the camera for this {image}, so it is far slower here than the integrator path; {paths.cure}"
     )

@@ -20,6 +20,7 @@ def test_many_more_photons_than_pixels_are_told() -> None:
     assert (
         line is not None and "131,072 photons for each sample, 32 times as many paths" in line and "--photons" in line
     )
+    assert "for this image" in line
     assert told("room", integrator="photon", size=(64, 64), spp=1) == line
     assert told("room", integrator="photon", size=(800, 800)) is None
     assert told("room", integrator="photon", size=(64, 64), photons=8192) is None
@@ -28,6 +29,7 @@ def test_many_more_photons_than_pixels_are_told() -> None:
 def test_light_paths_of_a_whole_image_for_a_small_crop_are_told() -> None:
     line = told("room", integrator="bdpt", size=(64, 64), crop=(0, 0, 8, 8), spp=1)
     assert line is not None and "traces 4096 light paths for each sample, 64 times" in line
+    assert "for this part of the image" in line
     assert told("room", integrator="bdpt", size=(64, 64), spp=1) is None
 
 
