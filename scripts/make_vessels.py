@@ -280,6 +280,26 @@ def mill() -> Outline:
     return [*foot, *waist, *head, (0.0085, 0.2295), *arc(0.0, 0.2405, 0.0115, -55.0, 90.0, 12)]
 
 
+def draughtsman() -> Outline:
+    """A piece of draughts, 3 cm across: its upper side has a raised rim and a ring."""
+    side = [(0.0, 0.0), (0.013, 0.0), *arc(0.0138, 0.0012, 0.0012, -90.0, 0.0, 4), *arc(0.0138, 0.0068, 0.0012, 0.0, 90.0, 4)]
+    return [*side, (0.0122, 0.008), (0.0112, 0.0066), (0.0082, 0.0066), (0.0074, 0.0076), (0.0064, 0.0076), (0.0056, 0.0066), (0.0, 0.0066)]
+
+
+def globe_stand() -> Model:
+    """The foot of a globe of 15 cm radius about the origin, and the ring, around its tilted axis, that carries it."""
+    foot = [(0.0, -0.3), (0.08, -0.3), *arc(0.083, -0.295, 0.005, -80.0, 80.0, 6), (0.07, -0.286), (0.04, -0.276)]
+    foot += [*arc(0.022, -0.266, 0.007, -70.0, 70.0, 6), (0.013, -0.25), (0.011, -0.23)]
+    foot += [*arc(0.011, -0.215, 0.009, -70.0, 70.0, 7), (0.0105, -0.195), (0.0135, -0.18), *arc(0.012, -0.172, 0.004, 0.0, 80.0, 4)]
+    model = turned_on_a_lathe([*foot, (0.0, -0.168)], 48)
+    ring = [(0.164 * c, 0.164 * s, 0.0) for s, c in (sin_cos_degrees(5.0 * i) for i in range(73))]
+    tube(model, ring, 0.0042, 12)
+    s, c = sin_cos_degrees(23.0)
+    for side in (1.0, -1.0):
+        tube(model, [(0.146 * s * side, 0.146 * c * side, 0.0), (0.172 * s * side, 0.172 * c * side, 0.0)], 0.005, 12)
+    return model
+
+
 # --- a Newton's cradle -----------------------------------------------------------------------------------------------
 
 
@@ -321,6 +341,7 @@ OUTLINES: Final[Mapping[str, tuple[Callable[[], Outline], int]]] = {
     "egg": (egg, 48),
     "pawn": (pawn, 48),
     "mill": (mill, 48),
+    "draughtsman": (draughtsman, 48),
 }
 """Surfaces of revolution, and the number of their segments."""
 
@@ -336,6 +357,7 @@ MODELS: Final[Mapping[str, Callable[[], Model]]] = {
     "drape": drape,
     "sweep": sweep,
     "handle": handle,
+    "globe-stand": globe_stand,
     "cradle": cradle,
     "threads": threads,
 }
