@@ -300,6 +300,28 @@ def globe_stand() -> Model:
     return model
 
 
+# --- a garden ---------------------------------------------------------------------------------------------------------
+
+
+def baluster() -> Outline:
+    """A baluster of stone, 60 cm high, between two plates."""
+    foot = [(0.0, 0.0), (0.07, 0.0), *arc(0.074, 0.004, 0.004, -80.0, 0.0, 3), (0.078, 0.04), (0.06, 0.045)]
+    foot += [*arc(0.055, 0.066, 0.02, -70.0, 70.0, 6), (0.042, 0.1)]
+    belly = [*arc(0.0, 0.215, 0.0745, -55.0, 40.0, 12), (0.046, 0.29), (0.035, 0.36), (0.0315, 0.43), (0.034, 0.48)]
+    head = [*arc(0.04, 0.502, 0.012, -90.0, 90.0, 6), (0.038, 0.528), (0.06, 0.552), (0.078, 0.558), (0.078, 0.6), (0.0, 0.6)]
+    return [*foot, *belly, *head]
+
+
+def urn() -> Outline:
+    """An urn, 32 cm high, on a foot: a round belly below a wide neck with a rolled rim."""
+    foot = [(0.0, 0.0), (0.068, 0.0), *arc(0.07, 0.007, 0.007, -80.0, 80.0, 6), (0.052, 0.02), (0.034, 0.034), (0.027, 0.052)]
+    foot += [*arc(0.03, 0.062, 0.0065, -90.0, 90.0, 6)]
+    belly = [(0.045, 0.076), *arc(0.0, 0.145, 0.095, -46.0, 16.0, 12), *arc(0.0915, 0.179, 0.006, -60.0, 90.0, 6)]
+    neck = [(0.079, 0.19), (0.074, 0.215), (0.076, 0.245), (0.088, 0.272), (0.108, 0.29)]
+    rim = [*arc(0.113, 0.301, 0.0105, -70.0, 150.0, 10), (0.086, 0.288), (0.07, 0.26), (0.066, 0.2)]
+    return [*foot, *belly, *neck, *rim, (0.06, 0.12), (0.0, 0.1)]
+
+
 # --- a Newton's cradle -----------------------------------------------------------------------------------------------
 
 
@@ -342,6 +364,8 @@ OUTLINES: Final[Mapping[str, tuple[Callable[[], Outline], int]]] = {
     "pawn": (pawn, 48),
     "mill": (mill, 48),
     "draughtsman": (draughtsman, 48),
+    "baluster": (baluster, 24),
+    "urn": (urn, 64),
 }
 """Surfaces of revolution, and the number of their segments."""
 
@@ -349,7 +373,7 @@ OUTLINES: Final[Mapping[str, tuple[Callable[[], Outline], int]]] = {
 def vessel(name: str) -> Model:
     """One of them."""
     outline, segments = OUTLINES[name]
-    return turned_on_a_lathe(outline(), segments)
+    return turned_on_a_lathe(outline(), segments, 2e-5 if name == "baluster" else 1e-5)
 
 
 MODELS: Final[Mapping[str, Callable[[], Model]]] = {
