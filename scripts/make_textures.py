@@ -67,7 +67,7 @@ def globe() -> NDArray[np.uint8]:
 
 
 def atlas() -> NDArray[np.uint8]:
-    """(256, 512, 3) longitude and latitude, sRGB, of a printed globe: tinted heights and depths, coasts, lines every 15°."""
+    """(256, 512, 3) longitude and latitude, sRGB, of a globe of no real land: tinted heights and depths, lines every 15°."""
     height, width = 256, 512
     rows = [sin_cos_degrees(90.0 - (y + 0.5) * 180.0 / height) for y in range(height)]
     columns = [sin_cos_degrees((x + 0.5) * 360.0 / width - 180.0) for x in range(width)]
@@ -75,7 +75,15 @@ def atlas() -> NDArray[np.uint8]:
     sine, cosine = (np.array([each[i] for each in columns])[None, :] for i in (0, 1))
     points = np.stack([level * sine, up + 0.0 * sine, level * cosine], axis=2)
     high = billows(points * 1.5 + 40.0, 11, 6) - 0.515
-    tints = [(112, 158, 168), (138, 180, 182), (170, 202, 194), (196, 192, 132), (214, 182, 112), (196, 148, 92), (160, 112, 76)]
+    tints = [
+        (112, 158, 168),
+        (138, 180, 182),
+        (170, 202, 194),
+        (196, 192, 132),
+        (214, 182, 112),
+        (196, 148, 92),
+        (160, 112, 76),
+    ]
     band = np.digitize(high, (-0.12, -0.04, 0.0, 0.05, 0.1, 0.15))
     color = np.array(tints)[band]
     color = np.where((abs(up) + 0.6 * high > 0.93)[..., None], np.array([238, 236, 226]), color)
