@@ -67,7 +67,7 @@ def globe() -> NDArray[np.uint8]:
 
 
 def atlas() -> NDArray[np.uint8]:
-    """(256, 512, 3) longitude and latitude, sRGB, of a globe of no real land: tinted heights and depths, lines every 15°."""
+    """(256, 512, 3) longitude and latitude, sRGB, of a globe of no real land: heights and depths, lines every 15°."""
     height, width = 256, 512
     rows = [sin_cos_degrees(90.0 - (y + 0.5) * 180.0 / height) for y in range(height)]
     columns = [sin_cos_degrees((x + 0.5) * 360.0 / width - 180.0) for x in range(width)]
