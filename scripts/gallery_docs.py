@@ -19,12 +19,12 @@ _SCENES: Final = {
     "interior": 256,
     "canal": 256,
     "metalware": 512,
-    "surfaces": 512,
+    "still-life": 192,
     "drink": 1024,
-    "textures": 256,
-    "sky": 256,
-    "lamps": 512,
-    "haze": 256,
+    "veranda": 128,
+    "balustrade": 128,
+    "museum": 192,
+    "attic": 192,
     "cloud": 256,
     "smoke": 256,
     "campfire": 768,
@@ -37,10 +37,13 @@ _SCENES: Final = {
     "dispersion": 512,
 }
 """Samples per pixel, by built-in scene."""
-_DENOISED: Final = ("interior", "canal", "metalware", "cradle", "dispersion", "haze", "sky")
+_DENOISED: Final = (
+    *("interior", "canal", "metalware", "cradle", "dispersion"),
+    *("still-life", "veranda", "balustrade", "museum", "attic"),
+)
 """Scenes whose light is hard to find for their integrator: what noise is left is taken away, as a user would."""
 _WIDTH: Final = 640
-_WIDE: Final = ("interior", "canal", "metalware")
+_WIDE: Final = ("interior", "canal", "metalware", "still-life", "veranda", "balustrade")
 """Scenes whose details are seen at one and a half times that width."""
 _PERIOD: Final = 16
 """Frames of one period of the scene `cradle`, 24 a second."""

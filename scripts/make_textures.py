@@ -12,8 +12,11 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from make_clouds import billows
 from numpy.typing import NDArray
 from PIL import Image
+
+from clrender.exact.angles import sin_cos_degrees
 
 __all__ = ["PICTURES", "main"]
 
@@ -61,6 +64,36 @@ def globe() -> NDArray[np.uint8]:
     color = np.where(((y < 6) | (y >= 58))[..., None], np.array([235, 240, 245]), color)
     lines = ((x * 12) % 128 < 12) | ((y * 6 + 3) % 64 < 6)
     return np.asarray(np.where(lines[..., None], color * 3 // 4, color), np.uint8)
+
+
+def atlas() -> NDArray[np.uint8]:
+    """(256, 512, 3) longitude and latitude, sRGB, of a globe of no real land: heights and depths, lines every 15°."""
+    height, width = 256, 512
+    rows = [sin_cos_degrees(90.0 - (y + 0.5) * 180.0 / height) for y in range(height)]
+    columns = [sin_cos_degrees((x + 0.5) * 360.0 / width - 180.0) for x in range(width)]
+    up, level = (np.array([each[i] for each in rows])[:, None] for i in (0, 1))
+    sine, cosine = (np.array([each[i] for each in columns])[None, :] for i in (0, 1))
+    points = np.stack([level * sine, up + 0.0 * sine, level * cosine], axis=2)
+    high = billows(points * 1.5 + 40.0, 11, 6) - 0.515
+    tints = [
+        (112, 158, 168),
+        (138, 180, 182),
+        (170, 202, 194),
+        (196, 192, 132),
+        (214, 182, 112),
+        (196, 148, 92),
+        (160, 112, 76),
+    ]
+    band = np.digitize(high, (-0.12, -0.04, 0.0, 0.05, 0.1, 0.15))
+    color = np.array(tints)[band]
+    color = np.where((abs(up) + 0.6 * high > 0.93)[..., None], np.array([238, 236, 226]), color)
+    coast = (band[:, :] >= 3) != (np.roll(band, 1, axis=1) >= 3)
+    coast[1:] |= (band[1:] >= 3) != (band[:-1] >= 3)
+    color = np.where(coast[..., None], np.array([84, 70, 58]), color)
+    y, x = np.mgrid[:height, :width]
+    lines = ((x * 24) % width < 24) | ((y * 12 + 6) % height < 12)
+    color = np.where((lines & ~coast)[..., None], color * 7 // 8, color)
+    return np.asarray(np.where((y // 2 == height // 4)[..., None], np.array([150, 60, 46]), color), np.uint8)
 
 
 def leaf() -> NDArray[np.uint8]:
@@ -203,6 +236,7 @@ PICTURES: Final[Mapping[str, NDArray[np.uint8]]] = {
     "tiles.png": tiles(),
     "tiles-normal.png": tile_normals(),
     "globe.png": globe(),
+    "atlas.png": atlas(),
     "leaf.png": leaf(),
     "grass.png": grass(),
     "bricks.png": bricks(),

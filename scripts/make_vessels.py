@@ -222,6 +222,144 @@ def handle() -> Model:
     return model
 
 
+# --- things on a table ------------------------------------------------------------------------------------------------
+
+
+def carafe() -> Outline:
+    """A carafe of glass, 27 cm high, with a wide foot, a narrow neck and a flared rim."""
+    outside = [(0.0, 0.0), (0.045, 0.0), *arc(0.057, 0.008, 0.008, -85.0, 0.0, 5), (0.064, 0.03)]
+    outside += [*arc(0.0, 0.06, 0.064, -8.0, 55.0, 14), (0.026, 0.145), (0.021, 0.175), (0.0205, 0.205)]
+    outside += [(0.023, 0.235), (0.029, 0.262), *arc(0.0285, 0.2675, 0.0017, -20.0, 160.0, 6)]
+    inside = [(0.025, 0.258), (0.0195, 0.233), (0.017, 0.205), (0.0175, 0.175), (0.0225, 0.143)]
+    inside += [*arc(0.0, 0.06, 0.06, 55.0, -8.0, 12), (0.058, 0.03), *arc(0.05, 0.018, 0.006, 0.0, -85.0, 4)]
+    return [*outside, *inside, (0.0, 0.011)]
+
+
+def decanter() -> Outline:
+    """A low decanter, 16 cm high, with a ball as its stopper."""
+    body = [(0.0, 0.0), (0.04, 0.0), *arc(0.046, 0.01, 0.01, -80.0, -30.0, 4), *arc(0.0, 0.045, 0.062, -28.0, 60.0, 18)]
+    neck = [(0.02, 0.105), (0.0165, 0.114), *arc(0.019, 0.119, 0.003, -60.0, 70.0, 5), (0.012, 0.124)]
+    return [*body, *neck, *arc(0.0, 0.142, 0.02, -62.0, 90.0, 16)]
+
+
+def cloche() -> Outline:
+    """A bell of thin glass with a knob, 25 cm high, and a plate of it below."""
+    bell = [(0.0, 0.0), (0.06, 0.0), *arc(0.088, 0.002, 0.002, -90.0, 90.0, 6), (0.086, 0.006), (0.086, 0.09)]
+    knob = [(0.009, 0.2125), *arc(0.0, 0.2265, 0.0155, -58.0, 90.0, 14)]
+    return [*bell, *arc(0.0, 0.124, 0.086, 0.0, 84.0, 20), *knob]
+
+
+def gourd() -> Outline:
+    """A pair of hollow balls, the small one on the large one, 14 cm high, with a stalk."""
+    low = [(0.0, 0.0), (0.02, 0.0), *arc(0.0, 0.046, 0.05, -62.0, 50.0, 18)]
+    high = [*arc(0.0302, 0.0937, 0.006, 225.0, 135.0, 5), *arc(0.0, 0.117, 0.0295, -35.0, 74.0, 14)]
+    return [*low, *high, (0.0055, 0.149), (0.0045, 0.156), *arc(0.0, 0.16, 0.006, -40.0, 90.0, 6)]
+
+
+def egg() -> Outline:
+    """An egg, 8 cm high, narrower at its top."""
+    turns = [sin_cos_degrees(-90.0 + 7.5 * i) for i in range(25)]
+    return [(0.029 * c * (1.0 - 0.14 * s), 0.04 + 0.04 * s) for s, c in turns]
+
+
+def pawn() -> Outline:
+    """A pawn of chess, 13 cm high."""
+    foot = [
+        (0.0, 0.0),
+        (0.036, 0.0),
+        *arc(0.0375, 0.004, 0.004, -80.0, 80.0, 6),
+        *arc(0.031, 0.013, 0.0055, -50.0, 80.0, 6),
+    ]
+    stem = [(0.0255, 0.024), (0.0185, 0.04), (0.0145, 0.058), (0.0128, 0.076)]
+    collar = [*arc(0.019, 0.0825, 0.003, -100.0, 80.0, 8), (0.0135, 0.088)]
+    return [*foot, *stem, *collar, *arc(0.0, 0.1065, 0.0225, -52.0, 90.0, 16)]
+
+
+def mill() -> Outline:
+    """A mill for pepper, turned of wood, 25 cm high: a groove runs below its head."""
+    foot = [(0.0, 0.0), (0.03, 0.0), *arc(0.0315, 0.003, 0.003, -80.0, 0.0, 4), (0.0345, 0.024)]
+    foot += [*arc(0.0325, 0.026, 0.002, 0.0, 80.0, 4), *arc(0.0305, 0.033, 0.0045, -70.0, 70.0, 6)]
+    waist = [(0.0275, 0.052), (0.022, 0.085), (0.0205, 0.11), (0.0225, 0.14), (0.028, 0.168)]
+    waist += [*arc(0.0285, 0.1745, 0.0035, -60.0, 85.0, 6), (0.0215, 0.1785), (0.0215, 0.1805)]
+    head = [*arc(0.0285, 0.184, 0.003, -80.0, 20.0, 5), *arc(0.0, 0.196, 0.0335, -12.0, 66.0, 12)]
+    return [*foot, *waist, *head, (0.0085, 0.2295), *arc(0.0, 0.2405, 0.0115, -55.0, 90.0, 12)]
+
+
+def draughtsman() -> Outline:
+    """A piece of draughts, 3 cm across: its upper side has a raised rim and a ring."""
+    side = [
+        (0.0, 0.0),
+        (0.013, 0.0),
+        *arc(0.0138, 0.0012, 0.0012, -90.0, 0.0, 4),
+        *arc(0.0138, 0.0068, 0.0012, 0.0, 90.0, 4),
+    ]
+    return [
+        *side,
+        (0.0122, 0.008),
+        (0.0112, 0.0066),
+        (0.0082, 0.0066),
+        (0.0074, 0.0076),
+        (0.0064, 0.0076),
+        (0.0056, 0.0066),
+        (0.0, 0.0066),
+    ]
+
+
+def globe_stand() -> Model:
+    """The foot of a globe of 15 cm radius about the origin, and the ring, around its tilted axis, that carries it."""
+    foot = [(0.0, -0.3), (0.08, -0.3), *arc(0.083, -0.295, 0.005, -80.0, 80.0, 6), (0.07, -0.286), (0.04, -0.276)]
+    foot += [*arc(0.022, -0.266, 0.007, -40.0, 70.0, 6), (0.013, -0.25), (0.011, -0.23)]
+    foot += [
+        *arc(0.011, -0.215, 0.009, -70.0, 70.0, 7),
+        (0.0105, -0.195),
+        (0.0135, -0.18),
+        *arc(0.012, -0.172, 0.004, 0.0, 80.0, 4),
+    ]
+    model = turned_on_a_lathe([*foot, (0.0, -0.168)], 48)
+    ring = [(0.164 * c, 0.164 * s, 0.0) for s, c in (sin_cos_degrees(5.0 * i) for i in range(73))]
+    tube(model, ring, 0.0042, 12)
+    s, c = sin_cos_degrees(23.0)
+    for side in (1.0, -1.0):
+        tube(model, [(0.146 * s * side, 0.146 * c * side, 0.0), (0.172 * s * side, 0.172 * c * side, 0.0)], 0.005, 12)
+    return model
+
+
+# --- a garden ---------------------------------------------------------------------------------------------------------
+
+
+def baluster() -> Outline:
+    """A baluster of stone, 60 cm high, between two plates."""
+    foot = [(0.0, 0.0), (0.07, 0.0), *arc(0.074, 0.004, 0.004, -80.0, 0.0, 3), (0.078, 0.04)]
+    foot += [*arc(0.055, 0.066, 0.02, -45.0, 70.0, 6), (0.042, 0.1)]
+    belly = [*arc(0.0, 0.215, 0.0745, -55.0, 40.0, 12), (0.046, 0.29), (0.035, 0.36), (0.0315, 0.43), (0.034, 0.48)]
+    head = [
+        *arc(0.04, 0.502, 0.012, -90.0, 90.0, 6),
+        (0.038, 0.528),
+        (0.06, 0.552),
+        (0.078, 0.558),
+        (0.078, 0.6),
+        (0.0, 0.6),
+    ]
+    return [*foot, *belly, *head]
+
+
+def urn() -> Outline:
+    """An urn, 32 cm high, on a foot: a round belly below a wide neck with a rolled rim."""
+    foot = [
+        (0.0, 0.0),
+        (0.068, 0.0),
+        *arc(0.07, 0.007, 0.007, -80.0, 80.0, 6),
+        (0.052, 0.02),
+        (0.034, 0.034),
+        (0.027, 0.052),
+    ]
+    foot += [*arc(0.03, 0.062, 0.0065, -80.0, 50.0, 6)]
+    belly = [(0.045, 0.076), *arc(0.0, 0.145, 0.095, -46.0, 16.0, 12), *arc(0.0915, 0.179, 0.006, -60.0, 90.0, 6)]
+    neck = [(0.079, 0.19), (0.074, 0.215), (0.076, 0.245), (0.088, 0.272), (0.108, 0.29)]
+    rim = [*arc(0.113, 0.301, 0.0105, -70.0, 150.0, 10), (0.086, 0.288), (0.07, 0.26), (0.066, 0.2)]
+    return [*foot, *belly, *neck, *rim, (0.06, 0.12), (0.0, 0.1)]
+
+
 # --- a Newton's cradle -----------------------------------------------------------------------------------------------
 
 
@@ -256,6 +394,16 @@ OUTLINES: Final[Mapping[str, tuple[Callable[[], Outline], int]]] = {
     "pan": (pan, 96),
     "candlestick": (candlestick, 96),
     "bud-vase": (bud_vase, 96),
+    "carafe": (carafe, 48),
+    "decanter": (decanter, 48),
+    "cloche": (cloche, 48),
+    "gourd": (gourd, 48),
+    "egg": (egg, 48),
+    "pawn": (pawn, 48),
+    "mill": (mill, 48),
+    "draughtsman": (draughtsman, 48),
+    "baluster": (baluster, 24),
+    "urn": (urn, 64),
 }
 """Surfaces of revolution, and the number of their segments."""
 
@@ -263,7 +411,7 @@ OUTLINES: Final[Mapping[str, tuple[Callable[[], Outline], int]]] = {
 def vessel(name: str) -> Model:
     """One of them."""
     outline, segments = OUTLINES[name]
-    return turned_on_a_lathe(outline(), segments)
+    return turned_on_a_lathe(outline(), segments, 2e-5 if name == "baluster" else 1e-5)
 
 
 MODELS: Final[Mapping[str, Callable[[], Model]]] = {
@@ -271,6 +419,7 @@ MODELS: Final[Mapping[str, Callable[[], Model]]] = {
     "drape": drape,
     "sweep": sweep,
     "handle": handle,
+    "globe-stand": globe_stand,
     "cradle": cradle,
     "threads": threads,
 }

@@ -50,6 +50,7 @@ NEEDED = {
     "metals", "sky", "drink", "surfaces", "lamps", "haze", "sundial",
     "candles",
     "foliage", "product", "fisheye", "avenue", "pool", "canal", "interior", "metalware", "cradle",
+    "still-life", "veranda", "balustrade", "museum", "attic",
 }  # fmt: skip
 INEXACT = {
     "avenue",
@@ -74,6 +75,11 @@ INEXACT = {
     "interior",
     "metalware",
     "cradle",
+    "still-life",
+    "veranda",
+    "balustrade",
+    "museum",
+    "attic",
 }
 EXACT = NEEDED - INEXACT
 
