@@ -52,7 +52,7 @@ def shown(image: Floats, name: str, white: float) -> Floats:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--peer", type=peer_from, action="append", default=[], help="NAME=PYTHON, repeated")
+    parser.add_argument("--peer", type=peer_from, action="append", required=True, help="NAME=PYTHON, repeated")
     parser.add_argument("--seconds", type=float, default=10.0, help="CPU seconds of an image (10)")
     parser.add_argument(
         "--references", type=Path, default=Path("references"), help="folder of references (./references)"

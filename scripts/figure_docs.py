@@ -240,6 +240,7 @@ OTHERS: Final[Mapping[str, Sequence[str]]] = {
     "light-paths.jpg": ["light_path_docs.py"],
     "hard-light.jpg": ["integrator_docs.py", "hard"],
     "hard-light-peers.jpg": ["hard_bench.py", "picture", "--images", "images"],
+    "speed-equal-time.jpg": ["equal_time.py"],
     "speed.jpg": ["speed_docs.py", "pictures"],
     "speed-growth.svg": ["speed_docs.py"],
     "report-*": ["report_docs"],

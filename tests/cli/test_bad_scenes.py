@@ -233,7 +233,7 @@ VALUES = [
     Bad("mix of one", CAMERA + '[materials.a]\ntype = "mix"\nmaterials = ["a"]\n', ("materials.a.materials",)),
     Bad("coat 2", CAMERA + '[materials.m]\ntype = "principled"\ncoat = 2\n', ("materials.m.coat", "at most 1")),
     Bad("ior 0.5", CAMERA + '[materials.m]\ntype = "principled"\nior = 0.5\n', ("materials.m.ior", "at least 1")),
-    Bad("eta 0", CAMERA + METAL + "eta = [1, 0, 1]\nk = [1, 1, 1]\n", ("materials.m.eta", "greater than 0")),
+    Bad("eta 0", CAMERA + METAL + "eta = [1, 0, 1]\nk = [1, 1, 1]\n", ("materials.m.eta", "at least 1e-06")),
     Bad("roughness 2", CAMERA + METAL + 'metal = "Au"\nroughness = 2\n', ("materials.m.roughness", "at most 1")),
     Bad("ior missing", CAMERA + '[materials.g]\ntype = "dielectric"\n', ("materials.g", "`ior` is missing")),
     Bad("priority -1", CAMERA + GLASS + "priority = -1\n", ("materials.g.priority", "at least 0")),

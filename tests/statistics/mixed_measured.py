@@ -24,7 +24,7 @@ def measured(name: str, content: Json, white: bool, black: bool) -> None:
     white : bool
         Whether all radiance is the same, so that nothing may absorb light.
     black : bool
-        Whether all light is outside of what may be walls, which have no holes then.
+        Whether all light is outside of what may be walls, which are boxes and have no holes then.
     """
     draw = Draw(f"measured of {name}", white=False)
     if white or not draw.chance(0.15):
@@ -47,8 +47,6 @@ def measured(name: str, content: Json, white: bool, black: bool) -> None:
         varied: tuple[Json, ...] = ({"ramp": [0.2, 0.9]}, {"checker": [0.3, 1.0]}, {"texture": "numbers.png"})
         made["opacity"] = draw.one((draw.between(0.3, 1.0), draw.one(varied if textured else (0.5,))))
         made |= {"opacity_cutoff": draw.between(0.2, 0.8)} if draw.chance(0.4) else {}
-    if black:
-        made = {key: value for key, value in made.items() if not key.startswith("opacity")}
     materials["measured"] = made
     wanted = "measured"
     if "opacity" not in made and draw.chance(0.3):
@@ -57,6 +55,9 @@ def measured(name: str, content: Json, white: bool, black: bool) -> None:
     for shape in places:
         if shape is places[0] or draw.chance(0.4):
             shape["material"] = wanted
+            if black and shape["type"] == "box" and "opacity" in made:
+                materials["measured walls"] = {key: made[key] for key in made if not key.startswith("opacity")}
+                shape["material"] = "measured walls"
 
 
 def _may_be(materials: Json, shape: Json) -> bool:
