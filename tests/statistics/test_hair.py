@@ -153,15 +153,15 @@ def test_photons_leave_hair_as_light_does(evidence: Evidence, studio: Studio, ra
     content |= {"camera": FROM_ABOVE, "shapes": [content["shapes"][0], content["shapes"][2]]}
     scene = clrender.Scene(**content).with_arrays(curves={"hair": bows(radius)})
     ways: tuple[dict[str, Any], ...] = (
-        {"spp": 512},
-        {"spp": 64, "integrator": "photon", "photons": 40000, "photon_radius": 0.03},
+        {"spp": 160},
+        {"spp": 20, "integrator": "photon", "photons": 40000, "photon_radius": 0.03},
     )
     # What has come by hair to the ground, and by the ground to hair
     first, second = (
         np.array(
             [
                 [studio.image(scene, 32, seed=seed, max_depth=depth, **way).mean() for depth in (2, 1)]
-                for seed in range(8)
+                for seed in range(24)
             ]
         )
         for way in ways
