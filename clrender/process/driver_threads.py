@@ -9,21 +9,22 @@ briefly, and else has to end without finalization.
 from __future__ import annotations
 
 import atexit
-import threading
 import time
 import weakref
 from collections.abc import Callable
 from typing import Any, Final
+
+from clrender.process.pooled_threads import PooledThread
 
 __all__ = ["driver_thread", "wait_for_driver_threads"]
 
 _PATIENCE: Final = 10.0
 """Seconds to wait for the threads in a process whose end is not ours to choose, as that of a notebook."""
 
-_threads: Final[weakref.WeakSet[threading.Thread]] = weakref.WeakSet()
+_threads: Final[weakref.WeakSet[PooledThread]] = weakref.WeakSet()
 
 
-def driver_thread(target: Callable[..., Any], *arguments: Any, name: str | None = None) -> threading.Thread:
+def driver_thread(target: Callable[..., Any], *arguments: Any, name: str | None = None) -> PooledThread:
     """Make a daemon thread, not yet started, that may call a driver.
 
     Parameters
@@ -33,7 +34,7 @@ def driver_thread(target: Callable[..., Any], *arguments: Any, name: str | None 
         Its arguments.
     name : str, optional
     """
-    thread = threading.Thread(target=target, args=arguments, name=name, daemon=True)
+    thread = PooledThread(target, *arguments, name=name)
     _threads.add(thread)
     return thread
 

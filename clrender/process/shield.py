@@ -8,12 +8,16 @@ and leaves; the work then ends by itself, in order, and the next call waits for 
 
 from __future__ import annotations
 
+import atexit
 import contextvars
 import queue
 import threading
+import weakref
 from collections.abc import Callable
 from functools import partial
 from typing import Any, Final, TypeVar
+
+from clrender.process.pooled_threads import PooledThread
 
 __all__ = ["Abandoned", "Call"]
 
@@ -21,6 +25,9 @@ _T = TypeVar("_T")
 
 PATIENCE: Final = 0.8
 """Seconds to wait for the work to end after an interruption, which must take effect within a second."""
+
+_threads: Final[weakref.WeakSet[PooledThread]] = weakref.WeakSet()
+"""Those of the calls."""
 
 
 class Abandoned(BaseException):
@@ -56,8 +63,8 @@ class Call:
         """
         if threading.current_thread() is not threading.main_thread():
             return work()
-        context = contextvars.copy_context()
-        thread = threading.Thread(target=context.run, args=(self._work, work), name="clrender call")
+        thread = PooledThread(self._work, work, name="clrender call", context=contextvars.copy_context())
+        _threads.add(thread)
         try:
             try:
                 thread.start()
@@ -112,9 +119,17 @@ class Call:
         finally:
             self._requests.put(None)
 
-    def _leave(self, thread: threading.Thread) -> None:
+    def _leave(self, thread: PooledThread) -> None:
         """Stop waiting for callbacks' requests. If the work has not ended, it is asked to, and waited for briefly."""
         self.abandoned = True
         self._answers.put((None, None))
-        if thread.ident is not None:
-            thread.join(PATIENCE)
+        thread.join(PATIENCE)
+
+
+def _wait_for_calls() -> None:
+    """Wait for work that was left: it may change a file, and ends by itself, in order."""
+    for thread in list(_threads):
+        thread.join()
+
+
+atexit.register(_wait_for_calls)

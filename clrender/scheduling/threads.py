@@ -137,7 +137,8 @@ class WorkerThreads:
         """Processor seconds that a worker of this process may have used; None for a worker elsewhere."""
         if self._candidates[number].elsewhere:
             return None
-        return processor_seconds(lambda: self._threads[number : number + 1])
+        thread = self._threads[number]
+        return processor_seconds(lambda: [thread.thread] if thread.thread is not None else [])
 
     def _live(self, number: int) -> None:
         """Main function of a thread."""

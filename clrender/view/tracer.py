@@ -21,6 +21,7 @@ from clrender.inspection.pixel_paths import check_pixel
 from clrender.inspection.surroundings import pose_of
 from clrender.inspection.tracing import paths_in
 from clrender.process.driver_threads import driver_thread
+from clrender.process.pooled_threads import PooledThread
 from clrender.process.stages import STAGES
 from clrender.rendering.session import Session
 from clrender.view.priority import lower_priority
@@ -119,7 +120,7 @@ class Tracer:
         self._running: _Question | None = None
         self._unwanted = self._closed = False
         self._session: tuple[int, Session] | None = None
-        self._thread: threading.Thread | None = None
+        self._thread: PooledThread | None = None
 
     def ask(
         self,

@@ -5,7 +5,11 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+import weakref
 
+import pytest
+
+from clrender.process import driver_threads
 from clrender.process.driver_threads import driver_thread, wait_for_driver_threads
 
 BUSY = """
@@ -37,7 +41,9 @@ def test_another_process_waits_for_the_thread_before_it_finalizes() -> None:
     assert run(script) == (0, "finalized\nreturned\n")
 
 
-def test_the_wait_ends_with_the_last_thread_or_with_its_time() -> None:
+def test_the_wait_ends_with_the_last_thread_or_with_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Without those of other tests in this process: a view that was closed may still be probing devices
+    monkeypatch.setattr(driver_threads, "_threads", weakref.WeakSet())
     first, second = driver_thread(time.sleep, 0.3), driver_thread(time.sleep, 0.6)
     begin = time.monotonic()
     first.start()

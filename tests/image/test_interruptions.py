@@ -20,6 +20,7 @@ import clrender
 from clrender.device import Device
 from clrender.errors import ClrenderError
 from clrender.film import Film
+from clrender.process.pooled_threads import PooledThread
 from clrender.process.shield import Call
 from clrender.rendering.job import RenderJob
 from clrender.rendering.residency import Residency
@@ -205,7 +206,7 @@ def test_a_second_interruption_while_the_first_is_handled(bench: Bench, monkeypa
     leave = Call._leave
     times = itertools.count()
 
-    def interrupted_leave(call: Call, thread: threading.Thread) -> None:
+    def interrupted_leave(call: Call, thread: PooledThread) -> None:
         if next(times) == 0:
             raise KeyboardInterrupt
         leave(call, thread)
