@@ -21,8 +21,6 @@ from clrender.aov import (
     GUIDES,
     LABELS,
     LAYER_SAMPLES,
-    SHADOW_CATCHER,
-    Labelling,
     first_hits,
     hit_counts,
     labels_told,
@@ -47,14 +45,12 @@ from clrender.flatten.light_groups import group_names
 from clrender.image.denoise import Denoiser
 from clrender.image.files import image_sha256
 from clrender.process.memory import largest_tile, room
-from clrender.rendering.amodal import alone
 from clrender.rendering.effort import effort_told
+from clrender.rendering.further_renders import FurtherRenders
 from clrender.rendering.job import RenderJob
-from clrender.rendering.light_groups import adding_up
 from clrender.rendering.memory import limited, needs, told
 from clrender.rendering.rendered_image import IncompleteRender, Progress, RenderedImage
 from clrender.rendering.residency import Residency
-from clrender.rendering.shadow_catchers import caught, whole_and_bare
 from clrender.rendering.statistics import error_stats, film_layers, job_stats, peak_rss, render_stats
 from clrender.rendering.team import Cluster, Team
 from clrender.scheduling.contributions import MOST_BYTES
@@ -63,7 +59,6 @@ from clrender.scheduling.policy import Plan
 from clrender.scheduling.run import Tally, WorkerTally, run
 from clrender.scheduling.tally import failures_told
 from clrender.scheduling.until_converged import run_until_converged
-from clrender.spectra.kernel_table import band_edges
 from clrender.wording import counted, grouped
 
 if TYPE_CHECKING:
@@ -178,14 +173,16 @@ class JobRender:
             if taken.tally.all_failed and not taken.tally.complete:
                 raise IncompleteRender(str(taken.tally.failures[-1]), image) from taken.tally.failures[-1]
             self._tell_outcome(flat, taken.tally, image)
-        if self._job.light_groups:
-            image.light_groups = self._groups(flat, image)
-        if self._job.bands:
-            image.spectrum = self._bands(image)
-        if self._job.amodal:
-            image.amodal = self._amodal(image)
-        if SHADOW_CATCHER in self._job.aov:
-            self._catch_shadows(image)
+        FurtherRenders(
+            image,
+            self._job,
+            group_names(flat) if self._job.light_groups else (),
+            self._areas,
+            lambda job: self._other(job, self._cluster).image(False),
+            lambda job, samples: self._other(job).hit_counts(samples),
+            self._should_stop,
+            self._residency.tell,
+        ).add()
         return image
 
     def _struct(self) -> npt.NDArray[np.void]:
@@ -195,103 +192,9 @@ class JobRender:
             struct["views"], struct["view_rows"] = len(self._job.views), self._settings.height
         return struct
 
-    def _groups(self, flat: FlatScene, image: RenderedImage) -> _Arrays:
-        """The parts of the light groups: the same samples again, with the lights of one group at a time."""
-        if image.interrupted:
-            self._residency.tell("warning: there are no layers of light groups, as the render was stopped early")
-            return {}
-        begin, parts = time.perf_counter(), {}
-        for name in group_names(flat):
-            job = dataclasses.replace(self._again(image), lit_by=name)
-            part = JobRender(self._residency, job, None, self._should_stop, cluster=self._cluster).image(False)
-            if part.interrupted:
-                self._residency.tell("warning: there are no layers of light groups, as the render was stopped early")
-                return {}
-            parts[name] = part.linear
-        image.stats["light_groups"] = list(parts)
-        image.stats["light_groups_seconds"] = time.perf_counter() - begin
-        return adding_up(image.linear, parts)
-
-    def _again(self, image: RenderedImage, **settings: Any) -> RenderJob:
-        """The job that renders the same samples as the image once more, without layers, under these settings."""
-        field, count = image.guiding_field, image.stats["sample_count"]
-        settings |= {"spp": self._job.first_sample + count, "guiding": "off" if field is None else "on"}
-        return dataclasses.replace(
-            self._job,
-            settings=dataclasses.replace(self._settings, error=None, time_limit=None, **settings),
-            sample_count=count,
-            aov=(),
-            denoise=False,
-            guiding_field=field,
-            light_groups=False,
-            amodal=(),
-            bands=0,
-        )
-
-    def _bands(self, image: RenderedImage) -> npt.NDArray[np.float32] | None:
-        """Radiance in bands of the spectrum: as many samples again for each three of them."""
-        begin, count = time.perf_counter(), self._job.bands
-        found = np.zeros((*image.linear.shape[:2], count), np.float32)
-        for first in (*range(0, count - 3, 3), count - 3) if not image.interrupted else ():
-            job = self._again(image, bands=(first, count))
-            part = JobRender(self._residency, job, None, self._should_stop, cluster=self._cluster).image(False)
-            if part.interrupted:
-                break
-            found[..., first : first + 3] = part.linear
-        else:
-            if not image.interrupted:
-                image.stats["spectrum_nm"] = [round(edge, 6) for edge in band_edges(count).tolist()]
-                image.stats["spectrum_seconds"] = time.perf_counter() - begin
-                return found
-        self._residency.tell("warning: there are no bands of the spectrum, as the render was stopped early")
-        return None
-
-    def _catch_shadows(self, image: RenderedImage) -> None:
-        """Add the layer of shadow catchers, and their shadows to alpha: the same samples, with and without objects."""
-        begin, alpha, parts = time.perf_counter(), image.alpha, []
-        common = dataclasses.replace(
-            self._job,
-            settings=dataclasses.replace(
-                self._settings, spp=self._job.first_sample + image.stats["sample_count"], error=None, time_limit=None
-            ),
-            sample_count=image.stats["sample_count"],
-            aov=("alpha",),
-            denoise=False,
-            guiding_field=None,
-            light_groups=False,
-            amodal=(),
-            bands=0,
-        )
-        for scene in whole_and_bare(self._job.scene) if not image.interrupted else ():
-            job = dataclasses.replace(common, scene=scene)
-            part = JobRender(self._residency, job, None, self._should_stop, cluster=self._cluster).image(False)
-            if not part.interrupted and part.alpha is not None:
-                parts.append((part.linear, part.alpha))
-        if len(parts) < 2 or alpha is None:
-            self._residency.tell("warning: there is no layer of shadow catchers, as the render was stopped early")
-            return
-        factor, whole = caught(image.linear, alpha, *parts)
-        image.aovs |= {SHADOW_CATCHER: factor, "alpha": whole[..., None]}
-        image.stats["shadow_catcher_seconds"] = time.perf_counter() - begin
-
-    def _amodal(self, image: RenderedImage) -> dict[int, npt.NDArray[np.float32]]:
-        """Masks of instances as if nothing stood before them: the same camera samples, in scenes of each one alone."""
-        begin, labelling = time.perf_counter(), Labelling.of(self._job.scene)
-        samples = min(self._settings.spp, LAYER_SAMPLES)
-        common = dataclasses.replace(self._job, aov=(), denoise=False, light_groups=False, amodal=(), bands=0)
-        masks, areas = dict[int, npt.NDArray[np.float32]](), dict[int, float]()
-        for number in labelling.numbered(self._job.amodal):
-            job = dataclasses.replace(common, scene=alone(self._job.scene, labelling, number))
-            counts = JobRender(self._residency, job, None, self._should_stop).hit_counts(samples)
-            if self._should_stop():
-                self._residency.tell("warning: there are no amodal masks, as the render was stopped early")
-                return {}
-            masks[number] = (counts / np.float64(samples)).astype(np.float32)
-            areas[number] = int(counts.sum(dtype=np.int64)) / samples
-        image.labels = labels_told(self._job.scene, self._areas, areas)
-        image.stats["labels"] = {layer: [each.told() for each in some] for layer, some in image.labels.items()}
-        image.stats["amodal_seconds"] = time.perf_counter() - begin
-        return masks
+    def _other(self, job: RenderJob, cluster: Cluster | None = None) -> JobRender:
+        """The rendering of another job on the way to this one's image."""
+        return JobRender(self._residency, job, None, self._should_stop, cluster=cluster)
 
     def hit_counts(self, samples: int) -> npt.NDArray[np.uint32]:
         """Number of the first `samples` of each pixel that hit anything, (height, width) uint32."""
