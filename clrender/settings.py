@@ -6,7 +6,7 @@ A new setting is one field of `RenderSettings`, plus the code in its integrator 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
@@ -596,7 +596,9 @@ class _Scene(Protocol):
     def image(self) -> _Table: ...
 
 
-def settings_for(scene: _Scene, size: tuple[int, int] | None, given: Mapping[str, Any]) -> RenderSettings:
+def settings_for(
+    scene: _Scene, size: tuple[int, int] | None, given: Mapping[str, Any], beside: Sequence[str] = ("size",)
+) -> RenderSettings:
     """Combine the settings of a render: the given ones, else the scene's, else the defaults.
 
     Every given setting must have an effect. The scene's settings may be for another integrator than the requested one.
@@ -608,6 +610,8 @@ def settings_for(scene: _Scene, size: tuple[int, int] | None, given: Mapping[str
         Width and height, pixels.
     given : mapping
         Fields of `RenderSettings`, or their former names.
+    beside : sequence of str
+        What else the caller takes: an unknown name may stand for one of these.
 
     Raises
     ------
@@ -618,7 +622,8 @@ def settings_for(scene: _Scene, size: tuple[int, int] | None, given: Mapping[str
     given = present(given)
     for name in given:
         if name not in SETTINGS:
-            near = nearest(name, SETTINGS) or f"; there are {', '.join(SETTINGS)}"
+            known = (*beside, *SETTINGS)
+            near = nearest(name, known) or f"; there are {', '.join(known)}"
             raise UsageError(f"there is no setting {shown(name)}{near}")
     values = {**scene.render.model_dump(), **scene.image.model_dump(), **_sides(size), **given}
     if given.get("error") is not None and given.get("spp") is None:

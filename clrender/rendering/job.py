@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import inspect
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -138,7 +139,7 @@ class RenderJob:
         masks = tuple(each.strip() for each in amodal.split(",")) if isinstance(amodal, str) else tuple(amodal)
         aov = (*check_aovs(aov), "instance") if masks else aov
         aov = _with_catchers(scene, check_aovs(aov))
-        job = cls._checked(scene, settings_for(scene, size, settings), samples, aov, denoise, guiding_field)
+        job = cls._checked(scene, settings_for(scene, size, settings, _beside()), samples, aov, denoise, guiding_field)
         if masks:
             Labelling.of(scene).numbered(masks)
             job = dataclasses.replace(job, amodal=masks)
@@ -436,11 +437,21 @@ def _shipped_field(sha256: object, assets: Mapping[str, bytes]) -> GuidingField 
     return field
 
 
+@cache
+def _beside() -> tuple[str, ...]:
+    """What `RenderJob.of` takes beside settings."""
+    kinds = inspect.signature(RenderJob.of).parameters.values()
+    return tuple(each.name for each in kinds if each.kind is each.KEYWORD_ONLY)
+
+
 def _range(samples: object) -> tuple[int, int]:
     """The two ends of a range of samples, given by a caller."""
     ends = tuple(samples) if isinstance(samples, Iterable) else ()
     if len(ends) != 2 or not all(isinstance(end, Integral) for end in ends):
-        raise UsageError(f"samples is {samples!r}, but must be two whole numbers, the first and the one after the last")
+        cure = f"; for {samples} samples per pixel, give spp" if isinstance(samples, Integral) else ""
+        raise UsageError(
+            f"samples is {samples!r}, but must be two whole numbers, the first and the one after the last{cure}"
+        )
     return int(ends[0]), int(ends[1])
 
 

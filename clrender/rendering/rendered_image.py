@@ -131,6 +131,14 @@ class RenderedImage:
     labels: Mapping[str, tuple[Label, ...]] = field(default_factory=dict)
     amodal: dict[int, npt.NDArray[np.float32]] = field(default_factory=dict)
 
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
+        """`linear`, for `numpy.asarray` and what else takes arrays."""
+        if dtype is None or np.dtype(dtype) == self.linear.dtype:
+            return self.linear.copy() if copy else self.linear
+        if copy is False:
+            raise ValueError(f"an image of float32 becomes one of {np.dtype(dtype)} by a copy only")
+        return self.linear.astype(dtype)
+
     @property
     def picture(self) -> npt.NDArray[np.float32]:
         """The image to write and display, (height, width, 3) float32: `denoised` if there is one, else `linear`."""

@@ -173,3 +173,18 @@ def test_materials_that_an_integrator_does_not_take_are_refused(integrator: str,
             RenderJob.of(scene, integrator=integrator)
     else:
         assert RenderJob.of(scene, integrator=integrator).integrator is INTEGRATORS[integrator]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"samples": 256}, "for 256 samples per pixel, give spp"),
+        ({"samples": "all"}, "must be two whole numbers, the first and the one after the last$"),
+        ({"sampels": (0, 2)}, "there is no setting 'sampels'; did you mean 'samples'"),
+        ({"denoised": True}, "there is no setting 'denoised'; did you mean 'denoise'"),
+        ({"resolution": (8, 8)}, "there is no setting 'resolution'; there are size, samples, .*, spp, "),
+    ],
+)
+def test_names_beside_the_settings_are_known(scene: Scene, wrong: dict[str, Any], said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        RenderJob.of(scene, **wrong)

@@ -138,3 +138,17 @@ def test_images_are_saved_with_numbers_of_numpy(tmp_path: Path) -> None:
     for path in (5, None, b"a.png"):
         with pytest.raises(UsageError, match="but must be the name of a file"):
             image.save(path)  # type: ignore[arg-type]
+
+
+def test_images_are_arrays() -> None:
+    linear = np.arange(192, dtype=np.float32).reshape(8, 8, 3)
+    image = RenderedImage(linear, {"width": 8}, film(), interrupted=False)
+    assert np.shares_memory(np.asarray(image), linear)
+    assert np.mean(image) == linear.mean()
+    copied, double = np.array(image), np.asarray(image, np.float64)
+    assert not np.shares_memory(copied, linear)
+    assert (copied == linear).all()
+    assert double.dtype == np.float64
+    assert (double == linear).all()
+    with pytest.raises(ValueError, match="by a copy only"):
+        image.__array__(np.float64, copy=False)

@@ -292,7 +292,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "digits": ({"seed": 10**5000}, "seed is an integer of more than 30 digits, but must be"),
     "misspelt value": ({"traversal": "packt"}, "is 'packt', but must be packet or single; did you mean 'packet'?"),
     "misspelt name": ({"sp": 4}, "there is no setting 'sp'; did you mean 'spp'?"),
-    "unknown name": ({"quality": 4}, "there is no setting 'quality'; there are spp, width"),
+    "unknown name": ({"quality": 4}, "there is no setting 'quality'; there are size, spp, width"),
     "samples per pass": ({"samples_per_pass": 0}, "samples_per_pass is 0, but must be a whole number of at least 1"),
     "work-group": ({"work_group": -3}, "work_group is -3, but must be a whole number of at least 1"),
     "time": ({"time_limit": math.nan}, "time_limit is nan, but must be a number above 0"),
