@@ -483,11 +483,34 @@ def test_mitsuba_gets_grids(tmp_path: Path, colored: bool) -> None:
     assert np.array_equal(numbers, VALUES[..., None] * np.array([0.25, 0.5, 1.0] if colored else [1.0], np.float32))
     text = (tmp_path / "a.xml").read_text()
     assert 'type="heterogeneous"' in text and ('name="raw"' in text) == colored
-    if not colored:
-        again = clrender.load(tmp_path / "a.xml")
-        density, values = grid_of(again)
-        assert np.array_equal(values.values, VALUES)
-        assert grid_placement(density, values).tolist() == np.diag([2.0] * 4)[:3].tolist()
+    again = clrender.load(tmp_path / "a.xml")
+    density, values = grid_of(again)
+    assert values.channels == 1 and (colored or np.array_equal(values.values, VALUES))
+    assert grid_placement(density, values).tolist() == np.diag([2.0] * 4)[:3].tolist()
+    (medium,) = again.media.values()
+    for key in ("absorption", "scattering"):
+        given = np.broadcast_to(getattr(scene.media["smoke"], key), 3)
+        found = values.values[..., None].astype(np.float64) * np.array(getattr(medium, key))
+        assert np.allclose(found, VALUES[..., None] * given, rtol=1e-6, atol=0.0)
+    assert not any("colours" in note for note in again.notes)
+
+
+@pytest.mark.parametrize("hues", ["none", "varying"])
+def test_mitsuba_grids_of_colors(tmp_path: Path, hues: str) -> None:
+    """Numbers take their place, and one hue; nothing is nothing."""
+    colors = np.zeros((2, 3, 4, 3), np.float32) if hues == "none" else np.random.default_rng(1).random((2, 3, 4, 3))
+    (tmp_path / "x.vol").write_bytes(vol_bytes(colors.astype(np.float32), channels=3))
+    (tmp_path / "a.xml").write_text(MITSUBA.format("x.vol", ""))
+    scene = clrender.load(tmp_path / "a.xml")
+    _, values = grid_of(scene)
+    (medium,) = scene.media.values()
+    total = np.array(medium.scattering) + np.array(medium.absorption)
+    if hues == "none":
+        assert not values.values.any() and total.tolist() == [8.0] * 3
+    else:
+        assert ["colours weaken alike everywhere" in note for note in scene.notes] == [True]
+        assert np.allclose(values.values, colors.mean(axis=-1), rtol=1e-6)
+        assert np.allclose(total, 8.0 * colors.mean(axis=(0, 1, 2)) / colors.mean(), rtol=1e-5)
 
 
 @pytest.mark.parametrize("export", [exported_to_luxcore, exported_to_cycles, exported_to_mitsuba])

@@ -10,6 +10,7 @@ from clrender.grids import GridData
 from clrender.importers.mitsuba.nested_spectra import nested_spectrum
 from clrender.importers.mitsuba.plugins import Plugin, Spectrum
 from clrender.importers.mitsuba.textures import TextureReader
+from clrender.importers.shared.colored_grids import density_and_hue
 from clrender.importers.shared.matrices import transform_key
 from clrender.importers.shared.spectra import coefficient_table, split_by_albedo
 from clrender.importers.shared.staging import Staging
@@ -65,11 +66,13 @@ class MediumReader:
         """A medium of ours; None if its grid is left out."""
         scale = plugin.number("scale", 1.0)
         density = albedos = None
+        extinction = (1.0, 1.0, 1.0)
         nested = plugin.child("sigma_t") or plugin.child("density")
         if nested is not None and nested.type == "gridvolume":
             density = self._grid(nested)
             if density is None:
                 return None
+            extinction = self._hue(density, nested)
         spectra: dict[str, Any] = {}
         parts: tuple[Any, Any] | None = None
         if plugin.has("sigma_a", "sigma_s"):  # 0.6
@@ -79,7 +82,8 @@ class MediumReader:
                 if said is not None:
                     spectra[key] = said
         else:
-            extinction = (1.0, 1.0, 1.0) if density is not None else self._color(plugin, "sigma_t", 1.0)
+            if density is None:
+                extinction = self._color(plugin, "sigma_t", 1.0)
             thinned = None if density is not None else self._table(plugin, "sigma_t")
             volume = plugin.child("albedo")
             albedos = None if volume is None or volume.type != "gridvolume" else self._grid(volume)
@@ -128,6 +132,18 @@ class MediumReader:
         for name in volume.unused():
             self._staging.note(f"{quoted(name)} of {volume.label} is not understood and does nothing")
         return made
+
+    def _hue(self, density: dict[str, Any], volume: Plugin) -> Color:
+        """The colour of an extinction: that of a grid of colours, which becomes one of numbers."""
+        data = self._staging.draft.grids[density["file"]]
+        if data.channels == 1:
+            return 1.0, 1.0, 1.0
+        values, (red, green, blue), varies = density_and_hue(data.values.astype(np.float64))
+        density["file"] = f"{density['file']} in numbers"
+        self._staging.draft.grids[density["file"]] = GridData(values.astype(np.float32), data.placement)
+        if varies:
+            self._staging.note(f"in {volume.label}, colours weaken alike everywhere: by the mean of their hues")
+        return (red, green, blue) if max(red, green, blue) > 0.0 else (1.0, 1.0, 1.0)
 
     def _color(self, plugin: Plugin, name: str, default: float) -> Color:
         return self._textures.surface_of(self._spectrum(plugin, name, default), default)

@@ -11,6 +11,7 @@ from clrender.errors import SceneError
 from clrender.grids import GridData
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
+from clrender.importers.shared.colored_grids import density_and_hue
 from clrender.importers.shared.matrices import Matrix, is_affine, transform_key
 from clrender.importers.shared.measured_media import MEASURED_MEDIA
 from clrender.importers.shared.staging import Staging
@@ -23,8 +24,6 @@ _MOST_G: Final = 0.99
 _NAME_LIMIT: Final = 160
 _GRIDS: Final = ("uniformgrid", "heterogeneous", "nanovdb", "rgbgrid")
 _LEAST_EXTINCTION: Final = 1e-12
-_HUE_SLACK: Final = 0.01
-"""Relative spread of extinctions over channels, up to which a grid of colours counts as one of numbers."""
 
 
 class MediumReader:
@@ -160,18 +159,15 @@ class MediumReader:
         ones = np.ones((*sides, 3))
         lost, turned = (ones if each is None else each for each in (absorption, scattering))
         extinction = lost + turned
-        density = (extinction[..., 0] + extinction[..., 1] + extinction[..., 2]) / 3.0
-        some = np.where(density > _LEAST_EXTINCTION, density, 1.0)[..., None]
-        hue = extinction.reshape(-1, 3).cumsum(axis=0)[-1]
-        hue = hue * (3.0 / max(float(hue[0] + hue[1] + hue[2]), _LEAST_EXTINCTION))
-        if (np.abs(extinction - density[..., None] * hue) > _HUE_SLACK * some).any():
+        density, hue, varies = density_and_hue(extinction)
+        if varies:
             self._staging.note(
                 f"in the medium {quoted(name)}, colours weaken alike everywhere: by the mean of their hues"
             )
         share = np.minimum(turned / np.where(extinction > _LEAST_EXTINCTION, extinction, 1.0), 1.0)
         scale = max(parameters.number("scale", 1.0), 0.0)
         made: dict[str, Any] = {
-            "scattering": [scale * each for each in hue.tolist()],
+            "scattering": [scale * each for each in hue],
             "g": min(max(parameters.number("g", 0.0), -_MOST_G), _MOST_G),
         }
         if any(each > 0.0 for each in made["scattering"]):
@@ -180,7 +176,8 @@ class MediumReader:
             factor = scale * parameters.number("Lescale", 1.0)
             if emitted is not None and emitted.any() and factor > 0.0:
                 # What weakens no light sends none
-                made["emission"] = [factor if each > 0.0 else 0.0 for each in hue.tolist()]
+                made["emission"] = [factor if each > 0.0 else 0.0 for each in hue]
+                some = np.where(density > _LEAST_EXTINCTION, density, 1.0)[..., None]
                 made["emission_grid"] = self._kept(name, "Le", lost * emitted / some, parameters, matrix)
         self._named[name] = self._new(name, made)
         self._tell_unused(parameters)
