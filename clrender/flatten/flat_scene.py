@@ -52,7 +52,7 @@ from clrender.scene.medium import Density
 from clrender.scene.time_reversal import reversed_about
 from clrender.scene.values import Vector, length
 
-__all__ = ["FlatScene", "flatten", "moving_from", "scene_origin", "seen_by"]
+__all__ = ["FlatScene", "flatten", "moving_from", "scene_origin", "seen_by", "view_of"]
 
 _Rows: TypeAlias = NDArray[np.void]
 _WHITE: Final = 0.9999
@@ -409,12 +409,25 @@ def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene
     SceneError, UsageError
         See `flatten`.
     """
+    row, knots = view_of(flat, scene, width, height)
+    features = flat.features.seen_by(row, flat.moves)
+    return dataclasses.replace(flat, camera=row, camera_knots=knots, features=features, film=scene.camera.film)
+
+
+def view_of(flat: FlatScene, scene: Scene, width: int, height: int) -> tuple[_Rows, NDArray[np.float32]]:
+    """The row of a scene's camera and the knots of its motion; see `seen_by`.
+
+    Returns
+    -------
+    row : (1,) `Camera`
+    knots : (n, words) float32
+    """
     scene, camera, knots = _seen(scene, width, height, flat.origin)
     size = (width, height)
-    around = surrounded(camera, flat.arrays, flat.triangle_count, flat.instances, scene.camera, flat.origin, size)
-    features = flat.features.seen_by(around, flat.moves)
-    film = scene.camera.film
-    return dataclasses.replace(flat, camera=around, camera_knots=knots, features=features, film=film)
+    return (
+        surrounded(camera, flat.arrays, flat.triangle_count, flat.instances, scene.camera, flat.origin, size),
+        knots,
+    )
 
 
 def moving_from(flat: FlatScene, scene: Scene, size: tuple[int, int]) -> FlatScene:

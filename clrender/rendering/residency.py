@@ -22,7 +22,7 @@ from clrender.device.scene_arrays import SceneArrays
 from clrender.device.worker import DeviceWorker
 from clrender.drivers import select
 from clrender.errors import DeviceError, UsageError
-from clrender.flatten.flat_scene import FlatScene, flatten, scene_origin, seen_by
+from clrender.flatten.flat_scene import FlatScene, flatten, scene_origin, seen_by, view_of
 from clrender.flatten.light_groups import lit_by
 from clrender.flatten.plugin_lights import Emitted, measured_lights
 from clrender.flatten.plugin_rows import used_plugins
@@ -172,18 +172,17 @@ class Residency:
             A camera needs other arrays, or is in other media.
         """
         assert self._flat is not None
-        geometry, settings, rows = self._flat[0], job.settings, []
+        geometry, settings, views = self._flat[0], job.settings, []
         for camera in job.views:
             scene = job.scene.with_checked(camera=camera)
-            other = _Geometry.of(dataclasses.replace(job, scene=scene))
-            if not geometry.same(other, self._flat[1].camera_free):
+            if not geometry.same(geometry.seen_by(scene), self._flat[1].camera_free):
                 raise ApartError
-            rows.append(seen_by(self._flat[1], scene, settings.width, settings.height))
-        cameras = np.concatenate([row.camera for row in rows])
+            views.append(view_of(self._flat[1], scene, settings.width, settings.height))
+        cameras = np.concatenate([row for row, _ in views])
         moving = cameras["segments"] > 0
         counts = np.where(moving, cameras["segments"] + 1, 0)
         cameras["first_knot"] = np.cumsum(counts) - counts
-        knots = [row.camera_knots for row, moves in zip(rows, moving.tolist(), strict=True) if moves]
+        knots = [some for (_, some), moves in zip(views, moving.tolist(), strict=True) if moves]
         if not knots:
             knots = [flat.camera_knots]
         media = cameras[["interior_first", "interior_last", "cuts_media"]]
@@ -304,11 +303,13 @@ class _Geometry:
 
     @classmethod
     def of(cls, job: RenderJob) -> _Geometry:
-        origin = scene_origin(job.scene.camera)
-        reach = camera_reach(job.scene.camera.opened, origin)
-        interval = job.scene.camera.interval if job.scene.has_motion else None
         sampling = _light_sampler(job), _compensated(job), job.settings.termination, job.lit_by
-        return cls(job.scene, *sampling, used_plugins(job.scene), origin, reach, interval)
+        return cls(job.scene, *sampling, used_plugins(job.scene), *_view(job.scene))
+
+    def seen_by(self, scene: Scene) -> _Geometry:
+        """The same with the camera of another scene, which has the same contents."""
+        origin, reach, interval = _view(scene)
+        return dataclasses.replace(self, scene=scene, origin=origin, reach=reach, interval=interval)
 
     def same(self, other: _Geometry, camera_free: float) -> bool:
         """Whether the arrays are the same, which up to a reach do not depend on it."""
@@ -318,6 +319,13 @@ class _Geometry:
         if dataclasses.replace(self, scene=b, reach=other.reach) != other:  # all but the scene
             return False
         return a.shares_contents(b) or a.content_sha256() == b.content_sha256()
+
+
+def _view(scene: Scene) -> tuple[tuple[float, float, float], float, tuple[float, float] | None]:
+    """What of the arrays depends on the camera: origin, reach and interval."""
+    origin = scene_origin(scene.camera)
+    reach = camera_reach(scene.camera.opened, origin)
+    return origin, reach, scene.camera.interval if scene.has_motion else None
 
 
 def _light_sampler(job: RenderJob) -> str:
