@@ -32,7 +32,7 @@ from clrender.flatten.plugin_lights import Emitted
 from clrender.flatten.plugin_rows import used_plugins
 from clrender.flatten.spectral import SpectralPlace, disperses
 from clrender.flatten.surfaces import flat_surfaces
-from clrender.flatten.texture_rows import flat_textures
+from clrender.flatten.texture_rows import FlatTextures, flat_textures
 from clrender.flatten.thin_films import thin_film_rows
 from clrender.flatten.touching import KnownMoves
 from clrender.scene.description import (
@@ -57,6 +57,11 @@ __all__ = ["FlatScene", "flatten", "moving_from", "scene_origin", "seen_by", "vi
 _Rows: TypeAlias = NDArray[np.void]
 _WHITE: Final = 0.9999
 """Albedo from which on a medium counts as one that absorbs nothing."""
+
+_OF_GRIDS: Final = ("grid_rows", "grid_words")
+"""Arrays that do not count in scenes without grids, whose hashes are older than these; and likewise:"""
+_OF_MEASURED: Final = ("measured_rows", "measured_words")
+_RARE: Final = ("curve_rows", "thin_film_rows")
 
 
 @dataclass(frozen=True)
@@ -333,36 +338,18 @@ def flatten(
         _darken(arrays, triangle_count, lights.count, instances)
     in_fog = _lost_in_fog(scene)
     unbounded = _mark_open(arrays, triangle_count, media) if media.scatters else []
-    digest = hashlib.sha256(f"{lights.environment} {triangle_count} {analytic_count} {lights.count}".encode())
-    for name, array in arrays.items():
-        if name.startswith("grid_") and not media.grids:
-            continue  # hashes of scenes without grids are older than these
-        if name.startswith("measured_") and not measured.head_of:
-            continue  # likewise
-        if name in ("curve_rows", "thin_film_rows") and not array.any():
-            continue  # likewise
-        digest.update(f"{name} {array.shape}".encode())
-        if name == "texels":
-            digest.update(textures.sha256.encode())  # they may be large, and are already hashed
-        elif name == "grid_words":  # likewise
-            for medium, grids in media.grids:
-                for key, grid in grids.given():
-                    more = grid.edges if isinstance(grid, Density) else key
-                    digest.update(f"{scene.grid(medium, key, grid).sha256()} {more}".encode())
-        elif name == "measured_words":  # likewise
-            for material, its in scene.measured_materials():
-                digest.update(scene.measured(material, its).sha256().encode())
-        else:
-            digest.update(array.reshape(-1).view(np.uint8).data)
     around_lights = (scene.environment, scene.sky)
     hidden = any(light is not None and not light.visible_to_camera for light in around_lights)
     hidden = hidden or scene.has_shadow_catchers
+    spectral = (*materials.spectral, *media.spectral, *lights.spectral)
+    plugins = used_plugins(scene)
+    digest = hashlib.sha256(f"{lights.environment} {triangle_count} {analytic_count} {lights.count}".encode())
+    left_out = (*(() if media.grids else _OF_GRIDS), *(() if measured.head_of else _OF_MEASURED))
+    _add_arrays(digest, scene, {name: arrays[name] for name in arrays if name not in left_out}, media, textures)
     if hidden:
         digest.update(b"hidden environment")
-    spectral = (*materials.spectral, *media.spectral, *lights.spectral)
     for place in spectral:
         digest.update(f"spectrum {place.array} {place.rows} {place.column}".encode() + place.values.tobytes())
-    plugins = used_plugins(scene)
     for each in plugins:
         digest.update(f"plugin {each.name} {each.sha256}".encode())
     camera = surrounded(camera, arrays, triangle_count, instances, scene.camera, origin, (width, height))
@@ -396,6 +383,28 @@ def flatten(
         camera_free=surfaces.camera_free,
         spectral=spectral,
     )
+
+
+def _add_arrays(
+    digest: hashlib._Hash, scene: Scene, arrays: Mapping[str, NDArray[Any]], media: Media, textures: FlatTextures
+) -> None:
+    """Add arrays to a hash; what is large and has a hash already counts by that."""
+    for name, array in arrays.items():
+        if name in _RARE and not array.any():
+            continue
+        digest.update(f"{name} {array.shape}".encode())
+        if name == "texels":
+            digest.update(textures.sha256.encode())
+        elif name == "grid_words":
+            for medium, grids in media.grids:
+                for key, grid in grids.given():
+                    more = grid.edges if isinstance(grid, Density) else key
+                    digest.update(f"{scene.grid(medium, key, grid).sha256()} {more}".encode())
+        elif name == "measured_words":
+            for material, its in scene.measured_materials():
+                digest.update(scene.measured(material, its).sha256().encode())
+        else:
+            digest.update(array.reshape(-1).view(np.uint8).data)
 
 
 def seen_by(flat: FlatScene, scene: Scene, width: int, height: int) -> FlatScene:

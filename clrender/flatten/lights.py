@@ -29,7 +29,8 @@ from clrender.flatten.surface_arrays import FlatSurfaces
 from clrender.flatten.surfaces import triangle_areas
 from clrender.flatten.texture_rows import FlatTextures
 from clrender.scene.description import DirectionalLight, IesLight, PluginLight, Scene, SunSkyLight
-from clrender.scene.light_kinds import MOVING_LIGHTS
+from clrender.scene.groups import ShapeOrInstance
+from clrender.scene.light_kinds import MOVING_LIGHTS, Light
 from clrender.scene.motion import Track, matrices_of
 from clrender.scene.shapes import Disk, Sphere
 from clrender.scene.spectra import SpectralColor
@@ -142,137 +143,206 @@ def flat_lights(
     SceneError
         If more than 2**24 triangles emit light, a texture is not a valid radiance, or an IES file is too bright.
     """
-    rows: list[_Rows] = []
-    groups: list[NDArray[np.str_]] = []
-    unsampled: list[_Rows] = []
-    powers: list[NDArray[np.float64]] = []
-    total, environment = 0, layout.NONE
-    ways: list[tuple[slice, Knots]] = []
-    darkest: dict[int, float] = {}
-    means: dict[int, NDArray[np.float64]] = {}
-    spectral: list[SpectralPlace] = []
+    collector = _LightCollector(scene, surfaces, instances, textures, around, tables)
     for index in range(len(scene.shapes)):
+        collector.add_shape(index)
+    for index, light in enumerate(scene.lights):
+        collector.add_light(index, light)
+    return collector.lights(choice)
+
+
+class _LightCollector:
+    """Collects rows of lights, and what their sampler wants to know of them; for the parameters see `flat_lights`."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        surfaces: FlatSurfaces,
+        instances: FlatInstances,
+        textures: FlatTextures,
+        around: EnvironmentTable,
+        tables: LampTables,
+    ) -> None:
+        self._scene, self._surfaces, self._instances = scene, surfaces, instances
+        self._textures, self._around, self._tables = textures, around, tables
+        self._radius = _bounding_radius(surfaces, instances)
+        self._rows: list[_Rows] = []
+        self._groups: list[NDArray[np.str_]] = []
+        self._powers: list[NDArray[np.float64]] = []
+        self._spectral: list[SpectralPlace] = []
+        self._total, self._environment = 0, layout.NONE
+        self._unsampled: tuple[_Rows, object, Color, NDArray[np.str_]] | None = None
+        self._ways: list[tuple[slice, Knots]] = []
+        self._carried: list[tuple[int, Knots]] = []
+        self._lamps: dict[int, Lamp] = {}
+        self._darkest: dict[int, float] = {}
+        self._means: dict[int, NDArray[np.float64]] = {}
+
+    def _add(self, part: ShapeOrInstance | Light, rows: _Rows, powers: NDArray[np.float64]) -> slice:
+        """Add rows; returns where they are."""
+        where = slice(self._total, self._total + len(rows))
+        self._rows.append(rows)
+        self._groups.append(_group(part, len(rows)))
+        self._powers.append(powers)
+        self._total += len(rows)
+        return where
+
+    def add_shape(self, index: int) -> None:
+        """Add the triangles, or the surface, of a shape that shines."""
+        scene, surfaces = self._scene, self._surfaces
         emission = shape_emission(scene, index)
         if emission is None:
-            continue
-        texture = textures.emission.get(index)
-        if texture is not None and texture not in darkest:
-            darkest[texture] = _LEAST_SHARE * _texture_luminance(scene, emission, EmissionMeans(textures, texture))
-        if (_luminance(emission.constant) if texture is None else darkest[texture]) == 0.0:
-            continue
+            return
+        texture = self._textures.emission.get(index)
+        if self._least(emission, texture) == 0.0:
+            return
         count = int(surfaces.count[index])
-        if total + count > _LIGHT_LIMIT:
+        if self._total + count > _LIGHT_LIMIT:
             at = place((*scene.place_of(index), "emission"))
             raise SceneError(
                 f"{scene.source}: {at}: more than {counted(_LIGHT_LIMIT, 'triangle')} would shine; use fewer, or an "
                 "environment"
             )
         some, areas = _area_lights(scene, surfaces, index)
-        moving = instances.moving_light(int(surfaces.first[index]), len(surfaces.triangles))
+        moving = self._instances.moving_light(int(surfaces.first[index]), len(surfaces.triangles))
         if moving is not None:
-            ways.append((slice(total, total + count), moving[0]))
             some["offset"], areas = moving[1], areas * _grown(moving[0])
-        surfaces.shapes["first_light"][index] = total
-        rows.append(some)
-        groups.append(_group(scene.shapes[index], count))
         if texture is None:
             some["radiance"][:, :3] = emission.constant
-            spectral += _spectral(range(total, total + count), emission.color, emission.constant)
-            powers.append(math.pi * areas * _luminance(emission.constant))
+            luminances: Any = _luminance(emission.constant)
         else:
-            if index not in means:
-                means |= _means(scene, surfaces, textures, texture)
-            some["radiance"][:, :3] = means[index]
+            if index not in self._means:
+                self._means |= _means(scene, surfaces, self._textures, texture)
+            some["radiance"][:, :3] = self._means[index]
             some["texture"] = texture + 1
-            powers.append(math.pi * areas * np.maximum(_luminances(some["radiance"]), darkest[texture]))
-        total += count
-    radius = _bounding_radius(surfaces, instances)
-    lamps: dict[int, Lamp] = {}
-    carried: list[tuple[int, Knots]] = []
-    for index, light in enumerate(scene.lights):
+            luminances = np.maximum(_luminances(some["radiance"]), self._darkest[texture])
+        where = self._add(scene.shapes[index], some, math.pi * areas * luminances)
+        surfaces.shapes["first_light"][index] = where.start
+        if texture is None:
+            self._spectral += _spectral(where, emission.color, emission.constant)
+        if moving is not None:
+            self._ways.append((where, moving[0]))
+
+    def _least(self, emission: Emission, texture: int | None) -> float:
+        """The least luminance that a shape's light is taken for; 0 if it is black."""
+        if texture is None:
+            return _luminance(emission.constant)
+        if texture not in self._darkest:
+            luminance = _texture_luminance(self._scene, emission, EmissionMeans(self._textures, texture))
+            self._darkest[texture] = _LEAST_SHARE * luminance
+        return self._darkest[texture]
+
+    def add_light(self, index: int, light: Light) -> None:
+        """Add a light of the file, unless it is black."""
         row = np.zeros(1, dtype=layout.dtype("Light"))
         row["primitive"] = layout.NONE
-        # Its motion leads to world space, and has the origin in its own offsets
-        knots, origin = None, surfaces.origin
+        row["alias_threshold"], row["place"] = 1.0, layout.NONE
+        knots = None
         if isinstance(light, MOVING_LIGHTS) and light.motion:
-            knots, origin = knots_of(Track(light.motion), scene, index, "lights"), (0.0, 0.0, 0.0)
+            knots = knots_of(Track(light.motion), self._scene, index, "lights")
         if isinstance(light, AT_POINT):
-            if isinstance(light, PluginLight):
-                lamp = given_lamp(scene, index, tables, knots)
-            else:
-                lamp = lamp_at(light, tables, knots)
-            lamps[total] = lamp
-            color, factor, kind = lamp.intensity, lamp.flux, lamp.kind
-            said = light.scale if isinstance(light, IesLight | PluginLight) else getattr(light, "intensity", None)
-            if max(color) > POWER_LIMIT:
-                bright = f"makes an intensity of {max(color):g} W/sr; at most {POWER_LIMIT:g} is known"
-                raise SceneError(f"{scene.source}: lights[{index}].scale: {bright}")
-            row["position"][0, :3] = [x - o for x, o in zip(light.position, origin, strict=True)]
-            row["axis"], row["zero"], row["table"] = lamp.axis, lamp.zero, lamp.table
+            where = self._add_lamp(index, light, row, knots)
         elif isinstance(light, DirectionalLight):
-            color, factor, kind = light.irradiance, math.pi * radius * radius, layout.LIGHT_DIRECTIONAL
-            said = light.irradiance
             size = length(light.direction)
             row["position"][0, :3] = [x / size for x in light.direction]
+            row["kind"] = layout.LIGHT_DIRECTIONAL
+            factor = math.pi * self._radius * self._radius
+            where = self._add_colored(light, row, light.irradiance, factor, light.irradiance)
         else:
-            color, factor = around.radiance, 4.0 * math.pi * math.pi * radius * radius * around.sampled
-            kind = layout.LIGHT_ENVIRONMENT
-            said = getattr(light, "radiance", None)
+            where = self._add_environment(light, row)
+        if knots is not None and where is not None:
+            self._carried.append((where.start, knots))
+            if row["kind"][0] != layout.LIGHT_DIRECTIONAL:
+                self._ways.append((where, knots))
+
+    def _add_colored(self, light: Light, row: _Rows, color: Color, factor: float, said: object) -> slice | None:
+        """Add a light of a colour whose power is the factor times its luminance; None if it is black."""
+        if _luminance(color) == 0.0:
+            return None
+        row["radiance"][0, :3] = color
+        where = self._add(light, row, np.array([factor * _luminance(color)]))
+        self._spectral += _spectral(where, said, color)
+        return where
+
+    def _add_lamp(self, index: int, light: Any, row: _Rows, knots: Knots | None) -> slice | None:
+        """Add a light that shines from one point; None if it is black."""
+        scene, tables = self._scene, self._tables
+        # Its motion leads to world space, and has the origin in its own offsets
+        origin = self._surfaces.origin if knots is None else (0.0, 0.0, 0.0)
+        if isinstance(light, PluginLight):
+            lamp = given_lamp(scene, index, tables, knots)
+        else:
+            lamp = lamp_at(light, tables, knots)
+        if max(lamp.intensity) > POWER_LIMIT:
+            bright = f"makes an intensity of {max(lamp.intensity):g} W/sr; at most {POWER_LIMIT:g} is known"
+            raise SceneError(f"{scene.source}: lights[{index}].scale: {bright}")
+        row["kind"] = lamp.kind
+        row["position"][0, :3] = [x - o for x, o in zip(light.position, origin, strict=True)]
+        row["axis"], row["zero"], row["table"] = lamp.axis, lamp.zero, lamp.table
+        said = light.scale if isinstance(light, IesLight | PluginLight) else getattr(light, "intensity", None)
+        where = self._add_colored(light, row, lamp.intensity, lamp.flux, said)
+        if where is not None:
+            self._lamps[where.start] = lamp
+        return where
+
+    def _add_environment(self, light: Light, row: _Rows) -> slice | None:
+        """Add the sun, which is a light of its own, and the environment; None if that is not sampled."""
+        around, tables, radius = self._around, self._tables, self._radius
         if isinstance(light, SunSkyLight) and tables.sun is not None:
             solid_angle = 2.0 * math.pi * tables.sun.spread
-            rows.append(_sun_row(scene, light, tables.sun))
-            groups.append(_group(light, 1))
-            powers.append(np.array([math.pi * radius * radius * solid_angle * _luminance(tables.sun.mean)]))
-            tables.words[_SUN_LIGHT : _SUN_LIGHT + 1].view(np.uint32)[0] = total
-            total += 1
-        if _luminance(color) == 0.0:
-            continue
-        row["kind"], row["radiance"][0, :3] = kind, color
-        row["alias_threshold"], row["place"] = 1.0, layout.NONE
-        if kind == layout.LIGHT_ENVIRONMENT and around.sampled == 0.0:
-            unsampled.append(row)
-            of_unsampled = said, color
-            last = _group(light, 1)
-            continue
-        if kind == layout.LIGHT_ENVIRONMENT:
-            environment = total
-        if knots is not None:
-            carried.append((total, knots))
-            if kind != layout.LIGHT_DIRECTIONAL:
-                ways.append((slice(total, total + 1), knots))
-        spectral += _spectral(range(total, total + 1), said, color)
-        rows.append(row)
-        groups.append(_group(light, 1))
-        powers.append(np.array([factor * _luminance(color)]))
-        total += 1
-    if unsampled:
-        environment = total
-        groups.append(last)
-        spectral += _spectral(range(total, total + 1), *of_unsampled)
-    lights = np.concatenate([np.zeros(0, dtype=layout.dtype("Light")), *rows, *unsampled])
-    knot_rows, firsts = light_knot_rows([knots for _, knots in carried], surfaces.origin)
-    lights["primitive"][[number for number, _ in carried]] = len(instances.motion_rows) + firsts
-    of_groups = tuple(np.concatenate([np.zeros(0, "U1"), *groups]).tolist())
-    if total == 0:
-        return FlatLights(lights, 0, environment, None, of_groups, tuple(spectral), knot_rows)
-    power = np.concatenate(powers)
-    shares = np.ones(total) if choice == "uniform" else power
-    sampled = lights[:total]
-    sampled["probability"], sampled["alias_threshold"], sampled["alias"] = alias_table(shares)
-    sampled["place"] = layout.NONE
-    if total < 2 or choice in ("power", "uniform") or (choice == "auto" and total < _TREE_FROM):
-        return FlatLights(lights, total, environment, None, of_groups, tuple(spectral), knot_rows)
-    tree = light_tree(_emitters(sampled, power, radius, surfaces, lamps, ways))
-    sampled["place"] = tree.place
-    return FlatLights(lights, total, environment, tree, of_groups, tuple(spectral), knot_rows)
+            power = math.pi * radius * radius * solid_angle * _luminance(tables.sun.mean)
+            where = self._add(light, _sun_row(self._scene, light, tables.sun), np.array([power]))
+            tables.words[_SUN_LIGHT : _SUN_LIGHT + 1].view(np.uint32)[0] = where.start
+        row["kind"] = layout.LIGHT_ENVIRONMENT
+        said = getattr(light, "radiance", None)
+        if around.sampled == 0.0:
+            if _luminance(around.radiance) != 0.0:
+                row["radiance"][0, :3] = around.radiance
+                self._unsampled = row, said, around.radiance, _group(light, 1)
+            return None
+        factor = 4.0 * math.pi * math.pi * radius * radius * around.sampled
+        at = self._add_colored(light, row, around.radiance, factor, said)
+        if at is not None:
+            self._environment = at.start
+        return at
+
+    def lights(self, choice: str) -> FlatLights:
+        """What was collected, with a sampler of this name; an environment that is not sampled comes last."""
+        total, rows = self._total, self._rows
+        if self._unsampled is not None:
+            row, said, color, group = self._unsampled
+            self._environment = total
+            rows.append(row)
+            self._groups.append(group)
+            self._spectral += _spectral(slice(total, total + 1), said, color)
+        lights = np.concatenate([np.zeros(0, dtype=layout.dtype("Light")), *rows])
+        knot_rows, firsts = light_knot_rows([knots for _, knots in self._carried], self._surfaces.origin)
+        lights["primitive"][[number for number, _ in self._carried]] = len(self._instances.motion_rows) + firsts
+        tree = self._sampler(lights[:total], choice) if total else None
+        groups = tuple(np.concatenate([np.zeros(0, "U1"), *self._groups]).tolist())
+        return FlatLights(lights, total, self._environment, tree, groups, tuple(self._spectral), knot_rows)
+
+    def _sampler(self, sampled: _Rows, choice: str) -> LightTree | None:
+        """Write down with what probability each light is chosen, or make the tree that chooses one."""
+        power = np.concatenate(self._powers)
+        shares = np.ones(len(sampled)) if choice == "uniform" else power
+        sampled["probability"], sampled["alias_threshold"], sampled["alias"] = alias_table(shares)
+        sampled["place"] = layout.NONE
+        few = choice == "auto" and len(sampled) < _TREE_FROM
+        if len(sampled) < 2 or choice in ("power", "uniform") or few:
+            return None
+        emitters = _emitters(sampled, power, self._radius, self._surfaces, self._lamps, self._ways)
+        tree = light_tree(emitters)
+        sampled["place"] = tree.place
+        return tree
 
 
-def _spectral(rows: range, said: object, color: Color) -> list[SpectralPlace]:
+def _spectral(rows: slice, said: object, color: Color) -> list[SpectralPlace]:
     """Rows of lights of this colour, if a spectrum says it."""
     if not isinstance(said, SpectralColor) or max(said) == 0.0:
         return []
     factor = max(color) / max(said)
-    return [SpectralPlace("lights", slice(rows.start, rows.stop), "radiance", 3, said.values * factor)]
+    return [SpectralPlace("lights", rows, "radiance", 3, said.values * factor)]
 
 
 def _group(light: Any, count: int) -> NDArray[np.str_]:
