@@ -259,14 +259,17 @@ class Residency:
 
     def _forget(self, device: Device, before: frozenset[Buffer]) -> None:
         """Release everything that was allocated on a device since `before`, after a worker could not be made."""
+        self._lose(device)
+        device.release_but(before)
+
+    def _lose(self, device: Device) -> None:
+        """Note that nothing of this session is on a device any more."""
         self._uploaded.pop(device, None)
         self._scratch.pop(device, None)
-        device.release_but(before)
 
     def restart(self, device: Device) -> None:
         """Reset a device that failed, so that it can be tried again: everything on it is released."""
-        self._uploaded.pop(device, None)
-        self._scratch.pop(device, None)
+        self._lose(device)
         self._release_all(device)
         if device not in self.borrowed:
             device.reopen()
