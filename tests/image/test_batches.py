@@ -127,4 +127,4 @@ def test_cameras_are_a_list(given: Any) -> None:
 
 def test_amodal_masks_are_of_names() -> None:
     with pytest.raises(UsageError, match="amodal is 3, but must be names of instances, or all"):
-        clrender.RenderJob.of(clrender.load("room"), amodal=3)
+        clrender.RenderJob.of(clrender.load("room"), amodal=3)  # type: ignore[arg-type]

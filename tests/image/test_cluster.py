@@ -114,6 +114,7 @@ def test_light_groups_and_spectra_of_guided_paths(local: DaskCluster, here: Sess
     how: dict[str, Any] = {"spp": 8, "size": SIZE, "guiding": "on", "guiding_paths": 50000, "spectral": True}
     alone, far = (here.render(scene, light_groups=True, spectrum=4, cluster=each, **how) for each in (None, local))
     assert hash_of(alone) == hash_of(far) and alone.guiding_field is not None
+    assert alone.spectrum is not None and far.spectrum is not None
     assert np.array_equal(alone.spectrum, far.spectrum)
     assert alone.light_groups.keys() == far.light_groups.keys()
     for name, part in alone.light_groups.items():
