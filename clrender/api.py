@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from clrender.rendering.job import RenderJob
 from clrender.rendering.session import Session
+from clrender.rendering.telling import once
 
 if TYPE_CHECKING:
     import numpy as np
@@ -80,7 +81,7 @@ def render(
             from clrender.cluster import open_cluster
 
             opened = stack.enter_context(open_cluster(cluster, device=device, notify=notify))  # type: ignore[arg-type]  # it looks
-        session = stack.enter_context(Session(device, notify=notify, on_stage=on_stage))
+        session = stack.enter_context(Session(device, notify=once(notify), on_stage=on_stage))
         return session.render(
             job,
             on_progress=on_progress,

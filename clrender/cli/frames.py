@@ -114,13 +114,18 @@ def is_done(paths: Sequence[Path], job: RenderJob, how: Mapping[str, Any]) -> bo
     how : mapping
         ``tone_map``, ``exposure``, ``exr_type`` and ``exr_compression`` of files.
     """
+    from clrender.image.exposure import photographic_stops
     from clrender.image.files import read_provenance
+    from clrender.image.tone_map import record_of
+    from clrender.rendering.statistics import asked_layers
 
     if not all(path.is_file() for path in paths):
         return False
-    width, height = job.settings.film_size
     request = json.loads(json.dumps(job.request()))
     del request["sampler_sha256"]  # a part of the kernels
+    exposure = how["exposure"] + photographic_stops(**(job.scene.camera.exposure or {}))
+    wanted = {**how, **record_of(how["tone_map"], exposure)}
+    layers = {*asked_layers(job)}
     for path in paths:
         if path.suffix.lower() not in _EMBEDDED:
             continue
@@ -130,9 +135,20 @@ def is_done(paths: Sequence[Path], job: RenderJob, how: Mapping[str, Any]) -> bo
             return False
         settings = {name: value for name, value in said.get("settings", {}).items() if name != "spp"}
         made = {**settings, **{name: said.get(name) for name in request if name not in settings}}
-        stored = said.get("stored", {})
-        if made != request or said.get("samples") != width * height * job.sample_count:
+        stored, held = said.get("stored", {}), said.get("layers", [])
+        if made != request or not _has_samples(said, job):
             return False
-        if said.get("denoised") != job.denoise or any(stored[name] != how[name] for name in stored.keys() & how.keys()):
+        if said.get("denoised") != job.denoise or any(stored[name] != wanted.get(name) for name in stored):
+            return False
+        if not (layers if path.suffix.lower() == ".exr" else layers & {"alpha"}).issubset(held):
             return False
     return True
+
+
+def _has_samples(said: Mapping[str, Any], job: RenderJob) -> bool:
+    """Whether an image has the samples of a job, or as many as were enough for the error that it asks for."""
+    width, height = job.settings.film_size
+    if said.get("samples") == width * height * job.sample_count:
+        return True
+    asked = {name: getattr(job.settings, name) for name in ("error", "confidence", "share", "error_floor")}
+    return job.settings.error is not None and said.get("converged") is True and asked.items() <= said.items()

@@ -118,6 +118,7 @@ def paths(
     from clrender.inspection.tracing import paths_in
     from clrender.rendering.job import RenderJob
     from clrender.rendering.session import Session
+    from clrender.rendering.telling import once
 
     if maps == (place is not None):
         raise click.UsageError("Give either --pixel X,Y, for the light paths of a pixel, or --maps.")
@@ -139,7 +140,7 @@ def paths(
             check_pixel(place, job.settings.width, job.settings.height)
         check_distinct(outputs, scene_files(scene, description))
         pictured = any(path.suffix.lower() == ".html" for path in outputs)
-        with Session(list(devices) or None, notify=say, on_stage=waiting.stage) as session:
+        with Session(list(devices) or None, notify=once(say), on_stage=waiting.stage) as session:
             found: PixelPaths | PathMaps
             try:
                 if place is None:

@@ -213,6 +213,8 @@ class MaterialWriter:
         if alphas is None:
             return [self._textures.number("roughness", material.roughness, (*at, "roughness"))]
         along, across = alphas
+        if along == 0.0 or across == 0.0:  # smooth, whatever its anisotropy
+            return [value("float", "roughness", 0.0)]
         if across > along or across < (1.0 - _STRETCH) * along:
             self._target.leave_out("anisotropy along v, or by more than a factor of 10, in Disney's model", *at)
         ratio = min(max(across / along, 1.0 - _STRETCH), 1.0)

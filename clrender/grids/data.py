@@ -87,7 +87,8 @@ class GridData:
             shape = " x ".join(str(side) for side in values.shape)
             text = f"has {shape} numbers; at most {VALUE_LIMIT} are possible, and {SIDE_LIMIT} along a side"
             raise SceneError(f"{label} {text}; make the grid coarser")
-        numbers = np.ascontiguousarray(values, np.float32)
+        with np.errstate(over="ignore"):  # infinite, which is refused
+            numbers = np.ascontiguousarray(values, np.float32)
         for z, sheet in enumerate(numbers):
             least, most = float(sheet.min()), float(sheet.max())
             if not (least >= 0.0 and most <= _LARGEST):

@@ -22,6 +22,7 @@ from clrender.inspection.document import plain
 from clrender.limits import shown
 from clrender.rendering.job import RenderJob
 from clrender.rendering.session import Session
+from clrender.rendering.telling import once
 from clrender.settings import REPLICATE_SPP
 from clrender.version import __version__
 from clrender.wording import counted
@@ -211,7 +212,7 @@ def path_maps(
     >>> maps.shares  # of light after 0, 1, 2, ... events  # doctest: +SKIP
     """
     job = RenderJob.of(scene, **settings)
-    with Session(device, notify=notify) as session:
+    with Session(device, notify=once(notify)) as session:
         return maps_in(session, job, bounces, on_progress, should_stop)
 
 

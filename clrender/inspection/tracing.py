@@ -20,6 +20,7 @@ from clrender.inspection.reading import as_rows, counts, highest, light_path, lu
 from clrender.inspection.surroundings import surroundings_of
 from clrender.rendering.job import RenderJob
 from clrender.rendering.session import Session
+from clrender.rendering.telling import once
 from clrender.version import __version__
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ def paths(
     >>> found.samples[0].value  # of the sample that contributes most  # doctest: +SKIP
     """
     job = RenderJob.of(scene, **check_settings(settings))
-    with Session(device, notify=notify) as session:
+    with Session(device, notify=once(notify)) as session:
         return paths_in(session, job, pixel, samples, surroundings, on_progress, should_stop)
 
 

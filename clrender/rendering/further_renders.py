@@ -6,7 +6,7 @@ import dataclasses
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,9 @@ from clrender.rendering.light_groups import adding_up
 from clrender.rendering.rendered_image import RenderedImage
 from clrender.rendering.shadow_catchers import caught, whole_and_bare
 from clrender.spectra.kernel_table import band_edges
+
+if TYPE_CHECKING:
+    from clrender.guiding.field import GuidingField
 
 __all__ = ["FurtherRenders"]
 
@@ -43,6 +46,8 @@ class FurtherRenders:
         Renders another job, by whoever has rendered the image.
     count_hits : callable
         Given a job and a number of samples, counts how many of these hit anything, (height, width) uint32.
+    field : callable
+        The field that guided the image; None for none.
     stopped : callable
         Whether the user has asked to stop.
     tell : callable
@@ -55,6 +60,7 @@ class FurtherRenders:
     areas: Mapping[str, Mapping[int, float]]
     render: Callable[[RenderJob], RenderedImage]
     count_hits: Callable[[RenderJob, int], npt.NDArray[np.uint32]]
+    field: Callable[[], GuidingField | None]
     stopped: Callable[[], bool]
     tell: Callable[[str], None]
 
@@ -91,7 +97,7 @@ class FurtherRenders:
 
     def _again(self, **settings: Any) -> RenderJob:
         """The job that takes the samples of the image once more, without layers, under these settings."""
-        field, count = self.image.guiding_field, self.image.stats["sample_count"]
+        field, count = self.field(), self.image.stats["sample_count"]
         settings |= {"spp": self.job.first_sample + count, "guiding": "off" if field is None else "on"}
         return self._bare(
             settings=dataclasses.replace(self.job.settings, error=None, time_limit=None, **settings),

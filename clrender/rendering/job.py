@@ -136,6 +136,8 @@ class RenderJob:
             settings = {"guiding": "on", **settings}
             guiding_field = _field(guiding_field)
         scene = scene.with_plugins(plugins)
+        if not isinstance(amodal, Iterable):
+            raise UsageError(f"amodal is {shown(amodal)}, but must be names of instances, or all")
         masks = tuple(each.strip() for each in amodal.split(",")) if isinstance(amodal, str) else tuple(amodal)
         aov = (*check_aovs(aov), "instance") if masks else aov
         aov = _with_catchers(scene, check_aovs(aov))

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -180,6 +180,7 @@ class JobRender:
             self._areas,
             lambda job: self._other(job, self._cluster).image(False),
             lambda job, samples: self._other(job).hit_counts(samples),
+            cache(lambda: self._field_of(image, flat)),
             self._should_stop,
             self._residency.tell,
         ).add()
@@ -191,6 +192,14 @@ class JobRender:
         if self._job.views:
             struct["views"], struct["view_rows"] = len(self._job.views), self._settings.height
         return struct
+
+    def _field_of(self, image: RenderedImage, flat: FlatScene) -> GuidingField | None:
+        """The field that guided the image. Workers of a cluster keep theirs, so it is trained once more, to the bit."""
+        if image.guiding_field is not None or image.interrupted or self._cluster is None or not self._job.guided:
+            return image.guiding_field
+        with self._memory_held():
+            self._prepared(flat)
+        return self._guiding_field
 
     def _other(self, job: RenderJob, cluster: Cluster | None = None) -> JobRender:
         """The rendering of another job on the way to this one's image."""

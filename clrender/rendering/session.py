@@ -32,12 +32,12 @@ from clrender.rendering.job_render import JobRender, Recorded
 from clrender.rendering.rendered_image import Progress, RenderedImage
 from clrender.rendering.residency import ApartError, Residency
 from clrender.rendering.team import Cluster
-from clrender.scene import Scene
+from clrender.scene import Camera, Scene
+from clrender.wording import shown
 
 if TYPE_CHECKING:
     from clrender.film.unit import Unit, UnitSums
     from clrender.integrators import Pipeline
-    from clrender.scene import Camera
 
 __all__ = ["Session", "requested_devices"]
 
@@ -235,6 +235,8 @@ class Session:
         """
         given = RenderJob.given(self._equipped(scene), **settings)
         scene = given.scene
+        if not isinstance(cameras, Iterable) or isinstance(cameras, str | Path | Mapping | Camera):
+            raise UsageError(f"cameras is {shown(cameras)}, but must be a list of cameras, or of their keys")
         views = [with_camera(scene, camera).camera for camera in cameras]
         width, height = given.settings.film_size
         found = np.empty((len(views), height, width, 4 if "alpha" in given.aov else 3), np.float32)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from clrender.scheduling.member import Member
     from clrender.scheduling.run import Tally
 
-__all__ = ["error_stats", "film_layers", "job_stats", "peak_rss", "render_stats"]
+__all__ = ["asked_layers", "error_stats", "film_layers", "job_stats", "peak_rss", "render_stats"]
 
 _PEAK: Final = re.compile(rb"VmHWM:\s+(\d+) kB")
 
@@ -43,8 +43,10 @@ def job_stats(job: RenderJob, request: Mapping[str, Any]) -> dict[str, Any]:
         field = {"guiding_field_sha256": request["guiding_field_sha256"]}
     if "plugins" in request:
         field["plugins"] = request["plugins"]
+    layers = asked_layers(job)
     return {
         **field,
+        **({"layers": layers} if layers else {}),
         "camera_exposure": job.scene.camera.exposure,
         "scene": job.scene.origin,
         "faults": job.scene.faults,
@@ -61,6 +63,18 @@ def job_stats(job: RenderJob, request: Mapping[str, Any]) -> dict[str, Any]:
         "first_sample": job.first_sample,
         "sample_count": job.sample_count,
     }
+
+
+def asked_layers(job: RenderJob) -> list[str]:
+    """What a job renders beside its image: names of its layers, light groups, amodal masks and bands of the spectrum.
+
+    Parameters
+    ----------
+    job : RenderJob
+    """
+    groups = ["light_groups"] if job.light_groups else []
+    bands = [f"spectrum {job.bands}"] if job.bands else []
+    return [*job.aov, *groups, *(f"amodal {name}" for name in job.amodal), *bands]
 
 
 def render_stats(
@@ -167,6 +181,7 @@ def error_stats(
         "confidence": settings.confidence,
         "mean_interval": interval,
         "share": settings.share,
+        "error_floor": settings.error_floor,
         "spp_limit": settings.spp,
         "converged": found.reached,
         "unconverged_pixels": int(np.count_nonzero(found.unconverged)),

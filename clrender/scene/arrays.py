@@ -37,7 +37,8 @@ def _numbers(value: Any, where: str) -> _Array:
             raise TypeError
     except (TypeError, ValueError, RuntimeError, BufferError) as error:
         why = f" ({str(error).splitlines()[0][:100]})" if str(error) else ""
-        text = f"is {shown(type(value).__name__)}, but must be an array of real numbers in the memory of the host{why}"
+        kind = f"an array of {value.dtype}" if isinstance(value, np.ndarray) else f"of the type {type(value).__name__}"
+        text = f"is {kind}, but must be an array of real numbers in the memory of the host{why}"
         raise SceneError(f"{where} {text}") from None
     return array
 
@@ -68,7 +69,8 @@ def environment_of_array(name: str, value: Any) -> EnvironmentPicture:
     if array.ndim != 3 or array.shape[2] != 3 or 0 in array.shape or array.dtype.kind != "f":
         text = f"has the shape {array.shape} of {array.dtype}, but must have (height, width, 3) of floats"
         raise SceneError(f"{where} {text}")
-    return EnvironmentPicture.checked(array.astype(np.float32), where)
+    with np.errstate(over="ignore"):  # infinite, which is refused
+        return EnvironmentPicture.checked(array.astype(np.float32), where)
 
 
 def grid_of_array(name: str, value: Any) -> GridData:
@@ -212,11 +214,12 @@ def _corners(
     if array.shape not in (of_vertices, of_corners):
         text = f"have the shape {array.shape}, but must have {of_vertices}, for vertices, or {of_corners}, for corners"
         raise SceneError(f"{place}: {key} {text}")
+    with np.errstate(over="ignore"):  # infinite, which is refused
+        array = array.astype(np.float32)
     if not np.isfinite(array).all():
-        raise SceneError(f"{place}: {key} have numbers that are not finite")
+        raise SceneError(f"{place}: {key} have numbers that are not finite in single precision")
     if key == "colors" and not ((array >= 0.0) & (array <= 1.0)).all():
         raise SceneError(f"{place}: colors have numbers that are not between 0 and 1")
-    array = array.astype(np.float32)
     return array[faces] if array.ndim == 2 else array
 
 
@@ -248,12 +251,13 @@ def picture_of_array(name: str, value: Any) -> tuple[StoredPicture, npt.NDArray[
         raise SceneError(
             f"{where} has {width} x {height} pixels, but at most {grouped(_SIDE_LIMIT)} a side are possible"
         )
+    if coding == "float":
+        with np.errstate(over="ignore"):  # infinite, which is refused
+            array = array.astype(np.float32)
     if coding in ("half", "float") and not np.isfinite(array).all():
-        raise SceneError(f"{where} has numbers that are not finite")
+        raise SceneError(f"{where} has numbers that are not finite in single precision")
     if coding == "half":
         array = array.view(np.uint16)
-    elif coding == "float":
-        array = array.astype(np.float32)
     if channels == 3:
         opaque = {"unorm8": 255, "unorm16": 65535, "half": np.float16(1.0).view(np.uint16), "float": 1.0}[coding]
         array = np.concatenate([array, np.full((height, width, 1), opaque, array.dtype)], axis=2)

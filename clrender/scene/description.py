@@ -517,7 +517,8 @@ def _environment(asked: Any) -> tuple[EnvironmentLight, dict[str, EnvironmentPic
             raise SceneError(f"the environment is {asked!r}, but a radiance must be from 0 to {POWER_LIMIT:g}")
         return EnvironmentLight(type="environment", radiance=tuple(color)), {}
     if values.ndim == 3 and values.shape[2] == 3 and values.size:
-        picture = EnvironmentPicture.checked(values.astype(np.float32), "the environment")
+        with np.errstate(over="ignore"):  # infinite, which is refused
+            picture = EnvironmentPicture.checked(values.astype(np.float32), "the environment")
         name = f"array {picture.sha256()[:8]}"
         return EnvironmentLight(type="environment", file=name), {name: frozen(picture)}
     raise SceneError(

@@ -92,6 +92,48 @@ def test_frames_that_are_done_are_kept(scene: Path, tmp_path: Path) -> None:
     assert rendered("--resume", "--tone-map", "agx", "--seed", "3") == ["0", "1", "2", "3"]
 
 
+OF_ERROR = ("--replicate-spp", "4", "--spp", "256")
+KEPT = (
+    ("png", ("--f-stop", "8", "--shutter", "1/60"), ("--f-stop", "4", "--shutter", "1/60")),
+    ("exr", ("--aov", "depth,albedo"), ("--aov", "depth,uv")),
+    *(
+        pytest.param(*case, marks=pytest.mark.long)
+        for case in (
+            ("png", (*OF_ERROR, "--error", "0.5"), (*OF_ERROR, "--error", "0.0001")),
+            ("exr", ("--light-groups",), ("--light-groups", "--aov", "depth")),
+            ("exr", ("--hide-environment",), ("--alpha",)),
+        )
+    ),
+)
+
+
+@pytest.mark.parametrize(("ending", "first", "then"), KEPT, ids=lambda each: str(each)[:30])
+def test_frames_are_kept_if_they_hold_what_is_asked(
+    scene: Path, tmp_path: Path, ending: str, first: tuple[str, ...], then: tuple[str, ...]
+) -> None:
+    """Exposures of the camera, errors that are reached before all samples are taken, and layers."""
+
+    def rendered(*more: str) -> list[str]:
+        pattern = str(tmp_path / f"f_%d.{ending}")
+        result = call("render", str(scene), "--frames", "0:1", "-o", pattern, *SMALL, *more)
+        assert result.returncode == 0, result.stderr
+        return list(hashes(result.stdout))
+
+    assert rendered(*first) == ["0", "1"]
+    assert rendered(*first, "--resume") == []
+    assert rendered(*then, "--resume") == ["0", "1"]
+
+
+@pytest.mark.long
+def test_frames_of_opencolorio_are_kept(scene: Path, tmp_path: Path) -> None:
+    pytest.importorskip("PyOpenColorIO")
+    ways = ["render", str(scene), "--frames", "0:0", "-o", str(tmp_path / "f_%d.png"), *SMALL, "--ocio", "builtin"]
+    for more, made in ((), True), (("--resume",), False), (("--resume", "--view", "Un-tone-mapped"), True):
+        result = call(*ways, *more)
+        assert result.returncode == 0, result.stderr
+        assert bool(hashes(result.stdout)) == made
+
+
 def test_an_interruption_leaves_whole_frames(scene: Path, tmp_path: Path) -> None:
     arguments = ["render", str(scene), "--frames", "0:999", "-o", str(tmp_path / "f_%d.exr"), *SMALL]
     with subprocess.Popen([sys.executable, "-m", "clrender", *arguments], stderr=subprocess.PIPE, text=True) as process:

@@ -276,3 +276,23 @@ def test_bad_input_is_one_sentence(case: str, tmp_path: Path) -> None:
     for word in words:
         assert word in result.stderr, result.stderr
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "way",
+    [
+        ("paths", "--pixel", "1,1", "-o", "p.html"),
+        pytest.param(("paths", "--maps", "--spp", "32", "-o", "p.json"), marks=pytest.mark.long),
+        pytest.param(("render", "--light-groups", "-o", "p.exr"), marks=pytest.mark.long),
+    ],
+    ids=lambda way: way[1],
+)
+def test_warnings_come_once(tmp_path: Path, way: tuple[str, ...]) -> None:
+    """Also where an image is rendered several times."""
+    ball = {"type": "sphere", "radius": 0.4, "emission": 0.0, "light_group": "a"}
+    content = {"camera": {"position": [0, 0, 3], "target": [0, 0, 0]}, "shapes": [ball]}
+    (tmp_path / "s.json").write_text(json.dumps(content))
+    command, *more = way
+    result = call(command, "s.json", "--size", "4x4", "--spp", "2", *more, folder=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert result.stderr.count("its image is black") == 1

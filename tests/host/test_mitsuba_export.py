@@ -295,6 +295,14 @@ def test_anisotropy(tmp_path: Path) -> None:
             assert near((found["alpha_u"], found["alpha_v"]), (least, most) if turned else (most, least))
 
 
+@pytest.mark.parametrize("roughness", [0.0, 1e-170])
+def test_smooth_metals_have_no_direction(tmp_path: Path, roughness: float) -> None:
+    made = {"type": "conductor", "f0": [0.9, 0.6, 0.3], "roughness": roughness, "anisotropy": 0.9}
+    again, _ = written(described(materials={"x": made}, shapes=[{**BALL, "material": "x"}]), tmp_path)
+    (read,) = again.materials.values()
+    assert read.roughness == 0.0
+
+
 def test_mixtures_and_cutoffs(tmp_path: Path) -> None:
     materials = {
         "both": {"type": "mix", "materials": ["m", "glass"], "weight": 0.3, "opacity": 0.4},

@@ -135,7 +135,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"meshes": {"body": {"vertices": VERTICES}}}, 'meshes: "body": faces are missing; add them'),
     ({"meshes": {"body": arrays(face=FACES)}}, 'meshes: "body": "face" is an unknown array; did you mean "faces"?'),
     ({"meshes": {"body": arrays(vertices=VERTICES[:, :2])}}, "vertices have the shape (4, 2), but must have (n, 3)"),
-    ({"meshes": {"body": arrays(vertices="abc")}}, "vertices is"),
+    ({"meshes": {"body": arrays(vertices="abc")}}, "vertices is of the type str"),
     ({"meshes": {"body": arrays(vertices=VERTICES * np.nan)}}, "vertices have numbers that are not finite"),
     ({"meshes": {"body": arrays(faces=FACES + 2)}}, "faces have the index 5, but the mesh has 4 vertices"),
     ({"meshes": {"body": arrays(faces=FACES - 1)}}, "faces have the index -1; indices count from 0"),
@@ -152,9 +152,17 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"textures": {"p": np.full((2, 2), np.inf)}}, "has numbers that are not finite"),
     ({"environments": {"e": np.zeros((2, 2))}}, 'environments: "e" has the shape (2, 2) of float64'),
     ({"environments": {"e": np.full((2, 2, 3), -1.0)}}, "radiance must be"),
+    # Beyond single precision, and no numbers
+    ({"environments": {"e": np.full((2, 2, 3), 1e300)}}, "radiance must be"),
+    ({"textures": {"p": np.full((2, 2), 1e39)}}, "has numbers that are not finite"),
+    ({"grids": {"g": np.full((2, 2, 2), 1e300)}}, "but numbers of grids are from 0 to"),
+    ({"meshes": {"body": arrays(uvs=np.full((4, 2), 1e39))}}, "uvs have numbers that are not finite"),
+    ({"grids": {"g": np.array([[[None]]])}}, 'grids: "g" is an array of object, but must be an array of real numbers'),
+    ({"curves": {"c": None}}, 'curves: "c" is of the type NoneType, but must be an array of real numbers'),
 ]
 
 
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(("given", "words"), WRONG)
 def test_wrong_arrays_are_refused(given: dict[str, Any], words: str) -> None:
     with pytest.raises(SceneError) as caught:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import clrender
-from clrender.errors import SceneError
+from clrender.errors import SceneError, UsageError
 from clrender.rendering.batch import batches
 from clrender.scene import Camera
 
@@ -117,3 +117,14 @@ def test_keys_and_sizes(device: Device) -> None:
         clrender.render_batch(scene, [{"vertical_fov": -1.0}], size=(12, 8), spp=1)
     job = clrender.RenderJob.of(scene, size=(1024, 1024))
     assert [len(some) for some in batches(job, [scene.camera] * 9)] == [4, 4, 1]
+
+
+@pytest.mark.parametrize("given", [3, None, "cameras.json", {"vertical_fov": 30.0}], ids=str)
+def test_cameras_are_a_list(given: Any) -> None:
+    with clrender.Session() as session, pytest.raises(UsageError, match="but must be a list of cameras"):
+        session.render_batch(clrender.load("room"), given, spp=1, size=(4, 4))
+
+
+def test_amodal_masks_are_of_names() -> None:
+    with pytest.raises(UsageError, match="amodal is 3, but must be names of instances, or all"):
+        clrender.RenderJob.of(clrender.load("room"), amodal=3)  # type: ignore[arg-type]

@@ -107,6 +107,21 @@ def test_the_bits_are_those_of_a_render_here(local: DaskCluster, here: Session, 
 
 
 @pytest.mark.long
+def test_light_groups_and_spectra_of_guided_paths(local: DaskCluster, here: Session) -> None:
+    """Workers keep the field that guides their paths; these renders of the same samples need it again."""
+    sky = {"type": "environment", "radiance": [0.4, 0.3, 0.2], "light_group": "sky"}
+    scene = clrender.load("cornell").changed({"lights[0]": sky})
+    how: dict[str, Any] = {"spp": 8, "size": SIZE, "guiding": "on", "guiding_paths": 50000, "spectral": True}
+    alone, far = (here.render(scene, light_groups=True, spectrum=4, cluster=each, **how) for each in (None, local))
+    assert hash_of(alone) == hash_of(far) and alone.guiding_field is not None
+    assert alone.spectrum is not None and far.spectrum is not None
+    assert np.array_equal(alone.spectrum, far.spectrum)
+    assert alone.light_groups.keys() == far.light_groups.keys()
+    for name, part in alone.light_groups.items():
+        assert np.array_equal(part, far.light_groups[name])
+
+
+@pytest.mark.long
 def test_only_this_machine_reaches_a_local_cluster(local: DaskCluster) -> None:
     """Neither its ports nor the pages that Dask serves about each process."""
     me = psutil.Process()

@@ -143,7 +143,7 @@ class MediumReader:
                    for each, default in ((low, 0.0), (high, 1.0))]  # fmt: skip
         asset = f"densities of {name}" if key == "density" else f"{key} of {name}"
         try:
-            self._staging.draft.grids[asset] = GridData.checked(values.astype(np.float32), "the medium")
+            self._staging.draft.grids[asset] = GridData.checked(values, "the medium")
         except SceneError as error:
             raise parameters.fault(str(error), key) from None
         return {"file": asset, "box": corners, **transform_key(matrix)}

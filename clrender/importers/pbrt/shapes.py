@@ -270,7 +270,8 @@ class ShapeReader:
                 raise parameters.fault('the mesh has no "indices", and not three points; give them')
             corners = np.array([[0, 1, 2]])
         triangles = corners.astype(np.uint32)
-        given = None if uvs is None else uvs.astype(np.float32)[triangles]
+        with np.errstate(over="ignore"):  # infinite, which is refused
+            given = None if uvs is None else uvs.astype(np.float32)[triangles]
         parameters.ignore("S", "faceIndices")
         mesh = MeshData(places, triangles, normals=normals, uvs=given)
         return self._mesh("mesh", faced_by_normals(with_uvs(mesh, _CORNERS)))

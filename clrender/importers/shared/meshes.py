@@ -73,7 +73,8 @@ def quads_mesh(
     normals : (V, 3) float64 or None
     """
     triangles = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype(np.uint32)
-    corners = None if uvs is None else uvs.astype(np.float32)[triangles]
+    with np.errstate(over="ignore"):  # infinite, which is refused
+        corners = None if uvs is None else uvs.astype(np.float32)[triangles]
     return MeshData(vertices, triangles, normals=normals, uvs=corners)
 
 
