@@ -176,13 +176,13 @@ class JobRender:
         FurtherRenders(
             image,
             self._job,
-            group_names(flat) if self._job.light_groups else (),
-            self._areas,
-            lambda job: self._other(job, self._cluster).image(False),
-            lambda job, samples: self._other(job).hit_counts(samples),
-            cache(lambda: self._field_of(image, flat)),
-            self._should_stop,
-            self._residency.tell,
+            groups=group_names(flat) if self._job.light_groups else (),
+            areas=self._areas,
+            render=lambda job: self._other(job, self._cluster).image(False),
+            count_hits=lambda job, samples: self._other(job).hit_counts(samples),
+            field=cache(lambda: self._field_of(image, flat)),
+            stopped=self._should_stop,
+            tell=self._residency.tell,
         ).add()
         return image
 
