@@ -110,11 +110,12 @@ class _Pool:
         # Both under one lock, as an idle thread may be about to end. An interruption between them costs a thread only
         wanted = _niceness()
         with self._lock:
+            self._idle = [each for each in self._idle if each.is_alive()]
             for number in reversed(range(len(self._idle))):
                 if self._idle[number].niceness == wanted:
                     self._idle.pop(number).tasks.put(work)
                     return
-        thread = _Thread()
+        thread = _Thread(self)
         thread.tasks.put(work)
         thread.start()
 
@@ -134,10 +135,11 @@ class _Pool:
 
 
 class _Thread(threading.Thread):
-    """A thread of the pool."""
+    """A thread of a pool."""
 
-    def __init__(self) -> None:
+    def __init__(self, pool: _Pool) -> None:
         super().__init__(name=_NAME, daemon=True)
+        self._pool = pool
         self.tasks: queue.SimpleQueue[PooledThread] = queue.SimpleQueue()
 
         self.niceness = 0
@@ -148,14 +150,14 @@ class _Thread(threading.Thread):
             try:
                 work = self.tasks.get(timeout=_LINGER)
             except queue.Empty:
-                if _pool.may_end(self):
+                if self._pool.may_end(self):
                     return
                 continue
             self.name = work.name
             work.execute(self)
             self.name = _NAME
             self.niceness = _niceness()
-            _pool.take_back(self)  # before it is told, so that who waited for it finds the thread
+            self._pool.take_back(self)  # before it is told, so that who waited for it finds the thread
             work.end()
             del work
 

@@ -65,6 +65,22 @@ def test_threads_without_work_end(monkeypatch: pytest.MonkeyPatch) -> None:
     assert done_in()  # in another one
 
 
+def test_threads_that_have_died_get_no_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Such as one whose end nobody foresaw: its work would never begin, and who waits for it would wait for ever."""
+    monkeypatch.setattr(pooled_threads, "_LINGER", 0.01)
+    first = pooled_threads._pool
+    done_in()
+    (thread,) = first._idle
+    # Another pool is none of its business
+    monkeypatch.setattr(pooled_threads, "_pool", pooled_threads._Pool())
+    thread.join(10.0)
+    assert not thread.is_alive()
+    assert not first._idle
+    first._idle.append(thread)
+    monkeypatch.setattr(pooled_threads, "_pool", first)
+    assert done_in()
+
+
 def test_work_that_comes_while_a_thread_is_about_to_end_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pooled_threads, "_LINGER", 0.0005)
     for number in range(300):

@@ -196,7 +196,7 @@ def test_many_small_groups(device: Device, pictures: Path, monkeypatch: pytest.M
     what = scene(pictures, ball(material="lambert"), **more)
     assert flatten(what, 8, 8).instances.count == 0
     written = render(what, device)
-    monkeypatch.setattr("clrender.flatten.assembly._MANY", 66)
+    monkeypatch.setattr("clrender.flatten.placed_shapes._MANY", 66)
     assert flatten(what, 8, 8).instances.count == 132
     one = render(scene(pictures, ball(material="lambert"), **more), device)
     assert abs(one.mean() / written.mean() - 1.0) < 2e-3

@@ -240,7 +240,7 @@ def test_small_groups_are_written_out(device: Device, monkeypatch: pytest.Monkey
     shapes = [{"type": "instance", "group": f"g{n}", "transforms": places[3 * n : 3 * n + 4]} for n in (0, 1)]
     images = []
     for many in (64, 0):
-        monkeypatch.setattr("clrender.flatten.assembly._MANY", many)
+        monkeypatch.setattr("clrender.flatten.placed_shapes._MANY", many)
         images.append(rendered(device, scene(*shapes, groups=groups), size=(48, 40), spp=16))
     for layer in ALL:
         assert np.mean(images[0].aovs[layer] == images[1].aovs[layer]) > 0.998
