@@ -69,9 +69,10 @@ class Frames:
                 or "%" in _NUMBER.sub("", output.name)
                 or "%" in str(output.parent)
             ):
+                stem = _NUMBER.sub("", output.stem).replace("%", "").rstrip("_-.") or "frame"
                 raise UsageError(
                     f"{output}: with --frames a name has one place for the number of the frame; write one such as "
-                    f"{output.stem.replace('%', '')}_%04d{output.suffix}"
+                    f"{stem}_%04d{output.suffix}"
                 )
         for option, value in others.items():
             if value:

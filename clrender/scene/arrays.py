@@ -40,6 +40,8 @@ def _numbers(value: Any, where: str) -> _Array:
         kind = f"an array of {value.dtype}" if isinstance(value, np.ndarray) else f"of the type {type(value).__name__}"
         text = f"is {kind}, but must be an array of real numbers in the memory of the host{why}"
         raise SceneError(f"{where} {text}") from None
+    if isinstance(array, np.ma.MaskedArray) and np.ma.getmaskarray(array).any():
+        raise SceneError(f"{where} has numbers that are masked; say what they are, by filled()")
     return array
 
 

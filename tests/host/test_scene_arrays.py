@@ -158,6 +158,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"grids": {"g": np.full((2, 2, 2), 1e300)}}, "but numbers of grids are from 0 to"),
     ({"meshes": {"body": arrays(uvs=np.full((4, 2), 1e39))}}, "uvs have numbers that are not finite"),
     ({"grids": {"g": np.array([[[None]]])}}, 'grids: "g" is an array of object, but must be an array of real numbers'),
+    ({"grids": {"g": np.ma.masked_less(np.eye(2)[None], 0.5)}}, 'grids: "g" has numbers that are masked; say what'),
     ({"curves": {"c": None}}, 'curves: "c" is of the type NoneType, but must be an array of real numbers'),
 ]
 
