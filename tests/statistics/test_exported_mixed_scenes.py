@@ -19,7 +19,9 @@ MANY = 160
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("write", "ending"), [(write_mitsuba, "xml"), (write_luxcore, "scn"), (write_cycles, "py")], ids=str
+    ("write", "ending"),
+    [(write_mitsuba, "xml"), (write_luxcore, "scn"), (write_cycles, "py")],
+    ids=["mitsuba", "luxcore", "cycles"],
 )
 def test_mixed_scenes_are_exported(tmp_path: Path, write: Callable[..., Any], ending: str) -> None:
     folder = tmp_path / "files"
