@@ -61,6 +61,12 @@ class Fault:
     met: int = 0
     released: threading.Event = field(default_factory=threading.Event)
     _seen: int = 0
+    _first: threading.Event = field(default_factory=threading.Event)
+
+    def wait(self) -> None:
+        """Wait for the first call that fails."""
+        if not self._first.wait(_PATIENCE):
+            raise TimeoutError("no call failed")
 
     def meets(self, kind: str) -> bool:
         """Count a call, and return whether it fails."""
@@ -72,6 +78,8 @@ class Fault:
         self._seen += 1
         hit = self.after < self._seen and (self.how == "gone" or self._seen <= self.after + self.times)
         self.met += hit
+        if hit:
+            self._first.set()
         return hit
 
 
@@ -142,12 +150,14 @@ class FaultyDevice(Device):
     *faults : Fault or Lie
     name : str, optional
         Name in messages.
-    waits_for : Lie, optional
-        Another device's, which has to be told before this device returns sums: on a busy machine one of several
-        devices may otherwise have no work left.
+    waits_for : Fault or Lie, optional
+        Another device's, which has to come before this device returns sums: on a busy machine one of several devices
+        may otherwise have no work left.
     """
 
-    def __init__(self, device: Device, *faults: Fault | Lie, name: str = "", waits_for: Lie | None = None) -> None:
+    def __init__(
+        self, device: Device, *faults: Fault | Lie, name: str = "", waits_for: Fault | Lie | None = None
+    ) -> None:
         self.__dict__.update(device.__dict__)
         self._programs, self._buffers, self._held_bytes = {}, {}, 0
         self._sentinel = Sentinel()

@@ -183,7 +183,8 @@ def test_a_device_that_hangs_alone_keeps_what_it_did(device: Device, threads: No
 
 @pytest.mark.long
 def test_a_session_goes_on_without_a_device_that_hung(device: Device, expected: str, threads: None) -> None:
-    bad, good = FaultyDevice(device, fault := Fault("launch", 20, "hang"), name="bad"), FaultyDevice(device)
+    bad = FaultyDevice(device, fault := Fault("launch", 36, "hang"), name="bad")
+    good = FaultyDevice(device, name="good", waits_for=fault)
     with clrender.Session([bad, good]) as session:
         assert session.render(clrender.load("cornell"), **HOW).stats["image_sha256"] == expected
         assert fault.met
@@ -202,7 +203,8 @@ run.TIME_LIMITS = TimeLimits(call=1.0, compile=4.0)
 real = clrender.rendering.residency.select
 def faulty(*given, **more):
     (device,) = real(*given, **more)
-    return [FaultyDevice(device, Fault("read", 2, "hang"), name="bad"), FaultyDevice(device, name="good")]
+    fault = Fault("read", 4, "hang")
+    return [FaultyDevice(device, fault, name="bad"), FaultyDevice(device, name="good", waits_for=fault)]
 clrender.rendering.residency.select = faulty
 sys.argv = ["clrender", "render", "cornell", "--size", "96x64", "--spp", "64", "--tile", "16", "-o", sys.argv[1]]
 from clrender.__main__ import main
