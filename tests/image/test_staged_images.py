@@ -101,7 +101,7 @@ def test_other_drivers_give_the_same_bits_in_stages(all_devices: list[Device]) -
 @pytest.mark.long
 @pytest.mark.parametrize(("call", "after"), [("allocate", 36), ("launch", 58), ("read", 17)])
 def test_a_device_that_fails_in_between_loses_nothing(device: Device, call: str, after: int) -> None:
-    """At a launch of some stage, or where the host looks whether paths are left: it is set up after 38, 56 and 16 calls."""
+    """At a launch of some stage, or where the host looks whether paths are left; set-up takes 38, 56 and 16 calls."""
     fault = Fault(call, after, how="gone")
     how: dict[str, Any] = {**LITTLE, "tile": 16, "samples_per_pass": 2, "spp": 8}
     good, bad = FaultyDevice(device, name="good", waits_for=fault), FaultyDevice(device, fault)
