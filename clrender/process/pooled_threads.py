@@ -141,7 +141,6 @@ class _Thread(threading.Thread):
         super().__init__(name=_NAME, daemon=True)
         self._pool = pool
         self.tasks: queue.SimpleQueue[PooledThread] = queue.SimpleQueue()
-
         self.niceness = 0
 
     def run(self) -> None:

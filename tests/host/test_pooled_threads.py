@@ -32,8 +32,8 @@ def done_in() -> int:
     thread = PooledThread(lambda: found.append(threading.get_ident()))
     assert not thread.is_alive()
     thread.start()
-    thread.join()
-    assert not thread.is_alive()
+    thread.join(20.0)
+    assert not thread.is_alive(), "nobody does it"
     return found[0]
 
 
@@ -86,6 +86,18 @@ def test_work_that_comes_while_a_thread_is_about_to_end_is_done(monkeypatch: pyt
     for number in range(300):
         done_in()
         time.sleep(0.0001 * (number % 10))
+
+
+def test_a_thread_that_was_given_work_may_not_end() -> None:
+    """However late it looks: as when it is given at the moment in which the thread has waited long enough."""
+    pool = pooled_threads._pool
+    thread = pooled_threads._Thread(pool)
+    pool.take_back(thread)
+    thread.tasks.put(PooledThread(lambda: None))
+    assert not pool.may_end(thread)
+    thread.tasks.get()
+    assert pool.may_end(thread)
+    assert not pool._idle
 
 
 def test_a_thread_has_the_name_and_the_context_of_its_work() -> None:
@@ -169,7 +181,8 @@ def test_work_is_begun_once_and_not_kept() -> None:
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="a system without fork")
 def test_a_process_that_was_forked_has_threads_of_its_own() -> None:
     script = """
-import os, sys, threading
+import os, sys
+from clrender.process import pooled_threads
 from clrender.process.pooled_threads import PooledThread
 
 def work():
@@ -179,6 +192,7 @@ def work():
     return thread.is_alive()
 
 assert not work()
+pooled_threads._pool._lock.acquire()  # as another thread may have at that moment
 child = os.fork()
 if child == 0:
     os._exit(work())
