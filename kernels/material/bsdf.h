@@ -395,13 +395,12 @@ static vec3 bsdf_eval(const Bsdf* b, vec3 direction, vfloat* pdf) {
 }
 
 #if defined(MATERIALS) && defined(IRIDESCENCE)
-// What glass that is smooth reflects below a film.
-static vec3 bsdf_film_reflects(const Bsdf* b) {
-    const Glass* g = &b->closure.glass;
+// What glass that is smooth passes of each colour below a film.
+static vec3 bsdf_film_passes(const Bsdf* b) {
     vfloat beyond;
-    const vfloat eta = b->thin ? g->eta : b->eta;
-    const vec3 once = thin_film_boundary(&g->film, eta, b->wo.z, dielectric_fresnel(b->wo.z, eta, &beyond));
-    return choose(b->thin, vec3_of(glass_thin(once.x), glass_thin(once.y), glass_thin(once.z)), once);
+    const vfloat eta = b->thin ? b->closure.glass.eta : b->eta;
+    dielectric_fresnel(b->wo.z, eta, &beyond);
+    return glass_film_passes(&b->closure.glass, eta, b->wo.z, beyond);
 }
 #endif
 
@@ -409,12 +408,11 @@ static vec3 bsdf_film_reflects(const Bsdf* b) {
 static vfloat bsdf_reflects(const Bsdf* b) {
     vfloat beyond, share = dielectric_fresnel(b->wo.z, b->eta, &beyond);
 #ifdef MATERIALS
-    if (lane_any(b->thin)) share = b->thin ? glass_fresnel(&b->closure.glass, b->wo.z) : share;
+    if (lane_any(b->thin)) share = b->thin ? glass_fresnel(&b->closure.glass, b->wo.z, &beyond) : share;
 #ifdef IRIDESCENCE
     const vmask filmed = b->closure.glass.film.present;
     if (lane_any(filmed)) {
-        const vec3 colors = bsdf_film_reflects(b);
-        share = filmed ? lesser((colors.x + colors.y + colors.z) * (1.0f / 3.0f), splat(1.0f)) : share;
+        share = filmed ? splat(1.0f) - glass_mean(bsdf_film_passes(b)) : share;
     }
 #endif
 #endif
@@ -433,7 +431,8 @@ static vec3 bsdf_sample_delta(const Bsdf* b, vfloat u, vec3* wi) {
     const vmask metal = b->kind == MATERIAL_CONDUCTOR;
     if (lane_any(metal)) weight = choose(metal, reflection_fresnel(&b->closure.reflection, b->wo.z), weight);
     if (lane_any(glass & b->thin)) {
-        const vmask reflect = u < glass_fresnel(&b->closure.glass, b->wo.z), wall = glass & b->thin;
+        vfloat beyond;
+        const vmask reflect = u < glass_fresnel(&b->closure.glass, b->wo.z, &beyond), wall = glass & b->thin;
         *wi = choose(wall, choose(reflect, mirrored, negate(b->wo)), *wi);
         weight = choose(wall, choose(reflect, vec3_all(1.0f), b->color), weight);
     }
@@ -442,7 +441,7 @@ static vec3 bsdf_sample_delta(const Bsdf* b, vfloat u, vec3* wi) {
     if (lane_any(filmed)) {
         const vfloat chosen = bsdf_reflects(b), left = splat(1.0f) - chosen;
         const vmask reflect = u < chosen;
-        const vec3 one = vec3_all(1.0f), colors = bsdf_film_reflects(b), passed = mul(b->color, sub(one, colors));
+        const vec3 one = vec3_all(1.0f), passes = bsdf_film_passes(b), colors = sub(one, passes), passed = mul(b->color, passes);
         vec3 refracted;
         dielectric_sample(one, b->eta, b->wo, splat(1.0f), &refracted);
         *wi = choose(filmed, choose(reflect, mirrored, choose(b->thin, negate(b->wo), refracted)), *wi);

@@ -130,11 +130,41 @@ static vec3 thin_film_schlick(const ThinFilm* film, vec3 f0, vec3 f90, vfloat co
     return choose(film->present, seen, bare);
 }
 
-// Where a boundary to that index reflects `bare` without the film, and a thin wall is two of them.
-static vec3 thin_film_boundary(const ThinFilm* film, vfloat eta, vfloat cosine, vfloat bare) {
-    const vec3 all = vec3_of(bare, bare, bare), one = vec3_all(1.0f);
-    const vec3 seen = thin_film_reflects(film, vec3_of(eta, eta, eta), vec3_all(0.0f), cosine, all);
-    return choose(film->present & (bare < 1.0f), vec3_of(lesser(seen.x, one.x), lesser(seen.y, one.y), lesser(seen.z, one.z)), all);
+// T of both polarisations where nothing is absorbed: `r` and `s` are real.
+static vfloat thin_film_passes_clear(vfloat r, vfloat s, const ThinFilmPhase* phase) {
+    const vfloat x = -r * s, square = x * x, both = fma(-r, r, splat(1.0f)) * fma(-s, s, splat(1.0f));
+#ifdef SPECTRAL
+    const vfloat sum = -x * phase->cosine[0];
+    return bounded(quotient(both, greater(fma(sum, splat(2.0f), splat(1.0f) + square), splat(1.0e-6f))), 0.0f, 1.0f);
+#else
+    vfloat sum = splat(0.5f), u = x;
+    for (int m = 0; m < THIN_FILM_ORDERS; ++m) {
+        sum = fma(u, phase->cosine[m], sum);
+        u = u * x;
+    }
+    return bounded(quotient(both * (sum + sum), greater(splat(1.0f) - square, splat(1.0e-6f))), 0.0f, 1.0f);
+#endif
+}
+
+// What a boundary to the index `eta` passes, of which `bare` without a film. From the cosines on both sides: near the critical angle `beyond` is
+// known better where a direction is given there than from `cosine`. Beyond that angle it is 0.
+static vec3 thin_film_boundary(const ThinFilm* film, vfloat eta, vfloat cosine, vfloat beyond, vfloat bare) {
+    const vec3 all = vec3_of(bare, bare, bare);
+    if (!lane_any(film->present)) return all;
+    const vfloat here = bounded(cosine, 1.0e-4f, 1.0f), ior = film->present ? film->ior : splat(1.0f), ior2 = ior * ior;
+    const vfloat within = root(greater(fma(here, here, ior2 - 1.0f), splat(0.0f))), least = splat(1.0e-12f);
+    ThinFilmPhase phase[3];
+    thin_film_phases(film, film->present ? film->way * quotient(within, ior) : splat(0.0f), phase);
+    const vfloat below = eta * beyond, x = eta * eta * within, u = ior2 * below;
+    const vfloat s_perpendicular = quotient(within - below, greater(within + below, least)), s_parallel = quotient(x - u, greater(x + u, least));
+    const vfloat r_perpendicular = quotient(here - within, greater(here + within, least));
+    const vfloat r_parallel = quotient(fma(ior2, here, -within), greater(fma(ior2, here, within), least));
+    vfloat passes[3];
+    for (int c = 0; c < 3; ++c) {
+        const vfloat both = thin_film_passes_clear(r_perpendicular, s_perpendicular, &phase[c]) + thin_film_passes_clear(r_parallel, s_parallel, &phase[c]);
+        passes[c] = both * 0.5f;
+    }
+    return choose(film->present, along(all, sub(vec3_of(passes[0], passes[1], passes[2]), all), film->share), all);
 }
 
 // Two cosines between a direction and the facets of GGX that reflect it, the second with the probability `second`: the mean over these is that over

@@ -124,44 +124,10 @@ static void glass_prepare(Glass* g, const Facets* f, __global const float* table
     g->missing = glass_missing(g, f, tables, denser, wo);
 }
 
-static vfloat glass_fresnel(const Glass* g, vfloat cosine) {
-    vfloat beyond;
-    const vfloat reflected = dielectric_fresnel(cosine, g->eta, &beyond);
+// What a boundary or a wall reflects at a cosine from the normal, without a film. `beyond`: the cosine on the other side, by Snell's law.
+static vfloat glass_fresnel(const Glass* g, vfloat cosine, vfloat* beyond) {
+    const vfloat reflected = dielectric_fresnel(cosine, g->eta, beyond);
     return g->thin ? glass_thin(reflected) : reflected;
-}
-
-static vmask glass_filmed(const Glass* g) {
-#ifdef IRIDESCENCE
-    return g->film.present;
-#else
-    return mask_none();
-#endif
-}
-
-// The same by color where a film lies on it.
-static vec3 glass_colors(const Glass* g, vfloat cosine) {
-    const vfloat reflected = glass_fresnel(g, cosine);
-#ifdef IRIDESCENCE
-    if (lane_any(g->film.present)) {
-        vfloat beyond;
-        const vec3 once = thin_film_boundary(&g->film, g->eta, cosine, dielectric_fresnel(cosine, g->eta, &beyond));
-        return choose(g->thin, vec3_of(glass_thin(once.x), glass_thin(once.y), glass_thin(once.z)), once);
-    }
-#endif
-    return vec3_of(reflected, reflected, reflected);
-}
-
-// How often a sampled facet reflects. Without a film not the mean of three equal numbers, which may be rounded: bits must not depend on
-// whether another lane has one.
-static vfloat glass_reflects(const Glass* g, vfloat cosine) {
-    const vfloat bare = glass_fresnel(g, cosine);
-#ifdef IRIDESCENCE
-    if (lane_any(g->film.present)) {
-        const vec3 colors = glass_colors(g, cosine);
-        return g->film.present ? lesser((colors.x + colors.y + colors.z) * (1.0f / 3.0f), splat(1.0f)) : bare;
-    }
-#endif
-    return bare;
 }
 
 // What passes, from the cosines on both sides, which near total reflection are known better than one from the other, and without the
@@ -170,6 +136,28 @@ static vfloat glass_between(vfloat cosine, vfloat beyond, vfloat eta) {
     const vfloat parallel = fma(eta, cosine, beyond), perpendicular = fma(eta, beyond, cosine);
     const vfloat p = quotient(splat(1.0f), parallel), s = quotient(splat(1.0f), perpendicular);
     return eta * cosine * beyond * 2.0f * fma(p, p, s * s);
+}
+
+#ifdef IRIDESCENCE
+// What passes of each colour where a film lies on it, from the cosines on both sides. A wall is two such boundaries, to and fro.
+static vec3 glass_film_passes(const Glass* g, vfloat eta, vfloat cosine, vfloat beyond) {
+    const vec3 once = thin_film_boundary(&g->film, eta, cosine, beyond, glass_between(cosine, beyond, eta));
+    const vec3 wall = vec3_of(quotient(once.x, splat(2.0f) - once.x), quotient(once.y, splat(2.0f) - once.y), quotient(once.z, splat(2.0f) - once.z));
+    return choose(g->thin, wall, once);
+}
+
+static vfloat glass_mean(vec3 colors) { return lesser((colors.x + colors.y + colors.z) * (1.0f / 3.0f), splat(1.0f)); }
+#endif
+
+// What is reflected of each colour. Bits of a lane without a film do not depend on whether another lane has one.
+static vec3 glass_colors(const Glass* g, vfloat cosine) {
+    vfloat beyond;
+    const vfloat reflected = glass_fresnel(g, cosine, &beyond);
+    vec3 colors = vec3_of(reflected, reflected, reflected);
+#ifdef IRIDESCENCE
+    if (lane_any(g->film.present)) colors = choose(g->film.present, sub(vec3_all(1.0f), glass_film_passes(g, g->eta, cosine, beyond)), colors);
+#endif
+    return colors;
 }
 
 // `between`: the facet normal between `wo` and `wi`, where both are above. The density is that of glass_sample; the diffuse lobes have others.
@@ -185,10 +173,19 @@ static vec3 glass_eval(const Glass* g, const Facets* facets, __global const floa
     wm = choose(wm.z < 0.0f, negate(wm), wm);
     const vfloat in = inner(wo, wm), out = inner(choose(bent, down, up), wm);
     const vfloat near = bounded(absolute(in), 1.0e-7f, 1.0f);
-    const vfloat reflected = glass_reflects(g, near);
+    vfloat far;
+    const vfloat reflected = glass_fresnel(g, near, &far);
+    far = bent ? bounded(absolute(out), 0.0f, 1.0f) : far;
     vfloat part = above ? reflected : splat(1.0f) - reflected;
-    const vmask exact = bent & !glass_filmed(g);
-    if (lane_any(exact)) part = exact ? glass_between(near, bounded(absolute(out), 0.0f, 1.0f), g->eta) : part;
+    if (lane_any(bent)) part = bent ? glass_between(near, far, g->eta) : part;
+#ifdef IRIDESCENCE
+    vec3 parts = vec3_all(1.0f);
+    if (lane_any(g->film.present)) {
+        const vec3 passes = glass_film_passes(g, g->eta, near, far);
+        parts = choose(above, sub(parts, passes), passes);
+        part = g->film.present ? glass_mean(parts) : part;
+    }
+#endif
 
     // From a density of facets to a density of directions (Walter et al., eq. 14 and 17)
     const vfloat stretch = fma(in, quotient(splat(1.0f), g->eta), out);
@@ -206,7 +203,6 @@ static vec3 glass_eval(const Glass* g, const Facets* facets, __global const floa
     vec3 tinted = choose(above, vec3_all(1.0f), scale(g->color, g->squeezed));
 #ifdef IRIDESCENCE
     if (lane_any(g->film.present)) {
-        const vec3 colors = glass_colors(g, near), parts = choose(above, colors, sub(vec3_all(1.0f), colors));
         const vec3 first = scale(parts, once * inverse_or_one(part)), again = scale(vec3_all(1.0f), f - once);
         tinted = choose(g->film.present, mul(tinted, scale(add(first, again), inverse_or_one(f))), tinted);
     }
@@ -218,13 +214,14 @@ static vec3 glass_eval(const Glass* g, const Facets* facets, __global const floa
 static vec3 glass_sample(const Glass* g, Alpha a, vec3 wo, vfloat u, vfloat v, vfloat w) {
     const vec3 wm = ggx_sample(a, wo, u, v);
     const vfloat cosine = bounded(inner(wo, wm), 0.0f, 1.0f), inverse = quotient(splat(1.0f), g->eta);
-    vfloat beyond;
-    const vfloat boundary = dielectric_fresnel(cosine, g->eta, &beyond);
+    vfloat beyond, reflected = glass_fresnel(g, cosine, &beyond);
 #ifdef IRIDESCENCE
-    const vmask reflect = w < glass_reflects(g, cosine);
-#else
-    const vmask reflect = w < (g->thin ? glass_thin(boundary) : boundary);
+    if (lane_any(g->film.present)) {
+        const vec3 passes = glass_film_passes(g, g->eta, cosine, beyond);
+        reflected = g->film.present ? splat(1.0f) - glass_mean(passes) : reflected;
+    }
 #endif
+    const vmask reflect = w < reflected;
     const vec3 mirrored = sub(scale(wm, cosine * 2.0f), wo);
     const vec3 refracted = along(scale(wo, -inverse), wm, fma(cosine, inverse, -beyond));
     const vec3 passed = choose(g->thin, vec3_of(mirrored.x, mirrored.y, -mirrored.z), refracted);
