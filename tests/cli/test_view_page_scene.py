@@ -141,14 +141,36 @@ def test_paths_follow_the_camera_and_edits_by_keyboard_too(browser: Any, server:
         assert view.page.locator(".lp-samples tbody tr").count() == 4
 
 
-def test_what_has_no_paths_is_said_in_words(browser: Any, server: Server) -> None:
-    with view_of(browser, server, "refused") as view:
+def test_paths_of_bdpt_tell_what_light_paths_splatted(browser: Any, server: Server) -> None:
+    with view_of(browser, server, "bdpt") as view:
         view.run("view.hub.send({ type: 'set', settings: { integrator: 'bdpt' } }); return 0")
         view.wait("view.hub.newest('state').settings.integrator === 'bdpt'")
+        view.wait_until_done()
+        _paths(view)
+        view.click(0.5, 0.5)
+        view.wait(f"{_TRACED} && {_STATUS}.startsWith('All 16 samples of pixel 80, 45')")
+        status = view.run(_STATUS)
+        assert " of it splatted by paths from lights" in status
+        radiance, splatted = (
+            [float(each) for each in part.split()[-3:]]
+            for part in status.split(" of it splatted")[0].removesuffix(",").split(", ")[-2:]
+        )
+        view.wait("document.querySelector('.cv-probe').dataset.probe !== undefined")
+        probe = view.run("JSON.parse(document.querySelector('.cv-probe').dataset.probe)")
+        assert radiance == pytest.approx(probe["radiance"], rel=1e-3)
+        assert all(0.0 <= part <= whole for part, whole in zip(splatted, radiance, strict=True))
+        assert view.page.locator(".lp-samples tbody tr").count() == 16 and view.run(_DRAWN) >= 2
+
+
+def test_what_has_no_paths_is_said_in_words(browser: Any, server: Server) -> None:
+    with view_of(browser, server, "refused") as view:
+        view.run("view.hub.send({ type: 'set', settings: { integrator: 'reuse' } }); return 0")
+        view.wait("view.hub.newest('state').settings.integrator === 'reuse'")
         view.wait("view.picture.frame() !== undefined")
         _paths(view)
         view.click(0.5, 0.5)
-        view.wait(f"{_STATUS}.startsWith('Integrator bdpt also adds light of paths from the lights')")
+        view.wait(f"{_STATUS}.startsWith('Integrator reuse ')")
+        assert "light paths are shown of path, " in view.run(_STATUS)
         assert view.page.locator(".lp-samples").count() == 0
 
 
