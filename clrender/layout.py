@@ -103,6 +103,9 @@ INSPECT_WORDS: Final = 48
 INSPECT_ROWS: Final = 256
 """Recorded paths (kernels/integrator/inspect.h): words of a row, and rows of a sample; the first is of the sample."""
 
+SPLAT_WORDS: Final = 8
+"""Words of a row of the list of splats (kernels/film/splat.h)."""
+
 INSPECT_VERTEX: Final = 1
 INSPECT_LIGHT_SAMPLE: Final = 2
 INSPECT_EMISSION: Final = 3
@@ -558,6 +561,13 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("EVENTS", 33, 1, "bits: scattering events of that before its vertex"),
         ("STANDS_FOR", 34, 1, "vertices of that which this one stands for"),
         ("LIGHT_SPARE", 35, 13, ""),
+    ),
+    "SPLAT": (
+        ("PATH", 0, 1, "listed splat, bits: number of the light path among those of its sample"),
+        ("DEPTH", 1, 1, "bits: scattering events before the vertex that the camera sees"),
+        ("WEIGHT", 2, 1, "MIS weight"),
+        ("COLOR", 3, 3, "what it adds to the pixel, red, green and blue of the film"),
+        ("SPLAT_SPARE", 6, 2, ""),
     ),
     "CHAIN_HEAD": (
         ("LIGHTS", 0, 1, "bits: number of lights that specular chains lead to"),

@@ -7,8 +7,10 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from clrender import layout
+from clrender.bidirectional.listed_splats import ListedSplats
 from clrender.device.prepared import Prepared, Request
 from clrender.flatten.interiors import has_volumes
 
@@ -54,6 +56,9 @@ class LightPaths:
         self._count = count
         self._kept = min(count, _MOST_KEPT)
         more: dict[str, int | str] = {"LIGHTS_IN_MEDIA": 1} if has_volumes(flat.arrays) else {}
+        self._listed = ListedSplats(worker) if worker.lists_splats else None
+        if self._listed is not None:
+            more["SPLATS_LISTED"] = 1
         self._program = worker.program("bidirectional/light_paths.cl", more)
         self._dark = flat.light_count == 0
         self._unit: Unit | None = None
@@ -92,26 +97,50 @@ class LightPaths:
         return [self._vertices, self._counts, np.uint32(self._kept)]
 
     def _trace(self, sample: int) -> None:
-        worker, device = self._worker, self._worker.device
         unit, splats = self._unit, self._splats
         if self._dark or unit is None or splats is None:
             return
         for first in range(0, self._count, _MOST_TRACED):
             last = min(first + _MOST_TRACED, self._count)
-            items = worker.padded(-(-(last - first) // light_paths_per_item(worker.lanes)))
-            rays = device.empty(4 * items)
             span = [np.uint32(number) for number in (sample, first, last, unit.first_slot, unit.slot_count)]
-            arguments: list[Argument] = [*span, splats, self._vertices, self._counts, np.uint32(self._kept), rays]
-            worker.launch(self._program, "light_paths", items, arguments)
-            traced = np.empty(items, np.uint32)
-            device.read(rays, traced)
-            device.release(rays)
-            self._rays += int(traced.sum(dtype=np.uint64))
+            self._rays += self._launch(span, splats)
+            if self._listed is not None:
+                self._listed.keep(sample, partial(self._list_again, span, splats.nbytes))
+
+    def _launch(self, span: Sequence[np.uint32], splats: Buffer) -> int:
+        """Trace the light paths of a span: sample, first, last, and the slots of the unit; returns the rays."""
+        worker, device = self._worker, self._worker.device
+        items = worker.padded(-(-int(span[2] - span[1]) // light_paths_per_item(worker.lanes)))
+        rays, traced = device.empty(4 * items), np.empty(items, np.uint32)
+        arguments: list[Argument] = [*span, splats, self._vertices, self._counts, np.uint32(self._kept), rays]
+        worker.launch(
+            self._program, "light_paths", items, [*arguments, *(self._listed.arguments() if self._listed else ())]
+        )
+        device.read(rays, traced)
+        device.release(rays)
+        return int(traced.sum(dtype=np.uint64))
+
+    def _list_again(self, span: Sequence[np.uint32], nbytes: int) -> None:
+        """Trace them for the list alone; their splats were added before."""
+        nowhere = self._worker.device.empty(nbytes)
+        self._launch(span, nowhere)
+        self._worker.device.release(nowhere)
+
+    def take_splats(self) -> npt.NDArray[np.uint32] | None:
+        """The splats since the last call; see `ListedSplats.take`. None: they are not listed."""
+        return None if self._listed is None else self._listed.take()
+
+    def recorded_splats(self, splats: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
+        """The light paths of some of them; see `ListedSplats.recorded`."""
+        assert self._listed is not None, "there are some"
+        return self._listed.recorded(splats)
 
     def release(self) -> None:
         """Release the device memory."""
         for buffer in self._held:
             self._worker.device.release(buffer)
+        if self._listed is not None:
+            self._listed.release()
         self._held, self._ready = [], None
 
 

@@ -191,6 +191,9 @@ def _result_line(found: PixelPaths, outputs: Sequence[Path]) -> str:
     if found.splats is not None:
         red, green, blue = found.splats.splatted.tolist()
         parts.append(f"{red:.6g} {green:.6g} {blue:.6g} of it splatted by paths from lights")
+        if found.splats.paths:
+            most = found.splats.paths[0]
+            parts.append(f"light path {most.path} of sample {most.sample} splats most: {most.share:.1%} of the pixel")
     if found.nonfinite_samples:
         parts.append(f"{counted(found.nonfinite_samples, 'sample was', 'samples were')} not finite and left out")
     return ", ".join(parts)

@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
     from clrender.device.device import Argument, Buffer
     from clrender.film.unit import Unit
 
@@ -32,3 +35,9 @@ class SplattingPreparation(DevicePreparation, Protocol):
 
     def begin_unit(self, unit: Unit, splats: Buffer) -> None:
         """Splat into the pixels of this unit from here on: (slots, 3, 4) uint32 of 128-bit sums, lowest word first."""
+
+    def take_splats(self) -> npt.NDArray[np.uint32] | None:
+        """The splats since the last call, where the worker lists them; see `UnitSums.listed`."""
+
+    def recorded_splats(self, splats: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
+        """The light paths of some of these: (n, `INSPECT_ROWS`, `INSPECT_WORDS`) uint32."""

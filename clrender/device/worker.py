@@ -230,6 +230,16 @@ class DeviceWorker:
         """Launch a kernel over a padded number of work-items; the scene's arguments come first."""
         self.device.launch(program, kernel, items, self._preparing.group, [*self.scene_arguments, *arguments])
 
+    def launch_beside(self, kernel: str, items: int, arguments: Sequence[Argument]) -> None:
+        """Launch another kernel of the tracing program, over unpadded work-items."""
+        program, group = self.device.program(self._pipeline.entry, self._own.tracing, self._samples), self._own.group
+        self.device.launch(program, kernel, _padded(items, group), group, [*self.scene_arguments, *arguments])
+
+    @property
+    def lists_splats(self) -> bool:
+        """Whether the splats into its pixel are to be listed one by one."""
+        return self._pipeline.splats and self._pipeline.reads_records
+
     def launch_over(self, program: Program, kernel: str, count: int, arguments: Sequence[Argument]) -> None:
         """Launch a kernel over `count` elements, one per lane; the scene's arguments come first."""
         self.launch(program, kernel, self.padded(-(-count // self.lanes)), arguments)
@@ -264,7 +274,18 @@ class DeviceWorker:
         records = np.concatenate(self._records) if self._records else None
         splats = np.stack(self._brought) if self._brought else None
         counted = traced.rays, traced.shadow_rays, traced.deepest
-        return UnitSums(*read, done, *counted, squares, records=records, splats=splats)
+        listed = self._preparation.take_splats() if isinstance(self._preparation, SplattingPreparation) else None
+        return UnitSums(*read, done, *counted, squares, records=records, splats=splats, listed=listed)
+
+    def recorded_splats(self, listed: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
+        """Trace light paths of `UnitSums.listed` again, and write them down.
+
+        Returns
+        -------
+        (n, `INSPECT_ROWS`, `INSPECT_WORDS`) uint32
+        """
+        assert isinstance(self._preparation, SplattingPreparation), "there are splats"
+        return self._preparation.recorded_splats(listed)
 
     def hold(self, film: Film) -> bool:
         """Prepare for `render_held`, with the samples of a film; False if the device has not memory to spare for it."""

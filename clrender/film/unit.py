@@ -109,6 +109,8 @@ class UnitSums:
         Of pipelines whose records the host reads.
     splats : (sample_count, 3, 4) uint32 or None
         Of those of them that splat: what light paths bring to the pixel in each sample, as `sums`.
+    listed : (n, 1 + `SPLAT_WORDS`) uint32 or None
+        And each of these light paths: the number of the sample, and a row ``SPLAT`` of `clrender.layout`.
     """
 
     sums: npt.NDArray[np.uint32]
@@ -121,6 +123,7 @@ class UnitSums:
     samples: npt.NDArray[np.float32] | None = None
     records: npt.NDArray[np.uint32] | None = None
     splats: npt.NDArray[np.uint32] | None = None
+    listed: npt.NDArray[np.uint32] | None = None
 
     @classmethod
     def nothing(cls, unit: Unit) -> UnitSums:

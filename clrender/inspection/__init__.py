@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-from clrender.inspection.light_path import Addition, Guidance, LightPath, LightSubpath, PathVertex, Roulette, Splats
+from clrender.inspection.light_path import (
+    Addition,
+    Guidance,
+    LightPath,
+    LightSubpath,
+    PathVertex,
+    Roulette,
+    Splat,
+    Splats,
+)
 from clrender.inspection.maps import PathMaps, path_maps
 from clrender.inspection.pixel_paths import PixelPaths
 from clrender.inspection.tracing import paths
@@ -16,6 +25,7 @@ __all__ = [
     "PathVertex",
     "PixelPaths",
     "Roulette",
+    "Splat",
     "Splats",
     "path_maps",
     "paths",

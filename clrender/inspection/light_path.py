@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Addition", "Guidance", "LightPath", "LightSubpath", "PathVertex", "Roulette", "Splats"]
+__all__ = ["Addition", "Guidance", "LightPath", "LightSubpath", "PathVertex", "Roulette", "Splat", "Splats"]
 
 _Floats = npt.NDArray[np.float32]
 _Places = npt.NDArray[np.float64]
@@ -106,7 +106,7 @@ class Addition:
 
 @dataclass(frozen=True)
 class LightSubpath:
-    """The part of a path that began at a light, as far as the vertex that a path from the camera was connected with.
+    """The part of a path that began at a light, as far as the vertex that it was connected with the camera's part at.
 
     Attributes
     ----------
@@ -326,6 +326,37 @@ class LightPath:
 
 
 @dataclass(frozen=True)
+class Splat:
+    """What one path from a light brings to a pixel, in which the camera sees one of its vertices.
+
+    Attributes
+    ----------
+    sample : int
+        Number of the sample of all pixels that the light path is of.
+    path : int
+        Number of the light path among those of its sample.
+    value : (3,) float32
+        What it adds to the sum of the pixel, red, green and blue, W/(sr m2).
+    share : float
+        Part of it of the luminance of the pixel, as of `LightPath`.
+    weight : float
+        MIS weight with which it counts.
+    light_vertices : int
+        Vertices of the light path as far as that one, the one on the light among them; the camera is the only other.
+    light_path : LightSubpath or None
+        The light path, whose last vertex is that one; None if it is too long to be recorded.
+    """
+
+    sample: int
+    path: int
+    value: _Floats
+    share: float
+    weight: float
+    light_vertices: int
+    light_path: LightSubpath | None
+
+
+@dataclass(frozen=True)
 class Splats:
     """What paths from lights bring to a pixel in which the camera sees them: they belong to no path from the camera.
 
@@ -337,8 +368,14 @@ class Splats:
         The mean of these: their part of the pixel, W/(sr m2).
     camera : (3,) float32
         The rest of the pixel: the mean of `clrender.PixelPaths.values`, which are of paths from the camera.
+    count : int
+        Number of splats; those of a sample add up to its row of `values`.
+    paths : tuple of Splat
+        Those with the largest contributions, by luminance, the largest first.
     """
 
     values: _Floats
     splatted: _Floats
     camera: _Floats
+    count: int
+    paths: tuple[Splat, ...]

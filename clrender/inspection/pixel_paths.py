@@ -78,7 +78,7 @@ class PixelPaths:
     samples : tuple of LightPath
         The samples with the largest contributions, by luminance, the largest first.
     splats : Splats or None
-        Of integrator `bdpt`: what paths from lights that the camera sees bring. They are added up and not listed.
+        Of integrator `bdpt`: what paths from lights that the camera sees bring.
     surroundings : Surroundings or None
         Pictures and points of the scene for a page.
     """

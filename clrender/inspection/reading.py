@@ -10,12 +10,22 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender import layout
-from clrender.inspection.light_path import Addition, Guidance, LightPath, LightSubpath, PathVertex, Roulette
+from clrender.inspection.light_path import Addition, Guidance, LightPath, LightSubpath, PathVertex, Roulette, Splat
 
 if TYPE_CHECKING:
     from clrender.inspection.names import Names
 
-__all__ = ["as_rows", "counts", "highest", "light_path", "luminance", "sample_values", "written"]
+__all__ = [
+    "as_rows",
+    "counts",
+    "highest",
+    "light_path",
+    "luminance",
+    "sample_values",
+    "splat",
+    "splat_values",
+    "written",
+]
 
 _Words = npt.NDArray[np.uint32]
 _Floats = npt.NDArray[np.float32]
@@ -23,6 +33,8 @@ _Floats = npt.NDArray[np.float32]
 _SAMPLE: Final = layout.columns("INSPECT_SAMPLE")
 _VERTEX: Final = layout.columns("INSPECT_VERTEX")
 _LIGHT: Final = layout.columns("INSPECT_LIGHT")
+_SPLAT: Final = {name: 1 + first for name, first in layout.columns("SPLAT").items()}
+"""After the number of the sample."""
 _STRATEGIES: Final = {
     layout.INSPECT_LIGHT_SAMPLE: "light sample",
     layout.INSPECT_EMISSION: "emission",
@@ -122,7 +134,11 @@ def light_path(
         if kind != layout.INSPECT_VERTEX:
             made = _addition(_Row(words, _LIGHT), kind, names, here, np.float32(filter_weight), integrator)
             if kind == layout.INSPECT_JOIN:
-                made = _with_light_path(made, _light_subpath(rows[place:], names, here))
+                joined = _Row(words, _LIGHT)
+                subpath = _light_subpath(
+                    joined.bits("PATH"), joined.number("STANDS_FOR"), rows[place + 1 :], names, here
+                )
+                made = _with_light_path(made, subpath)
             # A medium shines before the path arrives, which its vertex then has
             (before if kind == layout.INSPECT_GLOW else additions).append(made)
             continue
@@ -204,13 +220,37 @@ def _with_light_path(made: Addition, path: LightSubpath | None) -> Addition:
     return dataclasses.replace(made, light_path=path, **light)
 
 
-def _light_subpath(rows: _Words, names: Names, origin: npt.NDArray[np.float64]) -> LightSubpath | None:
-    """The light path of a connection, whose row comes first; None: it was not recorded, at least not to its end."""
-    joined = _Row(rows[0], _LIGHT)
-    if len(rows) < 2 or int(rows[1, 0]) != layout.INSPECT_LIGHT_START:
+def splat_values(listed: _Words) -> _Floats:
+    """What splats add to their pixel, (n, 3), of rows of `UnitSums.listed`."""
+    return np.ascontiguousarray(listed[:, _SPLAT["COLOR"] : _SPLAT["COLOR"] + 3]).view(np.float32)
+
+
+def splat(listed: _Words, rows: _Words, names: Names, origin: Sequence[float], share: float) -> Splat:
+    """A splat.
+
+    Parameters
+    ----------
+    listed : (1 + `SPLAT_WORDS`,) uint32
+        Its row of `UnitSums.listed`.
+    rows : (n, `INSPECT_WORDS`) uint32
+        What the kernel has written about its light path, after a head.
+    names, origin, share
+        See `light_path`.
+    """
+    row, here = _Row(listed, _SPLAT), np.asarray(origin, np.float64)
+    path, events = row.bits("PATH"), row.bits("DEPTH")
+    subpath = _light_subpath(path, 1.0, rows[1:], names, here)
+    return Splat(int(listed[0]), path, row.vector("COLOR"), share, row.number("WEIGHT"), events + 2, subpath)
+
+
+def _light_subpath(
+    path: int, stands_for: float, rows: _Words, names: Names, origin: npt.NDArray[np.float64]
+) -> LightSubpath | None:
+    """A light path by the rows that begin with its own; None: it was not recorded, at least not to its end."""
+    if not len(rows) or int(rows[0, 0]) != layout.INSPECT_LIGHT_START:
         return None
-    start, vertices = _Row(rows[1], _VERTEX), []
-    for words in rows[2:]:
+    start, vertices = _Row(rows[0], _VERTEX), []
+    for words in rows[1:]:
         if int(words[0]) != layout.INSPECT_LIGHT_VERTEX:
             break
         vertices.append(_vertex(_Row(words, _VERTEX), names, origin, (), "bdpt"))
@@ -218,8 +258,8 @@ def _light_subpath(rows: _Words, names: Names, origin: npt.NDArray[np.float64]) 
         return None
     vertices[-1] = dataclasses.replace(vertices[-1], event="connection", ended=None)
     return LightSubpath(
-        joined.bits("PATH"),
-        joined.number("STANDS_FOR"),
+        path,
+        stands_for,
         start.bits("LIGHT"),
         *names.of_light(start.bits("LIGHT"), start.bits("MATERIAL")),
         start.vector("POINT") + origin if start.bits("FLAGS") & layout.INSPECT_FOUND else None,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from clrender import layout
 from clrender.errors import RenderError, UsageError
 from clrender.files.kernel_hash import kernels_sha256
 from clrender.film.fixed_point import add_words, subtract_words, to_float64
@@ -16,7 +17,17 @@ from clrender.inspection.light_path import Splats
 from clrender.inspection.names import Names
 from clrender.inspection.pipelines import PIPELINES, check_integrator
 from clrender.inspection.pixel_paths import PixelPaths, check_pixel
-from clrender.inspection.reading import as_rows, counts, highest, light_path, luminance, sample_values, written
+from clrender.inspection.reading import (
+    as_rows,
+    counts,
+    highest,
+    light_path,
+    luminance,
+    sample_values,
+    splat,
+    splat_values,
+    written,
+)
 from clrender.inspection.surroundings import surroundings_of
 from clrender.rendering.job import RenderJob
 from clrender.rendering.session import Session
@@ -25,6 +36,7 @@ from clrender.version import __version__
 
 if TYPE_CHECKING:
     from clrender.device import Device
+    from clrender.device.worker import DeviceWorker
     from clrender.film.unit import Unit, UnitSums
     from clrender.rendering.rendered_image import Progress
     from clrender.scene import Scene
@@ -54,7 +66,7 @@ def paths(
 
     The paths are those of a render with the same settings, of all samples of the pixel. What they contribute adds up
     to the pixel of that render, bit for bit; with `bdpt` together with what paths from lights that the camera sees
-    bring to it, which is known as a sum.
+    bring to it.
 
     Parameters
     ----------
@@ -62,7 +74,8 @@ def paths(
     pixel : (int, int)
         Column and row, from (0, 0) at the upper left.
     samples : int, optional
-        Number of samples whose vertices are kept, those that contribute most; default: 256. All are traced.
+        Number of samples whose vertices are kept, those that contribute most; default: 256. All are traced. With `bdpt`
+        also the number of paths from lights that are kept beside them.
     surroundings : bool
         Whether to render pictures and points of the scene as well, for a page.
     device : str, int, Device, sequence of them, optional
@@ -135,7 +148,9 @@ def paths_in(
         raise UsageError(f"samples is {samples!r}, but must be a whole number from 1 on")
     single = dataclasses.replace(job, settings=dataclasses.replace(settings, crop=(x, y, 1, 1)))
     kept = _Kept(int(most))
-    recorded = session.recorded(single, PIPELINES, kept.take, on_progress=on_progress, should_stop=should_stop)
+    recorded = session.recorded(
+        single, PIPELINES, kept.take, kept.finish, on_progress=on_progress, should_stop=should_stop
+    )
     values = kept.values()
     if len(values) < job.sample_count:
         raise RenderError("the light paths are not complete: they were stopped early")
@@ -158,10 +173,8 @@ def paths_in(
     }
     names, flat = Names(job.scene, recorded.flat), recorded.flat
     bright = luminance(values)
-    splats = kept.splats()
-    total = float(bright[counts(values)].sum())
-    if splats is not None:
-        total += float(luminance(splats.values).sum())
+    total = float(bright[counts(values)].sum()) + kept.splatted()
+    splats = kept.splats(names, flat.origin, total)
     found = [
         light_path(
             number,
@@ -191,6 +204,9 @@ class _Kept:
         self._best = np.zeros((0, 3), np.float32)
         self._brought: list[npt.NDArray[np.float32]] = []
         self._sums = np.zeros((2, 3, 2), np.uint64)  # of light paths, and of all
+        self._listed = np.zeros((0, 1 + layout.SPLAT_WORDS), np.uint32)
+        self._splat_count = 0
+        self._splat_rows = np.zeros((0, layout.INSPECT_ROWS, layout.INSPECT_WORDS), np.uint32)
 
     def take(self, unit: Unit, sums: UnitSums) -> None:
         """Take a unit of samples."""
@@ -206,6 +222,11 @@ class _Kept:
             for each in brought:
                 add_words(self._sums[0], each)
             add_words(self._sums[1], _words(sums.sums[0]))
+        if sums.listed is not None:
+            listed = sums.listed[counts(found)[sums.listed[:, 0] - np.uint32(unit.first_sample)]]
+            self._splat_count += len(listed)
+            listed = np.concatenate([self._listed, listed])
+            self._listed = listed[highest(splat_values(listed), np.ones(len(listed), np.bool_), self._most)]
         of_unit = dict(enumerate(as_rows(sums.records), unit.first_sample))
         numbers, values = [*self._rows, *of_unit], np.concatenate([self._best, found])
         order = highest(values, counts(values), self._most)
@@ -220,14 +241,29 @@ class _Kept:
         """What each sample adds to the sum of its pixel, (n, 3) float32."""
         return np.concatenate(self._values) if self._values else np.zeros((0, 3), np.float32)
 
-    def splats(self) -> Splats | None:
-        """What light paths that the camera sees brought; None: the integrator has none."""
+    def finish(self, worker: DeviceWorker) -> None:
+        """Have the light paths that brought most written down."""
+        if len(self._listed):
+            self._splat_rows = worker.recorded_splats(self._listed)
+
+    def splatted(self) -> float:
+        """Luminance of all that light paths brought."""
+        return sum(float(luminance(each).sum()) for each in self._brought)
+
+    def splats(self, names: Names, origin: Sequence[float], total: float) -> Splats | None:
+        """What light paths that the camera sees brought, of a pixel of so much luminance; None: there are none."""
         if not self._brought:
             return None
         by_camera = self._sums[1].copy()
         subtract_words(by_camera, self._sums[0])
         count = max(int(counts(self.values()).sum()), 1)
-        return Splats(np.concatenate(self._brought), _floats(self._sums[0], count), _floats(by_camera, count))
+        shares = luminance(splat_values(self._listed)) / total if total else np.zeros(len(self._listed))
+        paths = tuple(
+            splat(each, written(rows), names, origin, float(share))
+            for each, rows, share in zip(self._listed, self._splat_rows, shares, strict=True)
+        )
+        splatted, by_camera = _floats(self._sums[0], count), _floats(by_camera, count)
+        return Splats(np.concatenate(self._brought), splatted, by_camera, self._splat_count, paths)
 
     def best(self) -> list[tuple[int, npt.NDArray[np.uint32]]]:
         """Numbers and rows of the samples that contribute most, in that order."""

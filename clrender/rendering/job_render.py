@@ -217,7 +217,12 @@ class JobRender:
         stop, tell = self._should_stop, self._residency.tell
         return hit_counts(self._residency.devices, make, self._settings, samples, stop, tell)
 
-    def recorded(self, pipelines: Mapping[str, Pipeline], take: Callable[[Unit, UnitSums], None]) -> Recorded:
+    def recorded(
+        self,
+        pipelines: Mapping[str, Pipeline],
+        take: Callable[[Unit, UnitSums], None],
+        finish: Callable[[DeviceWorker], None],
+    ) -> Recorded:
         """Take the samples by kernels that record their paths, on one device; see `Session.recorded`."""
         flat, _ = self._flat()
         with self._memory_held():
@@ -252,6 +257,7 @@ class JobRender:
                     take(unit, found)
                     if self._stops():
                         break
+                finish(worker)
             finally:
                 worker.release()
         member_of = member(self._residency.devices[0], worker)

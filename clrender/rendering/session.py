@@ -36,6 +36,7 @@ from clrender.scene import Camera, Scene
 from clrender.wording import shown
 
 if TYPE_CHECKING:
+    from clrender.device.worker import DeviceWorker
     from clrender.film.unit import Unit, UnitSums
     from clrender.integrators import Pipeline
 
@@ -339,6 +340,7 @@ class Session:
         job: RenderJob,
         pipelines: Mapping[str, Pipeline],
         take: Callable[[Unit, UnitSums], None],
+        finish: Callable[[DeviceWorker], None],
         *,
         on_progress: Callable[[Progress], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
@@ -353,6 +355,8 @@ class Session:
             Pipelines with `reads_records`, by the kernels that they stand for.
         take : callable
             Called with each unit of samples and its result.
+        finish : callable
+            Called with the worker after the last of them.
         on_progress, should_stop : callable, optional
             See `render`.
 
@@ -368,7 +372,7 @@ class Session:
 
         def work() -> Recorded:
             render = JobRender(self._residency, job, *self._callbacks(on_progress, should_stop))
-            return render.recorded(pipelines, take)
+            return render.recorded(pipelines, take, finish)
 
         return self._exclusively(work)
 

@@ -178,8 +178,8 @@ static uint light_path_splat(const Scene* scene, const LightPath* p, const Light
     const vfloat density = view.density * vertex_cosine(&a->surface, &a->bsdf, view.direction) * share;
     const vfloat reach = vertex_reached(scene, &p->interior, &a->surface, &a->bsdf, view.direction);
     const vfloat others = techniques_behind(&p->techniques, techniques_bounded(view.density * share) * reach, back);
-    const vfloat weight = techniques_only(techniques_weight(others, 1.0f), splat_uint(1u), p->depth + 2u) * place.weight;
-    const vec3 arriving = mul(p->flux, scale(f, inverse_or_one(a->arrived) * density * weight));
+    const vfloat weight = techniques_only(techniques_weight(others, 1.0f), splat_uint(1u), p->depth + 2u);
+    const vec3 arriving = mul(p->flux, scale(f, inverse_or_one(a->arrived) * density * (weight * place.weight)));
 
     LightSample to;
     to.direction = view.direction;
@@ -197,7 +197,7 @@ static uint light_path_splat(const Scene* scene, const LightPath* p, const Light
     EACH_PACKET(k) shadow_start(scene, &shadows, k, &shadow, k == 0 ? asked : mask_none());
     shadow_finish(scene, &shadows);
     const vmask arrives = asked & shadow_arrives(&shadows, 0, &left);
-    if (lane_any(arrives)) splat_add(splats, place.slot, color_of_film(scene, left), arrives);
+    if (lane_any(arrives)) splat_add(splats, place.slot, color_of_film(scene, left), arrives, p->number, p->depth, weight);
     return lane_count(asked);
 }
 

@@ -12,6 +12,10 @@
 typedef struct {
     __global uint* sums;         // [slot][3][4], the lowest word first
     uint first_slot, slot_count;
+#ifdef SPLATS_LISTED
+    __global uint* listed;       // their number, and from SPLAT_WORDS on a row for each of the first `most`, in any order
+    uint most;
+#endif
 } Splats;
 
 // Where splats go that a camera sees at this place of its film, and by what factor they count there: pixels whose filter reaches there share them,
@@ -94,7 +98,21 @@ static void splat_add_words(volatile __global uint* sum, Fixed term, int negativ
     }
 }
 
-static void splat_add(const Splats* splats, vuint slot, vec3 radiance, vmask where) {
+#ifdef SPLATS_LISTED
+// Write down what is added: by which light path, and with which MIS weight.
+static void splat_list(const Splats* splats, uint path, uint depth, float weight, const float color[3]) {
+    const uint at = atomic_inc((volatile __global uint*)splats->listed);
+    if (at >= splats->most) return;
+    __global uint* row = splats->listed + (size_t)(at + 1u) * SPLAT_WORDS;
+    row[SPLAT_ROW_PATH] = path;
+    row[SPLAT_ROW_DEPTH] = depth;
+    row[SPLAT_ROW_WEIGHT] = as_uint(weight);
+    for (uint c = 0; c < 3u; ++c) row[SPLAT_ROW_COLOR + c] = as_uint(color[c]);
+}
+#endif
+
+// `path`, `depth` and `weight`: the light path, the scattering events before its vertex, and the MIS weight.
+static void splat_add(const Splats* splats, vuint slot, vec3 radiance, vmask where, vuint path, vuint depth, vfloat weight) {
     int is_there[LANES];
     uint at[LANES];
     float value[3][LANES];
@@ -103,11 +121,22 @@ static void splat_add(const Splats* splats, vuint slot, vec3 radiance, vmask whe
     lane_store(radiance.x, value[0]);
     lane_store(radiance.y, value[1]);
     lane_store(radiance.z, value[2]);
+#ifdef SPLATS_LISTED
+    uint number[LANES], events[LANES];
+    float counts[LANES];
+    lane_store(path, number);
+    lane_store(depth, events);
+    lane_store(weight, counts);
+#endif
     for (int lane = 0; lane < LANES; ++lane) {
         if (!is_there[lane]) continue;
         if (!(fixed_representable(value[0][lane]) && fixed_representable(value[1][lane]) && fixed_representable(value[2][lane]))) continue;
         for (int c = 0; c < 3; ++c)
             splat_add_words(splats->sums + ((size_t)at[lane] * 3 + c) * 4, fixed_of(value[c][lane]), as_uint(value[c][lane]) >> 31);
+#ifdef SPLATS_LISTED
+        const float color[3] = {value[0][lane], value[1][lane], value[2][lane]};
+        splat_list(splats, number[lane], events[lane], counts[lane], color);
+#endif
     }
 }
 

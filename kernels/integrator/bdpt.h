@@ -105,7 +105,7 @@ static void bdpt_sample_joins(const Scene* scenes, const LightVertices* light, P
         stats->shadow_rays += lane_count(asked);
         stats->deepest = pool_deepest(stats->deepest, path[k].depth + 1u, asked);
 #ifdef PATH_INSPECTED
-        if (asked) inspect_light_path(scene, &path[k], light->pass, joined->arriving[k]);
+        if (asked) inspect_joined_path(scene, &path[k], light->pass, joined->arriving[k]);
 #endif
     }
 }

@@ -78,10 +78,15 @@ def bidirectional(device: Device, tmp_path_factory: pytest.TempPathFactory) -> t
 def test_bidirectional_paths_say_what_is_splatted(bidirectional: tuple[Path, str]) -> None:
     folder, said = bidirectional
     read = numbers_of(folder)
-    assert read["integrator"] == "bdpt" and set(read["splats"]) == {"values", "splatted", "camera"}
+    assert read["integrator"] == "bdpt" and set(read["splats"]) == {"values", "splatted", "camera", "count", "paths"}
     assert len(read["splats"]["values"]) == 8 and read["splats"]["splatted"][0] > 0.0
     words = " ".join(f"{each:.6g}" for each in read["splats"]["splatted"])
-    assert said.endswith(f", {words} of it splatted by paths from lights\n")
+    most = read["splats"]["paths"][0]
+    brought = f"light path {most['path']} of sample {most['sample']} splats most: {most['share']:.1%} of the pixel"
+    assert said.endswith(f", {words} of it splatted by paths from lights, {brought}\n")
+    assert read["splats"]["count"] == len(read["splats"]["paths"])
+    for each in read["splats"]["paths"]:
+        assert len(each["light_path"]["vertices"]) == each["light_vertices"] - 1 and each["light_path"]["object"]
     every = [each for sample in read["samples"] for vertex in sample["vertices"] for each in vertex["additions"]]
     joined = [each["light_path"] for each in every if each["light_path"] is not None]
     assert joined and all(each["vertices"][-1]["event"] == "connection" for each in joined)

@@ -159,7 +159,22 @@ def test_paths_of_bdpt_tell_what_light_paths_splatted(browser: Any, server: Serv
         probe = view.run("JSON.parse(document.querySelector('.cv-probe').dataset.probe)")
         assert radiance == pytest.approx(probe["radiance"], rel=1e-3)
         assert all(0.0 <= part <= whole for part, whole in zip(splatted, radiance, strict=True))
-        assert view.page.locator(".lp-samples tbody tr").count() == 16 and view.run(_DRAWN) >= 2
+        assert view.page.locator(".lp-samples:not(.lp-splats) tbody tr").count() == 16 and view.run(_DRAWN) >= 2
+        # A light path is listed and drawn by a click, and another one by a key
+        rows = view.page.locator(".lp-splats tbody tr")
+        assert rows.count() == 2 and "All 2 splats" in view.page.locator(".lp-splats caption").inner_text()
+        before = view.run(f"return {_DRAWN}")
+        rows.first.click()
+        assert rows.first.get_attribute("aria-current") == "true"
+        number = rows.first.locator("td").first.inner_text()
+        assert view.page.locator(f"[aria-label='Vertices of light path {number}'] .lp-light").count() >= 2
+        assert view.run(f"return {_DRAWN}") != before
+        rows.first.press("ArrowDown")
+        assert rows.nth(1).get_attribute("aria-current") == "true"
+        rows.nth(1).press("Enter")
+        assert view.page.locator(".lp-splats tr[aria-current=true]").count() == 0
+        assert view.run(f"return {_DRAWN}") == before
+        assert view.run(CONTRAST) == []
 
 
 def test_what_has_no_paths_is_said_in_words(browser: Any, server: Server) -> None:

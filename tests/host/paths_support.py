@@ -9,10 +9,20 @@ import numpy as np
 from exact_sums import quanta
 
 import clrender
-from clrender.inspection import Addition, LightPath, PixelPaths
+from clrender.inspection import Addition, LightPath, LightSubpath, PixelPaths, Splats
 from clrender.inspection.tracing import paths_in
 
-__all__ = ["bits", "check_sample", "check_splats", "check_strategy", "check_sums", "paths_of", "same_as_render"]
+__all__ = [
+    "bits",
+    "check_light_path",
+    "check_listed",
+    "check_sample",
+    "check_splats",
+    "check_strategy",
+    "check_sums",
+    "paths_of",
+    "same_as_render",
+]
 
 
 def bits(values: Any) -> list[int]:
@@ -61,6 +71,28 @@ def check_splats(found: PixelPaths, sums: Any) -> None:
     np.testing.assert_allclose(found.splats.values.sum(axis=0, dtype=np.float64), [each / 2**64 for each in rest], 1e-6)
     for value, brought in zip(found.values, found.splats.values, strict=True):
         assert _counts(value) or not brought.any()
+    check_listed(found.splats, rest)
+
+
+def check_listed(splats: Splats, total: list[int]) -> None:
+    """Check that the splats add up to all that was splatted, in quanta, and that each has its light path."""
+    by_sample = [[0, 0, 0] for _ in splats.values]
+    for each in splats.paths:
+        for channel in range(3):
+            by_sample[each.sample][channel] += quanta(each.value[channel])
+        assert each.value.any() and 0.0 < each.weight <= 1.0 and each.light_vertices >= 2
+        if each.light_path is not None:
+            assert each.light_path.number == each.path and each.light_path.stands_for == 1.0
+            check_light_path(each.light_path, each.light_vertices)
+    bright = [abs(float(np.dot(each.value.astype(np.float64), (0.2126, 0.7152, 0.0722)))) for each in splats.paths]
+    assert bright == sorted(bright, reverse=True) and len(
+        {(each.sample, each.path, each.light_vertices) for each in splats.paths}
+    ) == len(bright)
+    assert len(splats.paths) <= splats.count
+    if len(splats.paths) == splats.count:
+        assert [sum(channel) for channel in zip(*by_sample, strict=True)] == total
+        for brought, parts in zip(splats.values, by_sample, strict=True):
+            assert bits(brought) == bits(_mean(parts, 1))
 
 
 def _counts(value: Any) -> bool:
@@ -136,11 +168,19 @@ def check_strategy(each: Addition, depth: int) -> None:
     if path is None:
         return
     assert (path.light, path.light_kind, path.object) == (each.light, each.light_kind, each.object)
-    last, events = path.vertices[-1], [vertex for vertex in path.vertices if vertex.event != "straight"]
-    assert len(events) + 1 == each.light_vertices and path.stands_for >= 1.0
-    assert last.event == "connection" and last.position is not None and each.position is not None
+    assert path.stands_for >= 1.0 and each.light_vertices is not None
+    check_light_path(path, each.light_vertices)
     # It was traced again: it arrives where the first one did, with the same flux
+    last = path.vertices[-1]
+    assert last.position is not None and each.position is not None
     assert bits(last.throughput_in) == bits(each.emitted) and last.position.tolist() == each.position.tolist()
+
+
+def check_light_path(path: LightSubpath, light_vertices: int) -> None:
+    """Check that a path from a light has so many vertices, and that one leads to the next."""
+    events = [vertex for vertex in path.vertices if vertex.event != "straight"]
+    assert len(events) + 1 == light_vertices
+    assert path.vertices[-1].event == "connection" and path.vertices[-1].position is not None
     assert [vertex.depth for vertex in events] == list(range(len(events)))
     for before, after in zip(path.vertices, path.vertices[1:], strict=False):
         assert before.roulette is None or before.roulette.survived

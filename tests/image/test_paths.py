@@ -83,7 +83,7 @@ def test_paths_of_scenes_add_up(session: clrender.Session, name: str) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", [name for name in SCENES if name != "chick"])  # which has hair
+@pytest.mark.parametrize("name", SCENES)
 def test_bidirectional_paths_of_scenes_add_up(session: clrender.Session, name: str) -> None:
     made = same_as_render(session, clrender.load(name), PIXELS, size=SIZE, spp=8, integrator="bdpt")
     assert all(found.splats is not None for found in made)
@@ -132,6 +132,7 @@ def test_bidirectional_paths_add_up(session: clrender.Session) -> None:
     assert {("emission", 0), ("light sample", 1), ("connection", 2), ("connection", 3)} <= ways
     for found in made:
         assert found.splats is not None
+        assert found.splats.count == len(found.splats.paths)
         shares = sum(each.share for each in found.samples)
         luminance = [0.2126, 0.7152, 0.0722]
         assert shares == pytest.approx(found.splats.camera @ luminance / (found.radiance @ luminance), rel=1e-5)
@@ -351,3 +352,27 @@ def test_bad_input_gives_one_sentence(pixel: Any, settings: dict[str, Any], word
 def test_radiosity_has_no_paths() -> None:
     with pytest.raises(UsageError, match="integrator radiosity solves"):
         clrender.paths(clrender.load("cornell"), (1, 2), size=SIZE, integrator="radiosity")
+
+
+@pytest.mark.long
+def test_a_list_of_splats_grows(session: clrender.Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where there is room for one, what is found is traced once more, and adds to the pixel once."""
+    way: dict[str, Any] = {"size": SIZE, "spp": 4, "integrator": "bdpt", "light_paths": 20000}
+    made = []
+    for room in (1, 1 << 14):
+        monkeypatch.setattr("clrender.bidirectional.listed_splats._LISTED", room)
+        (found,) = same_as_render(session, clrender.load("room"), [(25, 30)], **way)
+        made.append(found)
+    assert made[0].to_json() == made[1].to_json()
+    assert made[0].splats is not None and made[0].splats.count > 4
+
+
+@pytest.mark.long
+def test_the_brightest_splats_are_kept(session: clrender.Session) -> None:
+    scene, way = clrender.load("room"), {"size": SIZE, "spp": 4, "integrator": "bdpt", "light_paths": 20000}
+    every, some = (paths_of(session, scene, (25, 30), samples=count, **way) for count in (1000, 3))
+    assert every.splats is not None and some.splats is not None
+    assert len(every.splats.paths) == every.splats.count == some.splats.count > 3 == len(some.splats.paths)
+    for kept, first in zip(some.splats.paths, every.splats.paths, strict=False):
+        assert (kept.sample, kept.path, kept.share) == (first.sample, first.path, first.share)
+    assert np.array_equal(every.splats.values, some.splats.values)

@@ -9,5 +9,5 @@ __kernel void add_splats(__global const float* values, __global const uint* slot
     splats.first_slot = 0u;
     splats.slot_count = slot_count;
     const vfloat x = lane_load(values + i * LANES), y = x * 0.5f;
-    splat_add(&splats, lane_load(slots + i * LANES), vec3_of(x, y, -x), mask_all());
+    splat_add(&splats, lane_load(slots + i * LANES), vec3_of(x, y, -x), mask_all(), splat_uint(0u), splat_uint(0u), splat(0.0f));
 }

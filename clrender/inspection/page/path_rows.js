@@ -38,6 +38,9 @@ export function rowsOf(data) {
   });
 }
 
+/** The rows of a document's splats, by rank. */
+export const splatRows = (data) => (data.splats?.paths ?? []).map((splat, rank) => ({ splat, rank, brightness: luminance(splat.value) }));
+
 export const named = (addition) => addition.object ?? addition.light_kind ?? "";
 export const brought = (most) => (most ? `${most.addition.strategy} ${named(most.addition)}`.trim() : "nothing");
 
@@ -74,6 +77,14 @@ export function linesOf(row, main, reach) {
     }
   }
   return found;
+}
+
+/** Lines of a splat: its light path, and from there to the camera. */
+export function linesOfSplat({ splat }, camera, reach) {
+  if (!splat.light_path) return [];
+  const further = (from, direction) => from.map((each, axis) => each + direction[axis] * reach * 0.6);
+  const lines = lightLines(splat.light_path, further);
+  return [...lines, { from: lines[lines.length - 1].to, to: camera, color: COLORS.light, width: 1.8 }];
 }
 
 /** Why a sample is as bright as it is, in a sentence. */

@@ -52,6 +52,18 @@ function lightRows(addition) {
       vertex.event === "connection" ? "" : color(vertex.throughput), vertex.pdf === null ? "" : vertex.pdf === 0 ? "delta" : `pdf ${number(vertex.pdf)}`))];
 }
 
+/** The contents of the part about a splat's row: its light path, from the light on. */
+export function splatParts({ splat }) {
+  const { light_path: path } = splat;
+  if (!path) return [make("p", { class: "lp-sentence" }, `Light path ${splat.path} has more vertices than are recorded.`)];
+  const columns = ["", "Event", "At", "Position, m", "Flux before", "Flux after", "pdf, 1/sr"];
+  const headings = columns.map((name) => make("th", { scope: "col", role: "columnheader", class: WORDS.includes(name) && "lp-words", colspan: name.startsWith("pdf") && 4 }, name));
+  const label = `Light path ${splat.path} of sample ${splat.sample}`;
+  return [make("h2", {}, label), make("p", { class: "lp-sentence" }, `The camera sees its last vertex in this pixel, and what arrives there counts with a weight of ${number(splat.weight)} among all ways to make this path.`),
+    make("div", { class: "lp-scroll lp-vertices", tabindex: 0, role: "region", "aria-label": `Vertices of light path ${splat.path}` },
+      make("table", { role: "table" }, make("thead", { role: "rowgroup" }, make("tr", { role: "row" }, ...headings)), make("tbody", { role: "rowgroup" }, ...lightRows({ ...path, light_path: path }))))];
+}
+
 /** The contents of the part about a row's sample; `mark(place)` is told which vertex is pointed at, or null. */
 export function vertexParts(row, mark) {
   const { sample, most } = row;

@@ -2,8 +2,9 @@
 
 import { make } from "./elements.js";
 import { createOverlay } from "./path_overlay.js";
-import { COLORS, linesOf, reachOf, rowsOf } from "./path_rows.js";
+import { COLORS, linesOf, linesOfSplat, reachOf, rowsOf, splatRows } from "./path_rows.js";
 import { createSamples } from "./path_samples.js";
+import { createSplats } from "./path_splats.js";
 import { sketch } from "./sketch.js";
 import { vertexParts } from "./path_vertices.js";
 
@@ -21,7 +22,7 @@ function poseOf({ origin, direction }) {
 }
 
 /**
- * The parts of a page: `overlay`, `stage`, `samples` and `details`, elements or null.
+ * The parts of a page: `overlay`, `stage`, `samples`, `details` and `splats`, elements or null.
  *
  * `data`: a document of light paths; `around`: camera, points and colours of the scene, or null; `part`: as of
  * `createOverlay`.
@@ -29,11 +30,11 @@ function poseOf({ origin, direction }) {
 export function createPathView(data, around, part) {
   const rows = rowsOf(data), reach = around ? around.reach : reachOf(rows);
   const state = { rows, spp: data.spp, splats: data.splats !== null, chosen: rows[0] ?? null, drawn: new Set(rows.length ? [0] : []) };
-  let marked = null;
+  let marked = null, splat = null; // what is pointed at, and which path from a light is drawn
 
   const shownRows = () => rows.filter((row) => state.drawn.has(row.rank) && row !== state.chosen).concat(state.chosen ? [state.chosen] : []);
-  const lines = () => shownRows().flatMap((row) => linesOf(row, row === state.chosen, reach));
-  const dots = () => !state.chosen ? [] : state.chosen.sample.vertices.map((vertex, place) => ({ vertex, place })).filter(({ vertex }) => vertex.position && !vertex.again)
+  const lines = () => [...shownRows().flatMap((row) => linesOf(row, row === state.chosen && !splat, reach)), ...(splat ? linesOfSplat(splat, rows[0].sample.origin, reach) : [])];
+  const dots = () => !state.chosen || splat ? [] : state.chosen.sample.vertices.map((vertex, place) => ({ vertex, place })).filter(({ vertex }) => vertex.position && !vertex.again)
     .map(({ vertex, place }) => ({
       at: vertex.position, color: place === marked ? "#fff" : COLORS.path, size: place === marked ? 6 : 4, text: String(place + 1),
     }));
@@ -44,6 +45,11 @@ export function createPathView(data, around, part) {
   const scene = rows.length ? sketch(cloud, around ? around.camera : poseOf(rows[0].sample), around ? around.middle : reach, lines, dots) : null;
   const details = make("section", { class: "lp-part lp-wide", "aria-live": "polite" });
   const samples = createSamples(state, choose, redraw);
+  const splatted = splatRows(data);
+  const splats = splatted.length && rows.length ? createSplats(data.splats, splatted, (row) => {
+    splat = row;
+    redraw();
+  }) : null;
 
   function key(color, text, kind = "") {
     const line = make("i", { class: kind });
@@ -68,6 +74,7 @@ export function createPathView(data, around, part) {
     state.chosen = row;
     state.drawn.add(row.rank);
     marked = null;
+    splats?.clear();
     samples.update();
     row.line.focus({ preventScroll: false });
     fillDetails();
@@ -81,9 +88,10 @@ export function createPathView(data, around, part) {
     stage: scene && make("section", { class: around ? "lp-part" : "lp-part lp-wide" }, make("h2", {}, "Scene"), scene.element,
       make("ul", { class: "lp-key" }, key(COLORS.path, "path"), key(COLORS.light, "shadow ray, light arrives"),
         key(COLORS.blocked, "shadow ray, blocked", "lp-blocked"), key(COLORS.escape, "leaves the scene"),
-        data.splats && key(COLORS.lightPath, "path from a light, connected"), key(COLORS.other, "other paths")),
+        data.splats && key(COLORS.lightPath, "path from a light"), key(COLORS.other, "other paths")),
       make("p", { class: "cv-note" }, "Drag or arrow keys turn, with Shift they shift; wheel, + and − zoom; 0 or a double click returns to the camera.")),
     samples: make("section", { class: "lp-part lp-wide" }, make("h2", {}, "Samples"), samples.element),
     details,
+    splats: splats?.element ?? null,
   };
 }

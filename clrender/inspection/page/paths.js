@@ -31,4 +31,4 @@ if (data.splats) facts.push(splatWords(data));
 if (data.nonfinite_samples) facts.push(`${data.nonfinite_samples} samples were not finite and are left out`);
 document.getElementById("view").append(
   make("header", { class: "lp-bar" }, make("h1", {}, document.title), make("p", {}, facts.join(" · "))),
-  make("div", { class: "lp-parts" }, ...[pictures(), view.stage, view.samples, view.details].filter(Boolean)));
+  make("div", { class: "lp-parts" }, ...[pictures(), view.stage, view.samples, view.details, view.splats].filter(Boolean)));

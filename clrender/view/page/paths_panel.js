@@ -66,7 +66,7 @@ export function createPathsPanel(hub, picture) {
   function show({ paths, around, crop, revision: traced, x, y }) {
     revision = traced;
     const view = createPathView(paths, around, crop);
-    shown.replaceChildren(...[view.stage, view.samples, view.details].filter(Boolean));
+    shown.replaceChildren(...[view.stage, view.samples, view.details, view.splats].filter(Boolean));
     overlay = view.overlay;
     overlay.classList.add("cv-paths");
     if (isOpen && hub.newest("state")?.revision === revision) picture.overlay(overlay);
