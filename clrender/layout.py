@@ -103,7 +103,7 @@ INSPECT_WORDS: Final = 48
 INSPECT_ROWS: Final = 256
 """Recorded paths (kernels/integrator/inspect.h): words of a row, and rows of a sample; the first is of the sample."""
 
-SPLAT_WORDS: Final = 8
+SPLAT_WORDS: Final = 6
 """Words of a row of the list of splats (kernels/film/splat.h)."""
 
 INSPECT_VERTEX: Final = 1
@@ -567,7 +567,6 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("DEPTH", 1, 1, "bits: scattering events before the vertex that the camera sees"),
         ("WEIGHT", 2, 1, "MIS weight"),
         ("COLOR", 3, 3, "what it adds to the pixel, red, green and blue of the film"),
-        ("SPLAT_SPARE", 6, 2, ""),
     ),
     "CHAIN_HEAD": (
         ("LIGHTS", 0, 1, "bits: number of lights that specular chains lead to"),

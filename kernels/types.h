@@ -52,7 +52,7 @@
 #define TRAINING_MOST_IN_BIN 10u
 #define INSPECT_WORDS 48u
 #define INSPECT_ROWS 256u
-#define SPLAT_WORDS 8u
+#define SPLAT_WORDS 6u
 #define INSPECT_VERTEX 1u
 #define INSPECT_LIGHT_SAMPLE 2u
 #define INSPECT_EMISSION 3u
@@ -402,7 +402,6 @@ typedef struct {
 #define SPLAT_ROW_DEPTH 1               // bits: scattering events before the vertex that the camera sees
 #define SPLAT_ROW_WEIGHT 2              // MIS weight
 #define SPLAT_ROW_COLOR 3               // what it adds to the pixel, red, green and blue of the film
-#define SPLAT_ROW_SPLAT_SPARE 6
 
 #define CHAIN_HEAD_ROW_LIGHTS 0         // bits: number of lights that specular chains lead to
 #define CHAIN_HEAD_ROW_ALL_LIGHTS 1     // bits: of all

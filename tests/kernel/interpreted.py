@@ -53,7 +53,7 @@ from clrender.guiding.training import PIPELINE as TRAINING
 from clrender.guiding.training import FieldSums
 from clrender.image.files import write_image
 from clrender.inspection.pipelines import PIPELINES as RECORDING
-from clrender.inspection.reading import as_rows
+from clrender.inspection.reading import as_rows, written
 from clrender.integrators import INTEGRATORS
 from clrender.photon.maps import PhotonMaps
 from clrender.plugins import plugin as plugin_of
@@ -599,10 +599,16 @@ def light_paths(device: Device) -> str:
         if kernel == "guided":
             prepare = partial(GuidedPaths, field=field_over(flat))
         elif kernel == "bdpt":
-            prepare = partial(LightPaths, flat=flat, count=40)
+            prepare = partial(LightPaths, flat=flat, count=640)
         worker = DeviceWorker(device, flat, settings, RECORDING[f"integrator_{kernel}"], LaunchConfig(1, 2), prepare)
         sums = worker.render(Unit(0, 16, 0, 2, 4))
+        if sums.listed is not None:
+            assert len(sums.listed)
+            for rows in worker.recorded_splats(sums.listed):
+                digest.update(written(rows).tobytes())
+            digest.update(sums.listed.tobytes())
         worker.release()
+        assert (sums.listed is not None) == (kernel == "bdpt")
         assert sums.records is not None and sums.counts.sum() == 2
         for rows in as_rows(sums.records):
             used = int(rows[0, layout.columns("INSPECT_SAMPLE")["USED"]])
