@@ -18,7 +18,7 @@ from typing import Any, Final, NoReturn
 import click
 from click.shell_completion import CompletionItem
 
-from clrender.cli.interrupt import INTERRUPTED, TERMINATED, Terminated, raising_signals
+from clrender.cli.interrupt import Terminated, exit_code_of, raising_signals
 from clrender.cli.streams import ReaderLeft
 from clrender.errors import ClrenderError
 from clrender.limits import nearest
@@ -118,13 +118,12 @@ class _Commands(click.Group):
         except click.ClickException as error:
             _fail(_sentence(error), 2)
         except (KeyboardInterrupt, click.Abort) as error:
-            ended = isinstance(error, Terminated) or isinstance(error.__cause__, Terminated)
-            _fail("interrupted.", TERMINATED if ended else INTERRUPTED)
+            _fail("interrupted.", exit_code_of(error if isinstance(error, Terminated) else error.__cause__))
         except RuntimeError as error:
             # Python 3.11 converts Ctrl-C during the creation of a class to this error
             if not isinstance(error.__cause__, KeyboardInterrupt):
                 raise
-            _fail("interrupted.", TERMINATED if isinstance(error.__cause__, Terminated) else INTERRUPTED)
+            _fail("interrupted.", exit_code_of(error.__cause__))
         except MemoryError:
             _fail("out of memory; render a smaller image or close other programs.", 1)
         except FileNotFoundError:
