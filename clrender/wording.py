@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterable
 from typing import Any
 
-__all__ = ["counted", "grouped", "place", "quoted", "rounded", "shown", "suggestion"]
+__all__ = ["counted", "grouped", "place", "printable", "quoted", "rounded", "shown", "suggestion"]
 
 _PLAIN = re.compile(r"[A-Za-z0-9_-]{1,60}\Z")
 
@@ -17,9 +17,18 @@ def _shortened(text: str, limit: int) -> str:
     return text if len(text) <= limit else text[: limit - 3] + "..."
 
 
+def printable(text: str) -> str:
+    """A text on one line, such as the name of a file: letters of all languages as they are, all else as escapes.
+
+    Escapes are backslashes, and what could deceive the eye or a terminal: control characters, those that turn the
+    direction of writing, and bytes that are no text.
+    """
+    return "".join(each if each.isprintable() and each != "\\" else ascii(each)[1:-1] for each in text)
+
+
 def quoted(name: str) -> str:
     """A name in double quotes, on one line, printable and truncated."""
-    inner = ascii(_shortened(name, 60))[1:-1].replace('"', '\\"').replace("\\'", "'")
+    inner = printable(_shortened(name, 60)).replace('"', '\\"')
     return f'"{inner}"'
 
 

@@ -19,7 +19,7 @@ from clrender.limits import checked_path, shown
 from clrender.plugins import as_plugins
 from clrender.scene import Camera, Scene, SunSkyLight
 from clrender.scene.load import load as load_own
-from clrender.wording import quoted
+from clrender.wording import printable, quoted
 
 __all__ = ["CHOICES", "SCENE_ENDINGS", "load"]
 
@@ -163,7 +163,7 @@ def load(
     for folder in folders:
         if not folder.is_dir():
             raise SceneError(f"{quoted(str(folder))} is no folder, so nothing in it can be allowed")
-    files = AssetFiles(ascii(str(path))[1:-1], path.parent, folders, strict)
+    files = AssetFiles(printable(str(path)), path.parent, folders, strict)
     upright = up or ("z" if ending == ".stl" else "y")
     draft = read(path, files, choices) if ending in _CHOOSING else read(path, files)
     scene = completed(draft, files, upright, surrounded=environment is not None)

@@ -17,7 +17,7 @@ from clrender.files.package_data import scenes_folder
 from clrender.scene.description import Scene
 from clrender.scene.shapes import Mesh
 from clrender.scene.validation_errors import scene_error
-from clrender.wording import place, quoted, suggestion
+from clrender.wording import place, printable, quoted, suggestion
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -61,7 +61,7 @@ def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) ->
         if not folder.is_dir():
             raise SceneError(f"{quoted(str(folder))} is no folder, so nothing in it can be allowed")
     builtin = path.parent == scenes_folder() and path != Path(path_or_name)
-    source = str(path_or_name) if builtin else ascii(str(path))[1:-1]  # as typed, wherever it is installed
+    source = str(path_or_name) if builtin else printable(str(path))  # as typed, wherever it is installed
     content = parsed_file(path, source)
     try:
         scene = Scene.model_validate(content)
@@ -189,4 +189,4 @@ def _toml_problem(message: str, text: str) -> str:
 
 
 def _lowered(message: str) -> str:
-    return ascii(message[:1].lower() + message[1:200])[1:-1].replace("\\'", "'")
+    return printable(message[:1].lower() + message[1:200])
