@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from importlib import import_module
 from numbers import Real
 from pathlib import Path
@@ -54,6 +55,13 @@ CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
 }
 """Extensions of the scenes that have each of the choices of `load`."""
 SCENE_ENDINGS: Final = (".toml", ".json", *_READERS)
+_OF_PROGRAMS: Final = frozenset(
+    {
+        *(".3dm", ".3ds", ".3mf", ".abc", ".blend", ".c4d", ".dae", ".dxf", ".fbx", ".fcstd", ".hip", ".igs", ".lwo"),
+        *(".ma", ".max", ".mb", ".skp", ".step", ".stp", ".x3d"),
+    }
+)
+"""Endings of models that other programs read, and not this one."""
 """Extensions of the files that `load` reads."""
 
 
@@ -151,11 +159,7 @@ def load(
     origin = {key: value for key, value in origin.items() if value is not None}
     if reader is None:
         if ending and ending not in SCENE_ENDINGS:
-            known = ", ".join(SCENE_ENDINGS)
-            raise SceneError(
-                f"{quoted(str(path))} is no scene: name a file that ends in {known}, or a built-in scene "
-                "(`clrender scenes`)"
-            )
+            raise SceneError(_no_scene(path))
         own = load_own(path_or_name, allow_paths=folders).with_origin(origin)
         own = own.with_plugins(allowed)
         return _timed(_changed(own, environment, camera, hide_environment), time_at, shutter)
@@ -205,3 +209,15 @@ def _changed(scene: Scene, environment: Any, camera: Any, hide_environment: bool
     file = camera_file(camera)[0] if isinstance(camera, str | Path) else None
     kept = [note for note in scene.notes if FRAMED not in note]
     return scene.with_notes(kept, [file] if file is not None and file.is_file() else [])
+
+
+def _no_scene(path: Path) -> str:
+    """The sentence that a file with another ending is no scene, and what to do."""
+    name = quoted(str(path))
+    with suppress(OSError):  # of a name that no file can have
+        if path.is_dir():
+            return f"{name} is a folder; name a scene file in it"
+    known = ", ".join(SCENE_ENDINGS)
+    if path.suffix.lower() in _OF_PROGRAMS:
+        return f"{name} is not read: export it as .glb or .obj from a program that reads it; scenes end in {known}"
+    return f"{name} is no scene: name a file that ends in {known}, or a built-in scene (`clrender scenes`)"

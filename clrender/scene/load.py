@@ -6,6 +6,7 @@ import json
 import re
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -103,10 +104,17 @@ def _located(path_or_name: str | Path) -> Path:
     path = Path(path_or_name)
     if path.suffix.lower() in (".toml", ".json"):
         return path
+    with suppress(OSError):  # of a name that no file can have
+        if path.is_dir():
+            raise SceneError(f"{quoted(text)} is a folder; name a scene file in it")
+        for found in (path.with_name(f"{path.name}{ending}") for ending in (".toml", ".json") if path.name):
+            if found.is_file():
+                raise SceneError(f"{quoted(text)} is no scene; did you mean {quoted(str(found))}?")
     if builtin and not path.exists():
         known = suggestion(text, builtin_names()) or "; `clrender scenes` lists them; files have endings"
         raise SceneError(f"there is no built-in scene {quoted(text)}{known}")
-    raise SceneError(f"{quoted(text)} is no scene: name a .toml or .json file, or a built-in scene (`clrender scenes`)")
+    cure = "name a scene or model file with its ending, or a built-in scene (`clrender scenes`)"
+    raise SceneError(f"{quoted(text)} is no scene: {cure}")
 
 
 def parsed_file(path: Path, source: str, what: str = "the scene file") -> Any:
