@@ -27,6 +27,8 @@ INTERRUPTED = 130
 """Exit code of a program ended by SIGINT (Ctrl-C). That of other signals is 128 and their number, too."""
 ENDING = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
 """Signals that end a program. SIGHUP comes when a terminal is closed, as by the loss of a connection by ssh."""
+_HANGUP = getattr(signal, "SIGHUP", None)
+"""Never the second signal that ends at once: both the shell and the system send it when a terminal is closed."""
 
 _PATIENCE = 0.6
 """Seconds that the program has to notice a signal before there is an image to keep."""
@@ -96,6 +98,8 @@ class Interrupt:
     def take(self, number: int) -> None:
         """Handle a signal, by its number; called outside the main thread."""
         if self._wanted.is_set():
+            if number == _HANGUP:
+                return
             self._end("interrupted twice; nothing more was written")
         self.exit_code = 128 + number
         self._wanted.set()
@@ -141,13 +145,16 @@ def raising_signals() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    done = threading.Event()
+    done, raised = threading.Event(), threading.Event()
 
     def watch(exit_code: int) -> None:
         if not done.wait(_CLEAN_UP):
             _leave("interrupted.", exit_code)
 
     def handle(number: int, _frame: FrameType | None) -> None:
+        if raised.is_set() and number == _HANGUP:
+            return
+        raised.set()
         # A `threading.Thread` takes locks that the interrupted code may hold.
         with suppress(RuntimeError):
             _thread.start_new_thread(watch, (128 + number,))

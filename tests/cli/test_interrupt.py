@@ -218,6 +218,19 @@ def test_a_second_signal_ends_it_at_once(tmp_path: Path) -> None:
     assert not [path for path in tmp_path.iterdir() if path.name.endswith(".part")]
 
 
+@pytest.mark.long
+def test_a_closed_terminal_hangs_up_twice_and_the_image_is_kept(tmp_path: Path) -> None:
+    """Both the shell and the system send SIGHUP then."""
+    with endless_render(tmp_path, "a.exr") as child:
+        wait_for_samples(child)
+        child.send_signal(signal.SIGHUP)
+        time.sleep(0.01)
+        child.send_signal(signal.SIGHUP)
+        out, err = child.communicate(timeout=120)
+    assert child.returncode == 129 and "stopped early" in out and "interrupted twice" not in err
+    assert [path.name for path in tmp_path.iterdir()] == ["a.exr"]
+
+
 def test_no_file_is_begun_once_the_end_has_come(tmp_path: Path) -> None:
     """The main thread goes on while another one cleans up and leaves."""
     code = """
