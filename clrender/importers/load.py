@@ -217,7 +217,8 @@ def _no_scene(path: Path) -> str:
     with suppress(OSError):  # of a name that no file can have
         if path.is_dir():
             return f"{name} is a folder; name a scene file in it"
+    exported = (
+        "export it as .glb or .obj from a program that reads it, or " if path.suffix.lower() in _OF_PROGRAMS else ""
+    )
     known = ", ".join(SCENE_ENDINGS)
-    if path.suffix.lower() in _OF_PROGRAMS:
-        return f"{name} is not read: export it as .glb or .obj from a program that reads it; scenes end in {known}"
-    return f"{name} is no scene: name a file that ends in {known}, or a built-in scene (`clrender scenes`)"
+    return f"{name} is no scene: {exported}name a file that ends in {known}, or a built-in scene (`clrender scenes`)"
