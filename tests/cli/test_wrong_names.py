@@ -117,3 +117,19 @@ def test_a_display_image_against_a_linear_one_is_noted(tmp_path: Path) -> None:
     assert call("compare", "a.png", "a.png", folder=tmp_path).stderr == ""
     (tmp_path / "d").mkdir()
     assert "d: is a folder; name an image in it" in call("compare", "a.png", "d", folder=tmp_path).stderr
+
+
+@for_each(
+    ("name", "message"),
+    [
+        ("room", "there is no command 'room'; did you mean `clrender render room -o image.png`?"),
+        ("a b.glb", "there is no command 'a b.glb'; did you mean `clrender render 'a b.glb' -o image.png`?"),
+        ("none.glb", "there is no command 'none.glb'; choose one of render, view"),
+        ("rendr", "there is no command 'rendr'; did you mean 'render'?"),
+        ("x" * 300, "choose one of render, view"),
+    ],
+)
+def test_a_scene_in_the_place_of_a_command(tmp_path: Path, name: str, message: str) -> None:
+    (tmp_path / "a b.glb").write_bytes(b"")
+    done = call(name, folder=tmp_path)
+    assert done.returncode == 2 and message in done.stderr, done.stderr
