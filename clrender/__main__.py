@@ -18,7 +18,7 @@ COLLECT_EVERY: Final = 50_000
 def main() -> None:
     """Load the command line and run it."""
     gc.set_threshold(COLLECT_EVERY)
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _end)
     try:

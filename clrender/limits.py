@@ -85,6 +85,8 @@ class Range:
         Whether fractions are refused.
     above, below : bool
         Whether `low` itself and `high` itself are refused.
+    unit : str
+        What is counted or measured, as messages say it; empty: nothing.
     """
 
     low: float
@@ -92,13 +94,14 @@ class Range:
     whole: bool = False
     above: bool = False
     below: bool = False
+    unit: str = ""
 
     @property
     def words(self) -> str:
         bounds = f"above {self.low:.12g}" if self.above else f"of at least {self.low:.12g}"
         if math.isfinite(self.high):
             bounds += f" and {'below' if self.below else 'at most'} {self.high:.12g}"
-        return f"a {'whole number' if self.whole else 'number'} {bounds}"
+        return f"a {'whole number' if self.whole else 'number'}{f' of {self.unit}' if self.unit else ''} {bounds}"
 
     @property
     def metavar(self) -> str:
@@ -359,7 +362,9 @@ def given_too(present: str) -> str:
 
 def nearest(wrong: object, known: Iterable[object]) -> str:
     """The end of a message about a misspelt name: ``; did you mean 'path'?``, or empty if no name is similar."""
-    near = difflib.get_close_matches(wrong[:100], map(str, known), 1) if isinstance(wrong, str) else []
+    if not isinstance(wrong, str) or re.fullmatch(r"[+-]?[\d.]+", wrong):
+        return ""  # of numbers, one with similar digits would be far away
+    near = difflib.get_close_matches(wrong[:100], map(str, known), 1)
     return f"; did you mean {near[0]!r}?" if near else ""
 
 

@@ -363,7 +363,7 @@ class RenderSettings:
     )
     time_limit: float | None = _setting(
         None,
-        Range(0.0, above=True),
+        Range(0.0, above=True, unit="seconds"),
         "Stop after this many seconds and write the image so far",
         "no limit",
         STOP,

@@ -6,20 +6,58 @@ import difflib
 import re
 import sys
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, Final
 
-__all__ = ["counted", "grouped", "place", "quoted", "rounded", "shown", "suggestion"]
+__all__ = ["counted", "grouped", "place", "printable", "quoted", "rounded", "shown", "suggestion"]
 
 _PLAIN = re.compile(r"[A-Za-z0-9_-]{1,60}\Z")
+_MEANT: Final = {
+    **dict.fromkeys(("fov", "yfov", "field_of_view", "vfov"), ("vertical_fov",)),
+    **dict.fromkeys(("look_at", "lookat", "interest"), ("target",)),
+    **dict.fromkeys(("origin", "eye", "location"), ("position", "origin")),
+    **dict.fromkeys(("samples", "sample_count", "samples_per_pixel"), ("spp",)),
+    **dict.fromkeys(("bounces", "max_bounces", "depth"), ("max_depth",)),
+    **dict.fromkeys(("color", "colour", "albedo", "kd", "diffuse_color"), ("reflectance", "base_color")),
+    **dict.fromkeys(("basecolor", "reflectance"), ("base_color", "f0")),
+    **dict.fromkeys(("metalness", "metallic_factor"), ("metallic",)),
+    **dict.fromkeys(("index_of_refraction", "int_ior", "refraction_index"), ("ior",)),
+    **dict.fromkeys(("power", "energy", "strength"), ("intensity", "irradiance", "radiance", "emission")),
+    **dict.fromkeys(("angle", "cone_angle", "cutoff_angle", "spot_size"), ("cone_degrees",)),
+    **dict.fromkeys(("rotate", "rotation", "translate", "translation", "scale", "to_world"), ("transform",)),
+    **dict.fromkeys(("filename", "file_name", "path", "src"), ("file",)),
+    **dict.fromkeys(("bsdf", "shader"), ("material",)),
+    **dict.fromkeys(("diffuse", "matte"), ("lambert",)),
+    **dict.fromkeys(("glass", "refractive"), ("dielectric",)),
+    **dict.fromkeys(("metal", "glossy"), ("conductor",)),
+    **dict.fromkeys(("plastic", "standard", "disney", "pbr", "openpbr"), ("principled",)),
+    **dict.fromkeys(("cube", "cuboid"), ("box",)),
+    **dict.fromkeys(("plane", "rectangle", "rect", "square"), ("quad",)),
+    **dict.fromkeys(("obj", "ply", "trimesh", "trianglemesh"), ("mesh",)),
+    **dict.fromkeys(("sun", "distant"), ("directional",)),
+    **dict.fromkeys(("sky",), ("sun_sky",)),
+    **dict.fromkeys(("hdri", "dome", "envmap", "infinite", "constant"), ("environment",)),
+}
+"""What other programs call a key or a type, and its names here, of which a place knows one at most."""
+_ALIKE: Final = 0.85
+"""Similarity from which on a name is a slip of the pen, whatever it means elsewhere."""
 
 
 def _shortened(text: str, limit: int) -> str:
     return text if len(text) <= limit else text[: limit - 3] + "..."
 
 
+def printable(text: str) -> str:
+    """A text on one line, such as the name of a file: letters of all languages as they are, all else as escapes.
+
+    Escapes are backslashes, and what could deceive the eye or a terminal: control characters, those that turn the
+    direction of writing, and bytes that are no text.
+    """
+    return "".join(each if each.isprintable() and each != "\\" else ascii(each)[1:-1] for each in text)
+
+
 def quoted(name: str) -> str:
     """A name in double quotes, on one line, printable and truncated."""
-    inner = ascii(_shortened(name, 60))[1:-1].replace('"', '\\"').replace("\\'", "'")
+    inner = printable(_shortened(name, 60)).replace('"', '\\"')
     return f'"{inner}"'
 
 
@@ -77,7 +115,9 @@ def suggestion(wrong: object, known: Iterable[str]) -> str:
     names = [str(name) for name in known]
     if not names:
         return "; there is none here"
-    near = difflib.get_close_matches(str(wrong)[:200], names, n=1, cutoff=0.6)
+    near = difflib.get_close_matches(str(wrong)[:200], names, n=1, cutoff=_ALIKE)
+    near = near or [name for name in _MEANT.get(str(wrong).lower().replace("-", "_"), ()) if name in names]
+    near = near or difflib.get_close_matches(str(wrong)[:200], names, n=1, cutoff=0.6)
     if near:
         return f"; did you mean {quoted(near[0])}?"
     if len(names) <= 16:

@@ -20,6 +20,7 @@ EXIT_STATUS: Final = {
     "1": "failed while rendering or writing, or a check found a fault",
     "2": "wrong usage or bad input",
     "3": "no usable OpenCL device",
+    "129": "ended by SIGHUP; the image so far was written",
     "130": "interrupted by SIGINT; the image so far was written",
     "143": "ended by SIGTERM; the image so far was written",
 }

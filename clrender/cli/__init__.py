@@ -9,6 +9,7 @@ import contextlib
 import difflib
 import importlib
 import os
+import shlex
 import sys
 import time
 from collections.abc import Sequence
@@ -18,10 +19,11 @@ from typing import Any, Final, NoReturn
 import click
 from click.shell_completion import CompletionItem
 
-from clrender.cli.interrupt import INTERRUPTED, TERMINATED, Terminated, raising_signals
+from clrender.cli.interrupt import Terminated, exit_code_of, raising_signals
 from clrender.cli.streams import ReaderLeft
 from clrender.errors import ClrenderError
 from clrender.limits import nearest
+from clrender.wording import printable
 
 __all__ = ["COMMANDS", "STARTED", "main"]
 
@@ -83,6 +85,8 @@ class _Commands(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         if args[0] not in COMMANDS and not args[0].startswith("-"):
             cure = nearest(args[0], COMMANDS) or f"; choose one of {', '.join(COMMANDS)}."
+            if _is_scene(args[0]):
+                cure = f"; did you mean `clrender render {shlex.quote(printable(args[0]))} -o image.png`?"
             raise click.UsageError(f"there is no command {args[0]!r}{cure}", ctx)
         return super().resolve_command(ctx, args)
 
@@ -118,13 +122,12 @@ class _Commands(click.Group):
         except click.ClickException as error:
             _fail(_sentence(error), 2)
         except (KeyboardInterrupt, click.Abort) as error:
-            ended = isinstance(error, Terminated) or isinstance(error.__cause__, Terminated)
-            _fail("interrupted.", TERMINATED if ended else INTERRUPTED)
+            _fail("interrupted.", exit_code_of(error if isinstance(error, Terminated) else error.__cause__))
         except RuntimeError as error:
             # Python 3.11 converts Ctrl-C during the creation of a class to this error
             if not isinstance(error.__cause__, KeyboardInterrupt):
                 raise
-            _fail("interrupted.", TERMINATED if isinstance(error.__cause__, Terminated) else INTERRUPTED)
+            _fail("interrupted.", exit_code_of(error.__cause__))
         except MemoryError:
             _fail("out of memory; render a smaller image or close other programs.", 1)
         except FileNotFoundError:
@@ -171,6 +174,15 @@ def _sentence(error: click.ClickException) -> str:
     where = context.command_path if context is not None else "clrender"
     message = message[:1].lower() + message[1:]
     return f"{message.rstrip('.')}{'' if message.endswith('?') else ';'} see '{where} --help'"
+
+
+def _is_scene(name: str) -> bool:
+    """Whether a name is that of a file or of a built-in scene."""
+    from clrender.files.package_data import scenes_folder
+
+    with contextlib.suppress(OSError, ClrenderError):
+        return Path(name).is_file() or (scenes_folder() / f"{name}.toml").is_file()
+    return False
 
 
 def _no_such_option(error: click.NoSuchOption) -> str:

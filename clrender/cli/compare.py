@@ -19,6 +19,7 @@ from clrender.wording import counted, grouped
 
 __all__ = ["compare"]
 
+_DISPLAYED: Final = (".png", ".jpg", ".jpeg")
 _LINES: Final = (
     ("difference_of_means", "difference of means"),
     ("rmse", "RMSE"),
@@ -95,6 +96,11 @@ def compare(ctx: click.Context, /, first: str, second: str | None, integrators: 
     tested = _films(*files)
     image, reference = (read_linear(file)[0] for file in files)
     numbers = compare_images(image, reference) | tested
+    shown = [file.suffix.lower() in _DISPLAYED for file in files]
+    if any(shown) and not all(shown):
+        picture, linear = (first, second) if shown[0] else (second, first)
+        text = f"{picture} is a display image, with a tone curve, and {linear} is linear; compare two of a kind"
+        click.echo(f"note: {text}", err=True)
     if output is not None:
         from clrender.agreement.page import compare_page
 

@@ -12,7 +12,7 @@ from clrender.cli.options import load_options
 from clrender.cli.outputs import check_distinct, scene_files
 from clrender.errors import UsageError
 from clrender.files.access import atomic_write, check_writable
-from clrender.wording import counted
+from clrender.wording import counted, printable
 
 __all__ = ["convert"]
 
@@ -61,14 +61,14 @@ def convert(
         reason = (
             "is no UTF-8, but the scene file, which is, names the folder of its files after it; choose another name"
         )
-        raise UsageError(f"{ascii(str(output))[1:-1]}: the name {reason}")
+        raise UsageError(f"{printable(str(output))}: the name {reason}")
     notes, sha256 = list(loaded.notes), ""
     if isinstance(export, exporters.ForeignExport):
         export.check(loaded, reading["strict"])
         data = export.text
         notes += export.notes
     else:
-        title = f"{ascii(Path(scene).name)[1:-1]}, as clrender {__version__} converts it"
+        title = f"{printable(Path(scene).name)}, as clrender {__version__} converts it"
         data = exporters.scene_text(export.description, ending, title)
         sha256 = f", scene sha256 {loaded.sha256()}"
     with export.written(output), atomic_write(output) as file:

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: the first asks a render to stop and keep its image, the second ends the program.
+"""Ctrl-C, SIGTERM and SIGHUP: the first one asks a render to stop and keep its image, the second ends the program.
 
 Outside of renders a signal raises an exception, so that clean-up code runs. Python drops an exception that is raised
 within a finalizer or a callback of the garbage collector, and a library may catch it; then the program is ended without
@@ -21,12 +21,14 @@ from typing import NoReturn
 from clrender.cli.crash_message import CrashMessage
 from clrender.files.access import remove_temporaries
 
-__all__ = ["INTERRUPTED", "TERMINATED", "Interrupt", "Terminated", "interruptible", "raising_signals"]
+__all__ = ["ENDING", "Interrupt", "Terminated", "exit_code_of", "interruptible", "raising_signals"]
 
 INTERRUPTED = 130
-"""Exit code of a program ended by SIGINT (Ctrl-C)."""
-TERMINATED = 143
-"""Exit code of a program ended by SIGTERM."""
+"""Exit code of a program ended by SIGINT (Ctrl-C). That of other signals is 128 and their number, too."""
+ENDING = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
+"""Signals that end a program. SIGHUP comes when a terminal is closed, as by the loss of a connection by ssh."""
+_HANGUP = getattr(signal, "SIGHUP", None)
+"""Never the second signal that ends at once: both the shell and the system send it when a terminal is closed."""
 
 _PATIENCE = 0.6
 """Seconds that the program has to notice a signal before there is an image to keep."""
@@ -37,7 +39,27 @@ _CLEAN_UP = 10.0
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM was received in a block of `raising_signals`."""
+    """SIGTERM or SIGHUP was received in a block of `raising_signals`.
+
+    Attributes
+    ----------
+    exit_code : int
+        Exit code of a program ended by the signal.
+    """
+
+    exit_code = 128 + signal.SIGTERM
+
+
+class HungUp(Terminated):
+    """SIGHUP was received in a block of `raising_signals`."""
+
+    exit_code = 129
+
+
+def exit_code_of(error: BaseException | type[BaseException] | None) -> int:
+    """Exit code of a program that an exception of `raising_signals`, or one of its class, ends."""
+    kind = error if isinstance(error, type) else type(error)
+    return kind.exit_code if issubclass(kind, Terminated) else INTERRUPTED
 
 
 class Interrupt:
@@ -76,8 +98,10 @@ class Interrupt:
     def take(self, number: int) -> None:
         """Handle a signal, by its number; called outside the main thread."""
         if self._wanted.is_set():
+            if number == _HANGUP:
+                return
             self._end("interrupted twice; nothing more was written")
-        self.exit_code = TERMINATED if number == signal.SIGTERM else INTERRUPTED
+        self.exit_code = 128 + number
         self._wanted.set()
         # On a separate thread, so that the second signal is handled during the waiting time of the first.
         threading.Thread(target=self._watch, daemon=True).start()
@@ -113,7 +137,7 @@ def _leave(message: str, exit_code: int) -> NoReturn:
 
 @contextmanager
 def raising_signals() -> Iterator[None]:
-    """Convert SIGINT and SIGTERM to KeyboardInterrupt and `Terminated` while the block runs; only in the main thread.
+    """Convert SIGINT to KeyboardInterrupt, SIGTERM and SIGHUP to `Terminated` in the block; only in the main thread.
 
     The block must end soon after the exception, or the process is ended: at once if Python reports that it dropped the
     exception, otherwise after some seconds.
@@ -121,21 +145,24 @@ def raising_signals() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    done = threading.Event()
+    done, raised = threading.Event(), threading.Event()
 
     def watch(exit_code: int) -> None:
         if not done.wait(_CLEAN_UP):
             _leave("interrupted.", exit_code)
 
     def handle(number: int, _frame: FrameType | None) -> None:
+        if raised.is_set() and number == _HANGUP:
+            return
+        raised.set()
         # A `threading.Thread` takes locks that the interrupted code may hold.
         with suppress(RuntimeError):
             _thread.start_new_thread(watch, (128 + number,))
-        raise Terminated if number == signal.SIGTERM else KeyboardInterrupt
+        raise {signal.SIGINT: KeyboardInterrupt, signal.SIGTERM: Terminated}.get(signal.Signals(number), HungUp)
 
     def dropped(unraisable: sys.UnraisableHookArgs) -> None:
         if issubclass(unraisable.exc_type, KeyboardInterrupt):
-            _leave("interrupted.", TERMINATED if issubclass(unraisable.exc_type, Terminated) else INTERRUPTED)
+            _leave("interrupted.", exit_code_of(unraisable.exc_type))
         report(unraisable)
 
     report = sys.unraisablehook
@@ -150,11 +177,11 @@ def raising_signals() -> Iterator[None]:
 
 @contextmanager
 def _handlers(handler: Callable[[int, FrameType | None], None]) -> Iterator[list[signal.Signals]]:
-    """Handle SIGINT and SIGTERM by a function while the block runs, which is given those that are not ignored.
+    """Handle the signals that end a program by a function while the block runs, which is given those not ignored.
 
-    A signal that is ignored (a job in the background of a shell script) stays ignored.
+    A signal that is ignored (a job in the background of a shell script, or one of `nohup`) stays ignored.
     """
-    caught = [s for s in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(s) not in (signal.SIG_IGN, None)]
+    caught = [s for s in ENDING if signal.getsignal(s) not in (signal.SIG_IGN, None)]
     previous = {s: signal.signal(s, handler) for s in caught}
     try:
         yield caught
@@ -165,7 +192,7 @@ def _handlers(handler: Callable[[int, FrameType | None], None]) -> Iterator[list
 
 @contextmanager
 def interruptible(*, tells: bool = False) -> Iterator[Interrupt]:
-    """Convert SIGINT and SIGTERM to an `Interrupt` while the block runs; only in the main thread.
+    """Convert SIGINT, SIGTERM and SIGHUP to an `Interrupt` while the block runs; only in the main thread.
 
     Python runs its signal handlers in the main thread between two instructions, so not while that thread waits for a
     device. But the interpreter writes each signal's number to a socket at once, where another thread reads it.

@@ -62,7 +62,12 @@ def merge(
         image.save(path, tone_map, exposure, **exr)
     taken = merged.ledger.taken()
     least, most = int(taken.min()), int(taken.max())
-    samples = counted(most, "sample") if least == most else f"{grouped(least)} to {grouped(most)} samples"
+    held = grouped(most) if least == most else f"{grouped(least)} to {grouped(most)}"
+    asked = merged.provenance.get("spp")
+    if isinstance(asked, int) and least < asked:  # a shard was forgotten, or the render was stopped
+        samples = f"{held} of {counted(asked, 'sample')}"
+    else:
+        samples = f"{held} sample{'' if most == 1 else 's'}"
     click.echo(
         f"{' '.join(map(str, outputs))}: {merged.width}x{merged.height}, {samples} per pixel, of "
         f"{counted(len(films), 'film')}, image sha256 {image.stats['image_sha256']}"

@@ -132,5 +132,5 @@ def view(
             with engine:
                 serve(engine, listening, host, ready)
     except KeyboardInterrupt as end:
-        if type(end) is not KeyboardInterrupt:  # SIGTERM
+        if type(end) is not KeyboardInterrupt:  # SIGTERM, SIGHUP
             raise

@@ -19,7 +19,7 @@ from clrender.scene.validation_errors import scene_error
 from clrender.scene.values import FileName, Finite, Flag, Name, Part, Share, Vector, fault
 from clrender.sensor import Sensor
 from clrender.settings import SETTINGS
-from clrender.wording import quoted, shown, suggestion
+from clrender.wording import printable, quoted, shown, suggestion
 
 __all__ = ["WRITERS", "CameraTable", "DistractorTable", "ObjectTable", "SensorTable", "Spec", "load_spec"]
 
@@ -251,7 +251,7 @@ def load_spec(path: str | Path, writers: Iterable[str] | None = None) -> Spec:
         It cannot be read, or is not valid: file, place, problem and cure.
     """
     path = checked_path(path, "a data set")
-    source = ascii(str(path))[1:-1]
+    source = printable(str(path))
     if path.suffix.lower() not in (".toml", ".json"):
         raise SceneError(f"{source}: is no description of a data set; name a file that ends in .toml or .json")
     content = parsed_file(path, source, "the file of the data set")

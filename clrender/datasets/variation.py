@@ -19,7 +19,7 @@ from clrender.rendering.job import RenderJob
 from clrender.scene import Camera, Scene, builtin_names
 from clrender.scene.resting import opened
 from clrender.scene.transforms import Affine
-from clrender.wording import quoted, suggestion
+from clrender.wording import printable, quoted, suggestion
 
 __all__ = ["DatasetPlan", "Varied"]
 
@@ -102,7 +102,7 @@ class DatasetPlan:
             See `of`.
         """
         spec = load_spec(path, writers)
-        return cls.of(spec, ascii(str(path))[1:-1], Path(path).parent, allow_paths=allow_paths, plugins=plugins)
+        return cls.of(spec, printable(str(path)), Path(path).parent, allow_paths=allow_paths, plugins=plugins)
 
     @classmethod
     def from_table(cls, content: Mapping[str, Any], folder: str | Path = ".", plugins: Any = None) -> DatasetPlan:

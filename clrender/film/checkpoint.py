@@ -298,7 +298,7 @@ class Checkpoint:
                     if self.path.exists()
                     else "there is no checkpoint"
                 )
-                self._notify(f"warning: {save.error}; {kept}, the image all")
+                self._notify(f"warning: {save.error}; {kept}; the image has all samples")
             elif not self._failing:
                 kept = "its last checkpoint stays, " if self.path.exists() else ""
                 self._notify(

@@ -15,7 +15,7 @@ from clrender.scene.materials import PluginMaterial
 from clrender.scene.shapes import Mesh
 from clrender.scene.textures import MaterialTexture, PluginTexture, textures_of
 from clrender.scene.values import Part
-from clrender.wording import place, quoted, suggestion
+from clrender.wording import place, printable, quoted, suggestion
 
 __all__ = [
     "needs_uvs",
@@ -125,7 +125,7 @@ def _file_of(scene: Scene, name: str) -> str:
     """The file beside the scene that is called like a plugin, as a shell takes it; ``FILE`` if there is none."""
     folders = (scene.base_folder / each for each in ("", "plugins", "scenes/plugins"))
     found = (folder / f"{name}.cl" for folder in folders) if name.isidentifier() else ()
-    return next((shlex.quote(ascii(str(path))[1:-1]) for path in found if path.is_file()), "FILE")
+    return next((shlex.quote(printable(str(path))) for path in found if path.is_file()), "FILE")
 
 
 def _check(scene: Scene, at: _Place, part: _Made, plugin: Plugin) -> None:

@@ -288,7 +288,12 @@ def _sound(
         raise SceneError(f"{place} is degenerate: {which} has no area in single precision; move its vertices apart")
     lost = len(triangles) - kept
     noun = "triangles" if lost > 1 else "triangle"
-    warnings.append(f"{place}: {lost} of {len(triangles)} {noun} left out, without area in single precision")
+    # Far from the origin, single precision tells fewer vertices apart.
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    reach = float(np.maximum(np.abs(low), np.abs(high)).max())
+    far = reach > 1000.0 * float((high - low).max())
+    cure = f"; it reaches {reach:.3g} metres from the origin: move it closer" if far else ""
+    warnings.append(f"{place}: {lost} of {len(triangles)} {noun} left out, without area in single precision{cure}")
     triangles[:kept] = triangles[sound]
     return sound
 

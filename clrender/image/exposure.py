@@ -62,9 +62,10 @@ def photographic_stops(f_stop: float | None = None, shutter: float | None = None
             raise UsageError(f"{name} {error}") from None
     for missing in ("f_stop", "shutter"):
         if given and missing not in given:
+            blur = ", and for motion blur two times, such as 0:1/48" if "shutter" in given else ""
             raise UsageError(
                 f"{' and '.join(given)} {'makes' if len(given) == 1 else 'make'} no exposure without {missing}; give "
-                "f_stop and shutter, or only exposure"
+                f"f_stop and shutter, or only exposure{blur}"
             )
     if not given:
         return 0.0

@@ -162,7 +162,10 @@ def read_image(path: str | Path) -> _Image:
     path = Path(path)
     ending = path.suffix.lower()
     if ending not in _READERS:
-        raise UsageError(f"{path}: the ending {path.suffix!r} is unknown; expected one of {', '.join(_READERS)}.")
+        if path.is_dir():
+            raise UsageError(f"{path}: is a folder; name an image in it")
+        what = f"the ending {path.suffix!r} is unknown" if path.suffix else "the name has no ending"
+        raise UsageError(f"{path}: {what}; expected one of {', '.join(_READERS)}.")
     with open_input(path) as file:
         return read_open_image(file, ending, f"{path}: not a readable {ending} image")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from importlib import import_module
 from numbers import Real
 from pathlib import Path
@@ -19,7 +20,7 @@ from clrender.limits import checked_path, shown
 from clrender.plugins import as_plugins
 from clrender.scene import Camera, Scene, SunSkyLight
 from clrender.scene.load import load as load_own
-from clrender.wording import quoted
+from clrender.wording import printable, quoted
 
 __all__ = ["CHOICES", "SCENE_ENDINGS", "load"]
 
@@ -54,6 +55,13 @@ CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
 }
 """Extensions of the scenes that have each of the choices of `load`."""
 SCENE_ENDINGS: Final = (".toml", ".json", *_READERS)
+_OF_PROGRAMS: Final = frozenset(
+    {
+        *(".3dm", ".3ds", ".3mf", ".abc", ".blend", ".c4d", ".dae", ".dxf", ".fbx", ".fcstd", ".hip", ".igs", ".lwo"),
+        *(".ma", ".max", ".mb", ".skp", ".step", ".stp", ".x3d"),
+    }
+)
+"""Endings of models that other programs read, and not this one."""
 """Extensions of the files that `load` reads."""
 
 
@@ -151,11 +159,7 @@ def load(
     origin = {key: value for key, value in origin.items() if value is not None}
     if reader is None:
         if ending and ending not in SCENE_ENDINGS:
-            known = ", ".join(SCENE_ENDINGS)
-            raise SceneError(
-                f"{quoted(str(path))} is no scene: name a file that ends in {known}, or a built-in scene "
-                "(`clrender scenes`)"
-            )
+            raise SceneError(_no_scene(path))
         own = load_own(path_or_name, allow_paths=folders).with_origin(origin)
         own = own.with_plugins(allowed)
         return _timed(_changed(own, environment, camera, hide_environment), time_at, shutter)
@@ -163,7 +167,7 @@ def load(
     for folder in folders:
         if not folder.is_dir():
             raise SceneError(f"{quoted(str(folder))} is no folder, so nothing in it can be allowed")
-    files = AssetFiles(ascii(str(path))[1:-1], path.parent, folders, strict)
+    files = AssetFiles(printable(str(path)), path.parent, folders, strict)
     upright = up or ("z" if ending == ".stl" else "y")
     draft = read(path, files, choices) if ending in _CHOOSING else read(path, files)
     scene = completed(draft, files, upright, surrounded=environment is not None)
@@ -205,3 +209,16 @@ def _changed(scene: Scene, environment: Any, camera: Any, hide_environment: bool
     file = camera_file(camera)[0] if isinstance(camera, str | Path) else None
     kept = [note for note in scene.notes if FRAMED not in note]
     return scene.with_notes(kept, [file] if file is not None and file.is_file() else [])
+
+
+def _no_scene(path: Path) -> str:
+    """The sentence that a file with another ending is no scene, and what to do."""
+    name = quoted(str(path))
+    with suppress(OSError):  # of a name that no file can have
+        if path.is_dir():
+            return f"{name} is a folder; name a scene file in it"
+    exported = (
+        "export it as .glb or .obj from a program that reads it, or " if path.suffix.lower() in _OF_PROGRAMS else ""
+    )
+    known = ", ".join(SCENE_ENDINGS)
+    return f"{name} is no scene: {exported}name a file that ends in {known}, or a built-in scene (`clrender scenes`)"

@@ -12,7 +12,7 @@ from typing import Any, Final
 from clrender.errors import UsageError
 from clrender.plugins.code_rules import check_code
 from clrender.plugins.header import Header, Parameter, header_of
-from clrender.wording import counted, shown
+from clrender.wording import counted, printable, shown
 
 __all__ = ["PLUGIN_FILE_LIMIT", "Plugin", "as_plugins", "combined", "plugin"]
 
@@ -94,7 +94,7 @@ def plugin(given: str | Path) -> Plugin:
     if isinstance(given, str) and "\n" in given:
         text, source = given, "plugin"
     else:
-        text, source = _read(Path(given)), ascii(str(given))[1:-1]
+        text, source = _read(Path(given)), printable(str(given))
     if text.startswith("\ufeff"):
         text = text[1:]
     text = text.replace("\r\n", "\n")
@@ -113,7 +113,7 @@ def _check_lines(text: str, source: str) -> None:
 
 
 def _read(path: Path) -> str:
-    name = ascii(str(path))[1:-1]
+    name = printable(str(path))
     try:
         if not path.is_file():
             what = "a folder" if path.is_dir() else "no regular file" if path.exists() else "missing"

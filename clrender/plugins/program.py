@@ -75,7 +75,7 @@ _TYPE: Final = {"number": "vfloat", "color": "vec3"}
 
 def shown_file(source: str) -> str:
     """Name of a plugin's file as a ``#line`` directive can say it."""
-    return re.sub(r"[^\w. /-]|/(?=/)", "_", source)
+    return re.sub(r"[^\w. /-]|/(?=/)", "_", source, flags=re.ASCII)
 
 
 def _read(number: int, plugin: Plugin) -> Iterable[str]:

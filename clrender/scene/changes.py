@@ -128,7 +128,7 @@ def table_values(node: BaseModel, changes: Changes, at: Place, source: str) -> d
     values = {name: getattr(node, name) for name in known if name in node.model_fields_set}
     for step, change in present_keys(type(node), changes, source, at).items():
         if step not in known:
-            raise SceneError(f"{source}: {place((*at, step))}: is an unknown key{suggestion(step, known)}")
+            raise SceneError(f"{source}: {place((*at, step))} is an unknown key{suggestion(step, known)}")
         name = str(step)
         if not isinstance(change, _New):
             values[name] = with_changes(getattr(node, name), change, (*at, name), source)

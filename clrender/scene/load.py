@@ -6,6 +6,7 @@ import json
 import re
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,7 +18,7 @@ from clrender.files.package_data import scenes_folder
 from clrender.scene.description import Scene
 from clrender.scene.shapes import Mesh
 from clrender.scene.validation_errors import scene_error
-from clrender.wording import place, quoted, suggestion
+from clrender.wording import place, printable, quoted, suggestion
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -61,7 +62,7 @@ def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) ->
         if not folder.is_dir():
             raise SceneError(f"{quoted(str(folder))} is no folder, so nothing in it can be allowed")
     builtin = path.parent == scenes_folder() and path != Path(path_or_name)
-    source = str(path_or_name) if builtin else ascii(str(path))[1:-1]  # as typed, wherever it is installed
+    source = str(path_or_name) if builtin else printable(str(path))  # as typed, wherever it is installed
     content = parsed_file(path, source)
     try:
         scene = Scene.model_validate(content)
@@ -103,10 +104,17 @@ def _located(path_or_name: str | Path) -> Path:
     path = Path(path_or_name)
     if path.suffix.lower() in (".toml", ".json"):
         return path
+    with suppress(OSError):  # of a name that no file can have
+        if path.is_dir():
+            raise SceneError(f"{quoted(text)} is a folder; name a scene file in it")
+        for found in (path.with_name(f"{path.name}{ending}") for ending in (".toml", ".json") if path.name):
+            if found.is_file():
+                raise SceneError(f"{quoted(text)} is no scene; did you mean {quoted(str(found))}?")
     if builtin and not path.exists():
         known = suggestion(text, builtin_names()) or "; `clrender scenes` lists them; files have endings"
         raise SceneError(f"there is no built-in scene {quoted(text)}{known}")
-    raise SceneError(f"{quoted(text)} is no scene: name a .toml or .json file, or a built-in scene (`clrender scenes`)")
+    cure = "name a scene or model file with its ending, or a built-in scene (`clrender scenes`)"
+    raise SceneError(f"{quoted(text)} is no scene: {cure}")
 
 
 def parsed_file(path: Path, source: str, what: str = "the scene file") -> Any:
@@ -189,4 +197,4 @@ def _toml_problem(message: str, text: str) -> str:
 
 
 def _lowered(message: str) -> str:
-    return ascii(message[:1].lower() + message[1:200])[1:-1].replace("\\'", "'")
+    return printable(message[:1].lower() + message[1:200])

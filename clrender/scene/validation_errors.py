@@ -103,7 +103,8 @@ def _explained(item: ErrorDetails, details: list[ErrorDetails], root: type[BaseM
     if kind == "extra_forbidden":
         if table and (present := former_keys(table).get(str(location[-1]))):
             return location, given_too(present)
-        return location, "is an unknown key" + suggestion(location[-1], table.model_fields if table else ())
+        near = suggestion(location[-1], table.model_fields if table else ())
+        return location, f"is an unknown key{near or '; docs/scene-file.md lists those that there are'}"
     if kind == "missing":
         if isinstance(location[-1], int):
             needed = 1 + max(other["loc"][-1] for other in details if other["loc"][:-1] == item["loc"][:-1])  # type: ignore[operator]
@@ -190,6 +191,8 @@ def _tag_problem(
         return location, f"the key `type` is missing; add one of {', '.join(known)}"
     given = value.get("type") if isinstance(value, Mapping) else None
     near = suggestion(given, known) if isinstance(given, str) else f"; known here: {', '.join(known)}"
+    if given == "area" and location[:1] == ("lights",):
+        near = "; a light with an area is a shape with `emission`"
     return (
         *location,
         "type",

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shlex
+import shutil
+import tempfile
 import zipfile
 from collections.abc import Mapping
 from typing import IO, TYPE_CHECKING, Any, Final
@@ -121,5 +123,9 @@ def write_archive(edited: EditedScene, file: IO[bytes]) -> None:
         for name, write in export.files.items():
             about = zipfile.ZipInfo(name, _EPOCH)
             about.compress_type = zipfile.ZIP_DEFLATED
-            with archive.open(about, "w", force_zip64=True) as into:
-                write(into)
+            # Some formats, such as OpenEXR, go back in a file, which a part of an archive does not allow.
+            with tempfile.TemporaryFile(prefix="clrender-view-") as plain:
+                write(plain)
+                plain.seek(0)
+                with archive.open(about, "w", force_zip64=True) as into:
+                    shutil.copyfileobj(plain, into)

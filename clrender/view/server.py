@@ -5,10 +5,13 @@ from __future__ import annotations
 import asyncio
 import logging
 import secrets
+import signal
 import socket
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -88,6 +91,21 @@ class _Server(uvicorn.Server):
         super().__init__(config)
         self._engine = engine
 
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Take SIGHUP as SIGTERM, unless it is ignored; then the signals that came are raised again."""
+        number = getattr(signal, "SIGHUP", signal.SIGTERM)
+        before = signal.getsignal(number)
+        takes = threading.current_thread() is threading.main_thread() and before not in (signal.SIG_IGN, None)
+        if takes:
+            signal.signal(number, self.handle_exit)
+        with super().capture_signals():
+            try:
+                yield
+            finally:
+                if takes:
+                    signal.signal(number, before)
+
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         self._engine.send_goodbye()
         end = time.monotonic() + _GOODBYE_SECONDS
@@ -162,7 +180,7 @@ def listen(host: str, port: int) -> socket.socket:
 def serve(
     engine: Engine, listening: socket.socket, host: str, ready: Callable[[str], None], token: str | None = None
 ) -> None:
-    """Serve an engine's view until SIGINT or SIGTERM; in the main thread.
+    """Serve an engine's view until SIGINT, SIGTERM or SIGHUP; in the main thread.
 
     Parameters
     ----------

@@ -605,7 +605,7 @@ def test_command_line(bad: Bad, tmp_path: Path) -> None:
     [
         (["check", "romo"], ('"romo"', 'did you mean "room"')),
         (["check", "no/such.toml"], ("no/such.toml", "does not exist")),
-        (["check", "."], ("no scene",)),
+        (["check", "."], ("is a folder",)),
         (["check", "folder.toml"], ("folder.toml", "folder")),
         (["check", "picture.png"], ("picture.png", ".toml, .json, .gltf")),
         (["check", "room", "--allow-path", "nowhere"], ("--allow-path", "'nowhere'", "not exist")),

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM with the real renderer: it ends soon, with the image so far, and says what that holds."""
+"""Ctrl-C, SIGTERM and SIGHUP with the real renderer: it ends soon, with the image so far, and says what that holds."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def wait_for_samples(child: subprocess.Popen[str]) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_in_mid_render_keeps_the_image_so_far(tmp_path: Path, number: signal.Signals) -> None:
     with endless_render(tmp_path, "a.exr", "a.png", "a.film") as child:
         wait_for_samples(child)
@@ -154,7 +154,9 @@ def signalled(text: str, name: str) -> str:
 
 
 @pytest.mark.parametrize("place", PLACES)
-@pytest.mark.parametrize(("module", "name"), [("click", "SIGINT"), ("numpy", "SIGINT"), ("numpy", "SIGTERM")])
+@pytest.mark.parametrize(
+    ("module", "name"), [("click", "SIGINT"), ("numpy", "SIGINT"), ("numpy", "SIGTERM"), ("numpy", "SIGHUP")]
+)
 def test_a_signal_while_modules_load(tmp_path: Path, module: str, name: str, place: str) -> None:
     text = signalled(PLACES[place], name)
     (tmp_path / f"{module}.py").write_text(f"{text}\nimport time; time.sleep(60)\n")
@@ -177,7 +179,7 @@ def test_a_signal_while_modules_load(tmp_path: Path, module: str, name: str, pla
     ],
     ids=["caught", "without stderr", "clean-up"],
 )
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_a_signal_ends_a_command(name: str, text: str, seconds: float, expected: str) -> None:
     """Also if a library catches it; but code that cleans up is waited for."""
     code = f"""
@@ -189,7 +191,7 @@ try:
         exec({signalled(text, name)!r})
         time.sleep(60)
 except KeyboardInterrupt as error:
-    sys.exit(143 if isinstance(error, interrupt.Terminated) else 130)
+    sys.exit(interrupt.exit_code_of(error))
 """
     paths = {"PYTHONPATH": str(Path(clrender.__path__[0]).parent)}
     done = subprocess.run(
@@ -214,6 +216,19 @@ def test_a_second_signal_ends_it_at_once(tmp_path: Path) -> None:
     # Which of two signals at once is the first, the system decides.
     assert child.returncode in (130, 143) and "interrupted twice" in err and "Traceback" not in err
     assert not [path for path in tmp_path.iterdir() if path.name.endswith(".part")]
+
+
+@pytest.mark.long
+def test_a_closed_terminal_hangs_up_twice_and_the_image_is_kept(tmp_path: Path) -> None:
+    """Both the shell and the system send SIGHUP then."""
+    with endless_render(tmp_path, "a.exr") as child:
+        wait_for_samples(child)
+        child.send_signal(signal.SIGHUP)
+        time.sleep(0.01)
+        child.send_signal(signal.SIGHUP)
+        out, err = child.communicate(timeout=120)
+    assert child.returncode == 129 and "stopped early" in out and "interrupted twice" not in err
+    assert [path.name for path in tmp_path.iterdir()] == ["a.exr"]
 
 
 def test_no_file_is_begun_once_the_end_has_come(tmp_path: Path) -> None:

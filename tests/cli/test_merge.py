@@ -104,6 +104,15 @@ def test_the_image_of_one_film_is_for_display_or_linear(shards: Path, tmp_path: 
     assert done.returncode == 2 and f"`clrender merge {film} -o linear.exr` writes the linear image" in done.stderr
 
 
+def test_a_missing_shard_is_told(shards: Path, tmp_path: Path) -> None:
+    whole = call("merge", "1.film", "2.film", "3.film", "-o", str(tmp_path / "a.npy"), folder=shards).stdout
+    asked = Film.load(shards / "whole.film").provenance["spp"]
+    assert f", {asked} samples per pixel, of 3 films" in whole
+    part = call("merge", "1.film", "3.film", "-o", str(tmp_path / "b.npy"), folder=shards).stdout
+    held = int(Film.load(shards / "1.film").ledger.taken().max() + Film.load(shards / "3.film").ledger.taken().max())
+    assert held < asked and f", {held} of {asked} samples per pixel, of 2 films" in part
+
+
 def refused(folder: Path, *arguments: str) -> str:
     before = sorted(folder.iterdir())
     done = call("merge", *arguments, "-o", "refused.film", folder=folder)

@@ -41,8 +41,13 @@ def test_numbers_of_samples_that_are_suggested_are_accepted(spp: int, more: dict
         (["--bounces", "4"], "no such option '--bounces'; did you mean '--max-depth'?"),
         (["--integratr", "path"], "no such option '--integratr'; did you mean '--integrator'?"),
         (["--threads", "4"], "no such option '--threads';"),
-        (["--time", "inf"], "--time is 'inf', but must be a finite number above 0"),
-        (["--time", "nan"], "--time is 'nan', but must be a number above 0"),
+        (["--time", "inf"], "--time is 'inf', but must be a finite number of seconds above 0"),
+        (["--time", "nan"], "--time is 'nan', but must be a number of seconds above 0"),
+        (["--time", "5s"], "--time is '5s', but must be a number of seconds above 0"),
+        (
+            ["--replicate-spp", "15"],
+            "--replicate-spp is '15', but must be 1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048 or 4096; see",
+        ),
     ],
 )
 def test_options(arguments: list[str], message: str) -> None:

@@ -269,7 +269,7 @@ def test_downloads_are_the_image(server: Server, tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 0), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 0), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 @pytest.mark.parametrize("looking", [False, True])
 def test_a_signal_ends_it(cache_folder: Path, number: int, code: int, looking: bool) -> None:
     with Server(*ARGUMENTS[:4], "65536", *ARGUMENTS[5:]) as running, ExitStack() as opened:

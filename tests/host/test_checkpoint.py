@@ -417,7 +417,7 @@ def test_a_checkpoint_that_is_gone_is_not_said_to_stay(tmp_path: Path) -> None:
     with opened(tmp_path / "in" / "a.film", said, Clock()) as checkpoint:
         film_of(checkpoint).commit(unit := next(units(range(1))), sums(unit))
         shutil.rmtree(tmp_path / "in")
-    assert len(said) == 1 and "create it first; there is no checkpoint, the image all" in said[0], said
+    assert len(said) == 1 and "create it first; there is no checkpoint; the image has all samples" in said[0], said
 
 
 # --- resuming --------------------------------------------------------------------------------------------------------

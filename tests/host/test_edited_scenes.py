@@ -367,6 +367,14 @@ def test_a_downloaded_scene_is_that_of_the_view(pictured: EditedScene, tmp_path:
     assert not Path(tomllib.loads(path.read_text())["lights"][0]["file"]).is_absolute()
 
 
+def test_a_model_without_light_is_kept_with_the_light_that_it_is_given(tmp_path: Path) -> None:
+    """That light is a picture in memory, which is written as OpenEXR: a format whose writer goes back in the file."""
+    (tmp_path / "sheet.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    edited = EditedScene.of(clrender.load(tmp_path / "sheet.obj"), {"width": 32, "height": 24})
+    kept = clrender.load(_unpacked(edited, tmp_path / "kept"))
+    assert kept.sha256() == kept_scene(edited).sha256()
+
+
 def test_the_same_scene_makes_the_same_archive(pictured: EditedScene) -> None:
     one, two = io.BytesIO(), io.BytesIO()
     write_archive(pictured, one)

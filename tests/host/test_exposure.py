@@ -56,6 +56,7 @@ def test_each_counts_in_stops(change: dict[str, float], stops: float) -> None:
     [
         ({"f_stop": 8.0}, "f_stop makes no exposure without shutter; give f_stop and shutter"),
         ({"iso": 100.0}, "iso makes no exposure without f_stop"),
+        ({"shutter": 0.02}, "or only exposure, and for motion blur two times, such as 0:1/48"),
         ({"shutter": 1.0, "iso": 100.0}, "shutter and iso make no exposure without f_stop"),
         ({**SUNNY_16, "f_stop": 0.0}, "f_stop is 0.0, but must be a number of at least 0.1 and at most 1000"),
         ({**SUNNY_16, "iso": math.nan}, "iso is nan, but must be"),

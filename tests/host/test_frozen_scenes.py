@@ -139,8 +139,8 @@ def test_values_are_changed_by_their_places() -> None:
 
 
 BAD: list[tuple[Any, str]] = [
-    ({"camera.vertcal_fov": 40.0}, 'camera.vertcal_fov: is an unknown key; did you mean "vertical_fov"'),
-    ({"camra.position": 1}, 'camra: is an unknown key; did you mean "camera"'),
+    ({"camera.vertcal_fov": 40.0}, 'camera.vertcal_fov is an unknown key; did you mean "vertical_fov"'),
+    ({"camra.position": 1}, 'camra is an unknown key; did you mean "camera"'),
     ({"materials.whit.reflectance": [0.1] * 3}, r'materials\.whit is not there; did you mean "white"'),
     ({"materials.whit": None}, r'materials\.whit is not there; did you mean "white"'),
     ({"materials.white.reflectance": math.nan}, r"white\.reflectance\[0\] is nan, but must be a finite number"),

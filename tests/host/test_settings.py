@@ -295,8 +295,8 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "unknown name": ({"quality": 4}, "there is no setting 'quality'; there are size, spp, width"),
     "samples per pass": ({"samples_per_pass": 0}, "samples_per_pass is 0, but must be a whole number of at least 1"),
     "work-group": ({"work_group": -3}, "work_group is -3, but must be a whole number of at least 1"),
-    "time": ({"time_limit": math.nan}, "time_limit is nan, but must be a number above 0"),
-    "endless time": ({"time_limit": math.inf}, "time_limit is inf, but must be a finite number above 0"),
+    "time": ({"time_limit": math.nan}, "time_limit is nan, but must be a number of seconds above 0"),
+    "endless time": ({"time_limit": math.inf}, "time_limit is inf, but must be a finite number of seconds above 0"),
     "depth": ({"max_depth": -1}, "max_depth is -1, but must be a whole number of at least 0"),
     "pixels": ({"width": 65536, "height": 65536}, f"has 4,294,967,296 pixels; at most {PIXEL_LIMIT:,} fit"),
     "photon radius": (

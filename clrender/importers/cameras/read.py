@@ -19,7 +19,7 @@ from clrender.scene.camera import Camera
 from clrender.scene.description import Scene
 from clrender.scene.load import parsed_file
 from clrender.scene.validation_errors import scene_error
-from clrender.wording import counted, quoted, suggestion
+from clrender.wording import counted, printable, quoted, suggestion
 
 __all__ = ["CameraKeys", "camera_file", "camera_keys_of", "load_cameras", "with_camera"]
 
@@ -229,8 +229,8 @@ def _validated(keys: Mapping[str, Any], source: str) -> Camera:
 
 
 def _source(path: Path) -> str:
-    return ascii(str(path))[1:-1]
+    return printable(str(path))
 
 
 def _named(path: Path, name: str) -> str:
-    return f"{_source(path)}#{ascii(name)[1:-1]}" if name else _source(path)
+    return f"{_source(path)}#{printable(name)}" if name else _source(path)

@@ -13,7 +13,7 @@ from clrender.importers.asset_files import AssetFiles
 from clrender.importers.mitsuba.plugins import Plugin
 from clrender.importers.mitsuba.values import VALUE_TAGS, ValueReader
 from clrender.importers.mitsuba.xml_elements import FILE_LIMIT, Element, parsed
-from clrender.wording import quoted, suggestion
+from clrender.wording import printable, quoted, suggestion
 
 __all__ = ["scene_tree"]
 
@@ -163,7 +163,7 @@ class _Builder:
             raise values.fault(element, f"{text}; put them together")
         name = values.attribute(element, "filename")
         data = self._files.read(name, f"line {element.line}", FILE_LIMIT)
-        source = f"{self._files.source}: {PurePosixPath(ascii(name)[1:-1]).name}"
+        source = f"{self._files.source}: {PurePosixPath(printable(name)).name}"
         inner = self.scene(data, source, depth + 1)
         plugin.children.extend(inner.children)
         plugin.values.update(inner.values)

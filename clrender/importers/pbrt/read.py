@@ -25,7 +25,7 @@ from clrender.importers.pbrt.tokens import FILE_LIMIT, Directive, directives
 from clrender.importers.shared.matrices import Matrix, inverse, is_affine
 from clrender.importers.shared.staging import Staging
 from clrender.importers.shared.strands import StrandCollector
-from clrender.wording import quoted, suggestion
+from clrender.wording import printable, quoted, suggestion
 
 __all__ = ["read"]
 
@@ -181,7 +181,7 @@ class _World:
             )
         name = directive.text(0, "file")
         data = self.staging.files.read(name, f"line {directive.line}", FILE_LIMIT)
-        source = f"{self.staging.files.source}: {PurePosixPath(ascii(name)[1:-1]).name}"
+        source = f"{self.staging.files.source}: {PurePosixPath(printable(name)).name}"
         before = self._state, list(self._stack)
         self.run(data, source, depth + 1)
         if directive.name == "Import":
