@@ -360,7 +360,7 @@ def test_jobs_carry_their_pictures(tmp_path: Path) -> None:
         RenderJob.from_json(text, other)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_the_pictures_of_the_built_in_scene_are_those_of_their_script() -> None:
     script = ROOT / "scripts" / "make_textures.py"
     subprocess.run([sys.executable, str(script), "--check"], check=True)

@@ -55,8 +55,11 @@ def described(**more: Any) -> Scene:
 @pytest.mark.parametrize(
     "more",
     [
-        *(pytest.param(more, marks=pytest.mark.long) for more in ({}, {"filter": "mitchell"}, {"integrator": "bdpt"})),
-        {"filter": "gaussian", "seed": 3},
+        {},
+        *(
+            pytest.param(more, marks=pytest.mark.long)
+            for more in ({"filter": "mitchell"}, {"filter": "gaussian", "seed": 3}, {"integrator": "bdpt"})
+        ),
     ],
     ids=str,
 )

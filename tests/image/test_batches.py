@@ -47,7 +47,13 @@ def check(session: clrender.Session, scene: clrender.Scene, views: list[Camera],
 
 
 @pytest.mark.parametrize(
-    "how", [{}, {"filter": "mitchell", "kernels": "staged"}, {"integrator": "whitted", "tile": 8}], ids=str
+    "how",
+    [
+        {},
+        pytest.param({"filter": "mitchell", "kernels": "staged"}, marks=pytest.mark.long),
+        {"integrator": "whitted", "tile": 8},
+    ],
+    ids=str,
 )
 def test_a_batch_has_the_bits_of_each_image(device: Device, how: dict[str, Any]) -> None:
     scene = clrender.load("room")

@@ -114,7 +114,7 @@ def test_groups_add_up_in_every_way(
         check(session, described(around, many), how)
 
 
-@pytest.mark.parametrize("around", [SKY, SUN], ids=["sky", "sun"])
+@pytest.mark.parametrize("around", [pytest.param(SKY, marks=pytest.mark.long), SUN], ids=["sky", "sun"])
 def test_a_group_is_what_its_lights_contribute(device: Device, around: dict[str, Any]) -> None:
     """The same as a scene that has no other lights, but for the noise of the light samples."""
     scene = described(around)

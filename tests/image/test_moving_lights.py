@@ -164,6 +164,7 @@ def test_cones_of_the_light_tree_hold_all_directions_of_a_motion(tmp_path: Path)
     assert seen == 23 * 21
 
 
+@pytest.mark.long
 def test_the_bits_do_not_depend_on_how_the_work_is_done(device: Device, tmp_path: Path) -> None:
     scene = placed(tmp_path, TURN, more=20, shutter=[0.0, 1.0])
     ways: tuple[dict[str, Any], ...] = ({}, {"tile": 16}, {"lanes": 1}, {"kernels": "staged"})

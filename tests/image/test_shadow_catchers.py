@@ -67,7 +67,7 @@ FOG = {"media": {"mist": {"absorption": [0.02] * 3, "scattering": [0.1] * 3}}, "
     ("integrator", "more"),
     [
         pytest.param("path", {}, id="path"),
-        pytest.param("path", FOG, id="path in fog"),
+        pytest.param("path", FOG, id="path in fog", marks=pytest.mark.long),
         *(pytest.param(name, {}, id=name, marks=pytest.mark.long) for name in INTEGRATORS[1:]),
         *(pytest.param(n, FOG, id=f"{n} in fog", marks=pytest.mark.slow) for n in ("bdpt", "photon", "direct")),
     ],

@@ -197,8 +197,8 @@ def test_strategies_see_the_same(
     evidence.equal("radiance", first, second, rounding=1e-2 if settings.get("integrator") == "photon" else 0.0)
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("kind", ["anisotropic", pytest.param("merl", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["anisotropic", "merl"])
 def test_the_bits_are_the_same_however_they_are_rendered(device: Device, folder: Path, kind: str) -> None:
     assert len(hashes_by_lanes_and_cuts(device, with_balls(folder, kind))) == 1
 

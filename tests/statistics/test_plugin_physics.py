@@ -168,7 +168,13 @@ def test_integrators_agree_on_plugins(device: Device, name: str, text: str) -> N
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(
-    "way", [{"sampling": "light"}, {"sampling": "bsdf"}, {"guiding": "on", "guiding_paths": 4096}], ids=str
+    "way",
+    [
+        {"sampling": "light"},
+        {"sampling": "bsdf"},
+        pytest.param({"guiding": "on", "guiding_paths": 4096}, marks=pytest.mark.long),
+    ],
+    ids=str,
 )
 def test_ways_to_sample_agree(device: Device, way: dict[str, Any]) -> None:
     """The means of tiles over seeds, by t-tests with 5 % in all, and Sidak's correction."""

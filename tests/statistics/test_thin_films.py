@@ -242,7 +242,7 @@ def test_strategies_see_the_same(evidence: Evidence, studio: Studio, kind: str, 
     evidence.equal("radiance", first, second, rounding=1e-2 if settings.get("integrator") == "photon" else 0.0)
 
 
-@pytest.mark.thorough
+@pytest.mark.long
 def test_the_bits_are_the_same_however_they_are_rendered(device: Device) -> None:
     assert len(hashes_by_lanes_and_cuts(device, lamp_room(KINDS["coated"]))) == 1
 
