@@ -11,6 +11,7 @@
 #include "core/sampler.h"
 #include "core/warp.h"
 #include "film/pool.h"
+#include "geometry/find.h"
 #include "geometry/surface.h"
 #include "material/bsdf.h"
 #include "material/interior.h"
@@ -43,7 +44,7 @@ static vfloat ball_tries(const Scene* scene, vec3 center, vfloat time, Sampler s
         ray.limit = splat(1.0f);
         tries = asked ? tries + 1.0f : tries;
         stats->shadow_rays += lane_count(asked);
-        asked = asked & traverse_occluded(&scene->bvh, &ray, asked);
+        asked = asked & (passage_of(scene, &ray, asked) <= 0.0f);   // what is masked counts where nothing gets through
     }
     return tries;
 }

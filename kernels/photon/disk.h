@@ -11,6 +11,7 @@
 #include "core/sampler.h"
 #include "core/warp.h"
 #include "film/pool.h"
+#include "geometry/find.h"
 #include "geometry/surface.h"
 #include "light/light.h"
 #include "types.h"
@@ -32,9 +33,9 @@ static vfloat disk_flat(const Surface* surface, vec3 side, float radius) {
 static vmask disk_receives(const Surface* s) { return (s->kind == MATERIAL_LAMBERT) & (largest(s->color) > 0.0f); }
 
 // Whether rays meet the back of a surface: they are inside of something.
-static vmask disk_inside(const Scene* scene, vec3 origin, vec3 direction, vmask asked, vfloat time) {
+static vmask disk_inside(const Scene* scene, vec3 origin, vec3 direction, Sampler sampler, vmask asked, vfloat time) {
     const Ray ray = ray_in_time(ray_make(origin, direction), time);
-    const Hit hit = traverse_nearest(&scene->bvh, &ray, asked);
+    const Hit hit = find_nearest(scene, &ray, sampler, splat_uint(0u), mask_none(), asked);
     const vmask found = asked & (hit.primitive != NONE);
     const Surface s = surface_at(scene, &ray, hit, found);
     return found & !s.front;
@@ -42,16 +43,17 @@ static vmask disk_inside(const Scene* scene, vec3 origin, vec3 direction, vmask 
 
 // Whether a photon could be below the point `to` away from the disk's centre. From above the centre a ray goes to above that point,
 // and from there down. What lies under something closed that stands on the surface is not reached: the first ray meets it from
-// outside, and above the point is its inside.
-static vmask disk_has_surface(const Scene* scene, const Surface* surface, vec3 side, vec3 to, float radius, vmask asked, PoolStats* stats) {
+// outside, and above the point is its inside. `sampler`: of where surfaces with holes are.
+static vmask disk_has_surface(const Scene* scene, const Surface* surface, vec3 side, vec3 to, float radius, Sampler sampler, vmask asked,
+                              PoolStats* stats) {
     const float off = disk_off_plane(radius);
     Ray ray = ray_in_time(ray_make(along(surface_leave(surface, side).origin, side, splat(off)), to), surface_time(surface));
     ray.limit = splat(1.0f);
-    const vmask blocked = traverse_occluded(&scene->bvh, &ray, asked);
+    const vmask blocked = passage_of(scene, &ray, asked) <= 0.0f;
     ray.origin = add(ray.origin, to);
     ray.direction = negate(side);
     ray.limit = splat(2.0f * off);
-    const Hit hit = traverse_nearest(&scene->bvh, &ray, asked);
+    const Hit hit = find_nearest(scene, &ray, sampler, splat_uint(0u), mask_none(), asked);
     vmask found = asked & (hit.primitive != NONE);
     const Surface below = surface_at(scene, &ray, hit, found);
     const vec3 away = sub(below.point, surface->point);
@@ -64,7 +66,7 @@ static vmask disk_has_surface(const Scene* scene, const Surface* surface, vec3 s
     stats->rays += lane_count(asked);
     if (!lane_any(unsure)) return found;
     stats->rays += lane_count(unsure);
-    return found & !disk_inside(scene, ray.origin, side, unsure, surface_time(surface));
+    return found & !disk_inside(scene, ray.origin, side, sampler, unsure, surface_time(surface));
 }
 
 // One over the share of the disk that is surface, in the mean; 0 where it is not asked for. `set`: of random numbers.
@@ -80,7 +82,9 @@ static vfloat disk_tries(const Scene* scene, const Surface* surface, vec3 side, 
         x = (x == 0.0f) & (y == 0.0f) ? splat(1.0e-3f) : x;
         const vec3 to = add(scale(frame.tangent, x * radius), scale(frame.bitangent, y * radius));
         tries = asked ? tries + 1.0f : tries;
-        asked = asked & !disk_has_surface(scene, surface, side, to, radius, asked, stats);
+        Sampler own = sampler;
+        own.seed ^= hash_pair(splat_uint(set + n), splat_uint(DISK_SET));
+        asked = asked & !disk_has_surface(scene, surface, side, to, radius, own, asked, stats);
     }
     return tries;
 }
