@@ -46,6 +46,9 @@ __all__ = ["SAMPLES", "check_settings", "paths", "paths_in"]
 SAMPLES: Final = 256
 """Samples whose paths are kept by default."""
 
+_RECORDED: Final = 256
+"""Light paths that are written down together."""
+
 _NOT_OF_A_PIXEL: Final = ("crop", "time_limit", "error")
 """Settings that say which samples are taken of which pixels."""
 
@@ -206,7 +209,7 @@ class _Kept:
         self._sums = np.zeros((2, 3, 2), np.uint64)  # of light paths, and of all
         self._listed = np.zeros((0, 1 + layout.SPLAT_WORDS), np.uint32)
         self._splat_count = 0
-        self._splat_rows = np.zeros((0, layout.INSPECT_ROWS, layout.INSPECT_WORDS), np.uint32)
+        self._splat_rows: list[npt.NDArray[np.uint32]] = []
 
     def take(self, unit: Unit, sums: UnitSums) -> None:
         """Take a unit of samples."""
@@ -243,8 +246,9 @@ class _Kept:
 
     def finish(self, worker: DeviceWorker) -> None:
         """Have the light paths that brought most written down."""
-        if len(self._listed):
-            self._splat_rows = worker.recorded_splats(self._listed)
+        for first in range(0, len(self._listed), _RECORDED):  # 48 kB each, of which few are written
+            rows = worker.recorded_splats(self._listed[first : first + _RECORDED])
+            self._splat_rows += [written(each) for each in rows]
 
     def splatted(self) -> float:
         """Luminance of all that light paths brought."""
@@ -259,7 +263,7 @@ class _Kept:
         count = max(int(counts(self.values()).sum()), 1)
         shares = luminance(splat_values(self._listed)) / total if total else np.zeros(len(self._listed))
         paths = tuple(
-            splat(each, written(rows), names, origin, float(share))
+            splat(each, rows, names, origin, float(share))
             for each, rows, share in zip(self._listed, self._splat_rows, shares, strict=True)
         )
         splatted, by_camera = _floats(self._sums[0], count), _floats(by_camera, count)

@@ -368,9 +368,12 @@ def test_a_list_of_splats_grows(session: clrender.Session, monkeypatch: pytest.M
 
 
 @pytest.mark.long
-def test_the_brightest_splats_are_kept(session: clrender.Session) -> None:
+def test_the_brightest_splats_are_kept(session: clrender.Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where they are written down a few at a time."""
     scene, way = clrender.load("room"), {"size": SIZE, "spp": 4, "integrator": "bdpt", "light_paths": 20000}
     every, some = (paths_of(session, scene, (25, 30), samples=count, **way) for count in (1000, 3))
+    monkeypatch.setattr("clrender.inspection.tracing._RECORDED", 2)
+    assert paths_of(session, scene, (25, 30), samples=1000, **way).to_json() == every.to_json()
     assert every.splats is not None and some.splats is not None
     assert len(every.splats.paths) == every.splats.count == some.splats.count > 3 == len(some.splats.paths)
     for kept, first in zip(some.splats.paths, every.splats.paths, strict=False):
