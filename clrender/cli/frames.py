@@ -18,7 +18,7 @@ from clrender.wording import counted
 if TYPE_CHECKING:
     from clrender.rendering.job import RenderJob
 
-__all__ = ["FRAMES_PER_SECOND", "Frames", "frames"]
+__all__ = ["FRAMES_PER_SECOND", "Frames", "check_one", "frames", "is_done", "named"]
 
 FRAMES_PER_SECOND: Final = 24.0
 _MOST: Final = 10**6
@@ -79,6 +79,20 @@ class Frames:
                 raise UsageError(f"{option}: is for one image, and --frames makes {len(self)}; leave one of them out")
         if resume and not any(output.suffix.lower() in _EMBEDDED for output in outputs):
             raise UsageError("--resume: of frames only .png and .exr say how they were made; name one of those with -o")
+
+
+def check_one(outputs: Sequence[Path]) -> None:
+    """Check that outputs of one image have no place for the number of a frame.
+
+    Raises
+    ------
+    UsageError
+    """
+    for output in outputs:
+        if place := _NUMBER.search(output.name):
+            raise UsageError(
+                f"{output}: {place[0]} stands for the number of a frame; name the frames with --frames, such as 1:48"
+            )
 
 
 def frames(value: str) -> Frames:

@@ -17,7 +17,7 @@ import click
 
 from clrender.cli import STARTED
 from clrender.cli.completing import complete_layers
-from clrender.cli.frames import FRAMES_PER_SECOND, Frames, frames, is_done, named
+from clrender.cli.frames import FRAMES_PER_SECOND, Frames, check_one, frames, is_done, named
 from clrender.cli.interrupt import Interrupt, interruptible
 from clrender.cli.options import (
     DomainType,
@@ -283,6 +283,7 @@ def _check_frames(ctx: click.Context, frames: Frames | None, outputs: Sequence[P
     if frames is None:
         if given["fps"] is not None:
             raise UsageError("--fps: is for --frames; leave it out, or name the frames")
+        check_one(outputs)
         return
     of_one = ("time_at", "shard", "checkpoint", "cluster", "stats", "save_guiding_field", "preview", "time")
     frames.check(outputs, {f"--{name.replace('_', '-')}": given.get(name) for name in of_one}, given["resume"])

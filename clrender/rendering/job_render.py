@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
-import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import cache, partial
@@ -15,20 +13,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from clrender import layout
-from clrender.aov import (
-    GUIDE_SAMPLES,
-    GUIDES,
-    LABELS,
-    LAYER_SAMPLES,
-    first_hits,
-    hit_counts,
-    labels_told,
-    matte_names,
-)
+from clrender.aov import LABELS, labels_told, matte_names
 from clrender.device import Device
 from clrender.device.launch import LaunchConfig
-from clrender.device.prepared import Prepared, Request
+from clrender.device.prepared import Prepared
 from clrender.device.team import DeviceTeam, check_lanes, member, most_slots
 from clrender.device.worker import DeviceWorker
 from clrender.drivers.probe import passes_probe
@@ -48,21 +36,22 @@ from clrender.process.memory import largest_tile, room
 from clrender.rendering.effort import effort_told
 from clrender.rendering.further_renders import FurtherRenders
 from clrender.rendering.job import RenderJob
+from clrender.rendering.layers import Layers
 from clrender.rendering.memory import limited, needs, told
+from clrender.rendering.outcome import lost_light, outcome_told
+from clrender.rendering.preparing import prepare
 from clrender.rendering.rendered_image import IncompleteRender, Progress, RenderedImage
 from clrender.rendering.residency import Residency
 from clrender.rendering.statistics import error_stats, film_layers, job_stats, peak_rss, render_stats
+from clrender.rendering.taken import Taken
 from clrender.rendering.team import Cluster, Team
 from clrender.scheduling.contributions import MOST_BYTES
-from clrender.scheduling.member import Member
 from clrender.scheduling.policy import Plan
-from clrender.scheduling.run import Tally, WorkerTally, run
+from clrender.scheduling.run import Tally, run
 from clrender.scheduling.tally import failures_told
 from clrender.scheduling.until_converged import run_until_converged
-from clrender.wording import counted, grouped
 
 if TYPE_CHECKING:
-    from clrender.device.preparation import DevicePreparation
     from clrender.guiding.field import GuidingField
     from clrender.integrators import Pipeline
     from clrender.settings import RenderSettings
@@ -71,8 +60,6 @@ __all__ = ["JobRender", "Recorded"]
 
 STAND_INS: Final = True
 """Whether programs for any scene may trace samples while a scene's own is not compiled."""
-
-_LIGHTS_OF_SHAPES: Final = (layout.LIGHT_AREA_TRIANGLE, layout.LIGHT_AREA_SPHERE, layout.LIGHT_AREA_DISK)
 
 _LIVE_SECONDS: Final = 0.008
 """Target duration of a launch in interactive rendering, where a different image may be requested at any time."""
@@ -84,8 +71,6 @@ _RECORDED: Final = 256
 """Samples whose records are read together."""
 
 _Arrays = dict[str, npt.NDArray[np.float32]]
-_COLORS: Final = {"spectral": 0}
-"""Settings of layers, which show colours."""
 
 
 class JobRender:
@@ -144,7 +129,8 @@ class JobRender:
         self._apart_bytes = MOST_BYTES
         self._holds, self._sums = False, True
         self._compiled = 0.0
-        self._areas: dict[str, dict[int, float]] = {}
+        launch = dataclasses.replace(self._launch, stand_ins=STAND_INS)
+        self._layers = Layers(residency, job, self._plan.tile, launch, self._should_stop)
         self._prepared_stats: Mapping[str, Any] = {}
         self._guiding_field: GuidingField | None = None
         self._resumed: Mapping[str, int] = dict.fromkeys(("samples", "rays", "shadow_rays", "max_depth"), 0)
@@ -172,14 +158,14 @@ class JobRender:
             image = self._image(flat, memory, film, first, taken, keep_film, denoiser)
             if taken.tally.all_failed and not taken.tally.complete:
                 raise IncompleteRender(str(taken.tally.failures[-1]), image) from taken.tally.failures[-1]
-            self._tell_outcome(flat, taken.tally, image)
+            self._tell(outcome_told(self._job, flat, taken.tally, image))
         FurtherRenders(
             image,
             self._job,
             groups=group_names(flat) if self._job.light_groups else (),
-            areas=self._areas,
+            areas=self._layers.areas,
             render=lambda job: self._other(job, self._cluster).image(False),
-            count_hits=lambda job, samples: self._other(job).hit_counts(samples),
+            count_hits=lambda job, samples: self._other(job)._hit_counts(samples),
             field=cache(lambda: self._field_of(image, flat)),
             stopped=self._should_stop,
             tell=self._residency.tell,
@@ -205,17 +191,12 @@ class JobRender:
         """The rendering of another job on the way to this one's image."""
         return JobRender(self._residency, job, None, self._should_stop, cluster=cluster)
 
-    def hit_counts(self, samples: int) -> npt.NDArray[np.uint32]:
-        """Number of the first `samples` of each pixel that hit anything, (height, width) uint32."""
-        flat = self._residency.flat(self._job)
-        launch = dataclasses.replace(
-            self._launch, samples=samples * math.prod(self._settings.film_size), stand_ins=STAND_INS
-        )
-        make = partial(
-            self._residency.worker, flat=flat, settings=self._settings.struct(self._plan.tile, _COLORS), launch=launch
-        )
-        stop, tell = self._should_stop, self._residency.tell
-        return hit_counts(self._residency.devices, make, self._settings, samples, stop, tell)
+    def _hit_counts(self, samples: int) -> npt.NDArray[np.uint32]:
+        return self._layers.hit_counts(self._residency.flat(self._job), samples)
+
+    def _tell(self, lines: Iterable[str]) -> None:
+        for line in lines:
+            self._residency.tell(line)
 
     def recorded(
         self,
@@ -273,9 +254,9 @@ class JobRender:
         self._check_devices()
         first = self._timed_layers(flat)
         self._note_setup(time.perf_counter())
-        taken = self._nothing_taken()
+        taken = Taken.none(self._devices)
         image = self._image(flat, memory, film, first, taken, True, None, lacking)
-        self._tell_outcome(flat, taken.tally, image)
+        self._tell(outcome_told(self._job, flat, taken.tally, image))
         return image
 
     @contextmanager
@@ -307,12 +288,12 @@ class JobRender:
 
     def _timed_layers(self, flat: FlatScene) -> _Arrays:
         with self._timed("aov_seconds"):
-            return self._layers(flat)
+            return self._layers.rendered(flat)
 
     def _note_setup(self, end: float) -> None:
         self._seconds["setup_seconds"] = end - self._begin - self._seconds["aov_seconds"]
 
-    def _samples(self, flat: FlatScene, film: Film) -> _Taken:
+    def _samples(self, flat: FlatScene, film: Film) -> Taken:
         """Take the samples of the plan, after the integrator's preparation, until the error is as small as wanted."""
         devices = self._devices
         prepared = self._prepared(flat) if self._plan.samples and self._cluster is None else None
@@ -330,7 +311,7 @@ class JobRender:
         memory: Mapping[str, float],
         film: Film,
         first: _Arrays,
-        taken: _Taken,
+        taken: Taken,
         keep_film: bool,
         denoiser: Denoiser | None,
         lacking: bool = False,
@@ -363,35 +344,10 @@ class JobRender:
         incomplete = not tally.complete or lacking
         image = RenderedImage(linear, stats, film, incomplete, denoised, wanted, mattes, self._guiding_field)
         if any(name in LABELS for name in wanted):
-            image.labels = labels_told(job.scene, {name: self._areas[name] for name in LABELS if name in wanted}, {})
+            areas: dict[str, dict[int, float]] = {name: self._layers.areas[name] for name in LABELS if name in wanted}
+            image.labels = labels_told(job.scene, areas, {})
             stats["labels"] = {layer: [each.told() for each in some] for layer, some in image.labels.items()}
         return image
-
-    def _tell_outcome(self, flat: FlatScene, tally: Tally, image: RenderedImage) -> None:
-        """Say which devices failed, which samples were lost, and why an image is black."""
-        for line in failures_told(tally):
-            self._residency.tell(line)
-        stats = image.stats
-        if lost := stats["nonfinite_samples"]:
-            self._residency.tell(
-                f"warning: {grouped(lost)} of {counted(stats['samples'], 'sample')} "
-                f"{'was' if lost == 1 else 'were'} not finite, or brighter than 2^43, and left "
-                "out: the image is too dark where they were"
-            )
-        elif (flat.light_count or flat.environment != layout.NONE) and stats["samples"] and not image.linear.any():
-            if self._lost(flat) or flat.lost_in_fog:
-                return  # that was said when the scene was read, and why
-            of_shapes = np.isin(flat.arrays["lights"]["kind"][: flat.light_count], _LIGHTS_OF_SHAPES).any()
-            cure = (
-                "A shape emits light from its front only, on which its corners are in counter-clockwise order"
-                if of_shapes
-                else "`clrender view` shows from elsewhere what stands between"
-            )
-            self._residency.tell(f"warning: every pixel is black: no light reaches the camera. {cure}")
-
-    def _lost(self, flat: FlatScene) -> str:
-        """What is to be said of light that the integrator does not find."""
-        return flat.lost_by(self._settings.integrator, self._settings.specular_chains == "on")
 
     def part(self, wanted: Ledger, check: Callable[[Mapping[str, Any]], None]) -> Film:
         """Render only some samples of some blocks of pixels.
@@ -434,14 +390,13 @@ class JobRender:
         self._dismissed(devices, tally)
         if tally.all_failed and not tally.complete:
             raise tally.failures[-1]
-        for line in failures_told(tally):
-            self._residency.tell(line)
+        self._tell(failures_told(tally))
         return film
 
     def layers(self) -> _Arrays:
         """Render only the job's layers, except those that come from its film."""
         flat, _ = self._flat()
-        return self._layers(flat)
+        return self._layers.rendered(flat)
 
     def _flat(self) -> tuple[FlatScene, dict[str, float]]:
         """The scene as arrays, and the memory that reading and flattening it took."""
@@ -455,8 +410,7 @@ class JobRender:
             flat = self._residency.flat(self._job)
         flattened = memory["read_peak_rss_bytes"] if known else peak_rss()
         memory |= {"flatten_peak_rss_bytes": flattened, "flat_bytes": flat.nbytes}
-        for line in flat.messages_with(self._lost(flat)):
-            self._residency.tell(line)
+        self._tell(flat.messages_with(lost_light(self._job, flat)))
         if flat.film is not None and not self._job.settings.spectral:
             self._residency.tell("warning: the response of the camera counts with wavelengths only; set spectral")
         return flat, memory
@@ -489,24 +443,19 @@ class JobRender:
         self._plan = dataclasses.replace(self._plan, wanted=wanted)
         self._total = self._plan.samples
 
-    def _run(self, flat: FlatScene, prepared: Prepared | None, film: Film, until_converged: bool = False) -> _Taken:
+    def _run(self, flat: FlatScene, prepared: Prepared | None, film: Film, until_converged: bool = False) -> Taken:
         """Take the samples of the plan; prepare the integrator first if `prepared` is None."""
         if self._plan.samples:
             with self._team(flat, prepared) as team:
                 tally = self._take(team, film, until_converged)
-                taken = _Taken.of(tally, team, time.perf_counter())
+                taken = Taken.of(tally, team, time.perf_counter())
         else:
             if until_converged:
                 _, self._found = run_until_converged(self._plan, [], film, self._settings)
-            taken = self._nothing_taken()
+            taken = Taken.none(self._devices)
         if self._checkpoint is not None:
             self._checkpoint.finish()
         return taken
-
-    def _nothing_taken(self) -> _Taken:
-        names = [WorkerTally(device.info.title) for device in self._devices]
-        members = [member(device) for device in self._devices]
-        return _Taken(Tally(complete=True, workers=names), members, time.perf_counter(), {})
 
     def _take(self, team: Team, film: Film, until_converged: bool) -> Tally:
         """Have a team take the samples of the plan, or fewer if the error criterion is met earlier."""
@@ -533,43 +482,9 @@ class JobRender:
 
     def _prepared(self, flat: FlatScene) -> Prepared:
         """The scene and kernels that the integrator renders with, after its preparation."""
-        job, residency, integrator = self._job, self._residency, self._job.integrator
-        if not job.preparation:
-            return Prepared(flat, integrator.pipeline)
-        module = importlib.import_module(job.preparation)
-        request = Request(
-            job.scene,
-            flat,
-            job.settings,
-            integrator.pipeline,
-            residency.devices,
-            self._launch,
-            residency.tell,
-            self._stops,
-            partial(self._worker_for, flat),
-            job.guiding_field,
-        )
-        guided = job.sha256() if job.guided else None
-        if guided is not None and residency.guided is not None and residency.guided[0] == guided:
-            prepared: Prepared = dataclasses.replace(residency.guided[1], flat=flat)
-        else:
-            with residency.stages.during("preparing"):
-                prepared = module.prepare(request)
-            if guided is not None and not self._stops():
-                residency.guided = guided, prepared
-        self._prepared_stats, self._guiding_field = prepared.stats, prepared.result
-        return prepared
-
-    def _worker_for(
-        self,
-        flat: FlatScene,
-        device: Device,
-        settings: npt.NDArray[np.void],
-        pipeline: Pipeline,
-        on_device: Callable[[DeviceWorker], DevicePreparation],
-    ) -> DeviceWorker:
-        """A worker for what an integrator computes before the first sample."""
-        return self._residency.worker(device, flat, settings, pipeline, self._launch, on_device)
+        found = prepare(self._job, flat, self._residency, self._launch, self._stops)
+        self._prepared_stats, self._guiding_field = found.stats, found.result
+        return found
 
     def _stops(self) -> bool:
         if self._checkpoint is not None:
@@ -629,34 +544,6 @@ class JobRender:
                 self._residency.dismiss(device)
         return any(done.state == "wrong" for done in tally.workers)
 
-    def _layers(self, flat: FlatScene) -> _Arrays:
-        """First-hit layers, rendered before the image so that they are complete even if the render stops early."""
-        job = self._job
-        names = [*job.aov, *(GUIDES if job.denoise else ())]
-        if not names:
-            return {}  # with a cluster, this machine needs no device
-        most = LAYER_SAMPLES if job.aov else GUIDE_SAMPLES
-        make = partial(
-            self._residency.worker,
-            flat=flat,
-            settings=self._settings.struct(self._plan.tile, _COLORS),
-            launch=dataclasses.replace(
-                self._launch, samples=most * math.prod(self._settings.film_size), stand_ins=STAND_INS
-            ),
-        )
-        return first_hits(
-            self._residency.devices,
-            make,
-            job.scene,
-            flat,
-            self._settings,
-            names,
-            most,
-            self._should_stop,
-            self._residency.tell,
-            self._areas,
-        )
-
     def _check_progress(self, tally: Tally, film: Film) -> None:
         """Raise an error with the reason if there is no sample at all, unless the render was stopped on request."""
         if tally.samples or film.ledger.samples:
@@ -707,44 +594,6 @@ class Recorded:
     film: Film
     told: Mapping[str, Any]
     guiding_field: GuidingField | None
-
-
-@dataclass(frozen=True)
-class _Taken:
-    """How the samples of a plan were taken.
-
-    Attributes
-    ----------
-    tally : Tally
-    members : list of Member
-        The workers that took part, in the order of the tally.
-    finished : float
-        Time of the last result, by `time.perf_counter`.
-    told : mapping
-        Further entries of the statistics.
-    cpu_seconds : float
-        Of this process.
-    wrong : bool
-        Whether a device computed wrong results.
-    """
-
-    tally: Tally
-    members: list[Member]
-    finished: float
-    told: Mapping[str, Any]
-    cpu_seconds: float = 0.0
-    wrong: bool = False
-
-    @classmethod
-    def of(cls, tally: Tally, team: Team, finished: float) -> _Taken:
-        """Workers that never joined are left out."""
-        came = [
-            (each or Member(done.name, "", ""), done)
-            for each, done in zip(team.members(), tally.workers, strict=True)
-            if each is not None or done.failures
-        ]
-        tally.workers = [done for _, done in came]
-        return cls(tally, [each for each, _ in came], finished, team.stats())
 
 
 def _plan_of(job: RenderJob) -> Plan:

@@ -70,6 +70,9 @@ static vmask disk_has_surface(const Scene* scene, const Surface* surface, vec3 s
 }
 
 // One over the share of the disk that is surface, in the mean; 0 where it is not asked for. `set`: of random numbers.
+#ifdef HOLES
+__attribute__((noinline))   // rays through holes take more registers than what a GPU has beside the rest
+#endif
 static vfloat disk_tries(const Scene* scene, const Surface* surface, vec3 side, Sampler sampler, vuint set, float radius, vmask asked,
                          PoolStats* stats) {
     const Frame frame = frame_around(side);

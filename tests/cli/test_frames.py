@@ -155,6 +155,7 @@ def test_an_interruption_leaves_whole_frames(scene: Path, tmp_path: Path) -> Non
         (("--frames", "0:3", "-o", "x.png"), "one place for the number"),
         (("--frames", "0:3", "-o", "x_%d_%d.png"), "of the frame; write one such as x_%04d.png"),
         (("--frames", "0:3", "-o", "x_%s.png"), "one place for the number"),
+        (("-o", "x_%04d.png"), "%04d stands for the number of a frame"),
         (("--frames", "3:0", "-o", "x_%d.png"), "0 frames"),
         (("--frames", "0:3:0", "-o", "x_%d.png"), "0 frames"),
         (("--frames", "all", "-o", "x_%d.png"), "no range of frames"),

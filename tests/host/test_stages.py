@@ -54,7 +54,7 @@ def test_a_thread_looks_until_the_wait_is_over(monkeypatch: pytest.MonkeyPatch) 
 def test_every_stage_of_a_session_has_words(tmp_path: Path) -> None:
     """None is reported that could not be said, and all but those that need a device are known to the page."""
     source = Path(clrender.__path__[0])
-    names = ("rendering/residency.py", "rendering/job_render.py", "process/stages.py")
+    names = ("rendering/residency.py", "rendering/job_render.py", "rendering/preparing.py", "process/stages.py")
     text = "".join((source / name).read_text() for name in names)
     used = {stage for stage in STAGES if f'("{stage}")' in text}
     assert used == set(STAGES)
