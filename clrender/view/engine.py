@@ -363,6 +363,7 @@ class Engine:
         else:
             self._progressive.extend(edited.job, self._broadcaster.camera_ids)
         if edited.checked.scene is not before.checked.scene:
+            self._send_state()  # whoever sees the edit knows that the image before it is not of this scene
             self._broadcaster.send_if_changed("scene", tables.scene(edited))
 
     def _opened(self, device: Any) -> tuple[Session, str]:
@@ -406,6 +407,7 @@ class Engine:
         self._edited = edited
         self._history.clear()
         self._progressive.restart(edited.job, self._broadcaster.camera_ids)
+        self._send_state()
         self._broadcaster.send("scene", described)
 
     # --- the thread that watches files, and the one that probes devices ---

@@ -192,11 +192,13 @@ def test_a_camera_that_moves_uploads_nothing_else_and_compiles_nothing(
 def test_a_material_that_changes_gives_the_image_of_that_scene(opened: Callable[..., Any], device: Device) -> None:
     _, page = opened()
     before = page.until_done()
+    revision = page.newest["state"].content["revision"]
     page.say("material", name="white", values={"reflectance": [0.9, 0.1, 0.1]})
     told = page.until(
         lambda m: m.kind == "scene" and m.content["materials"]["white"]["parameters"][-1]["value"][0] > 0.8
     )
     assert told.content["materials"]["red"]["type"] == "lambert"
+    assert page.newest["state"].content["revision"] > revision, "the finished image passed for that of the edited scene"
     scene = clrender.load("room")
     red = scene.materials["white"].changed({"reflectance": (0.9, 0.1, 0.1)})
     changed = scene.changed({"materials": {**scene.materials, "white": red}})
