@@ -19,6 +19,7 @@
 #include "material/bsdf.h"
 #include "material/interior.h"
 #include "material/turning.h"
+#include "medium/flux.h"
 #include "medium/walk.h"
 #include "photon/emit.h"
 
@@ -253,18 +254,9 @@ static uint light_paths_trace(const Scene* scene, const Splats* splats, uint pas
         }
 
         // Find where each arrives, and what is left of it there
-#ifdef MEDIA
-        const FreePath free = medium_free_path(scene, &path.interior, &path.ray, path.sampler, path.depth, path.flux);
-        path.ray.limit = lesser(path.ray.limit, free.length);
-#else
-        FreePath free;
-        free.nothing = 0u;
-#endif
-        Hit hit = find_nearest(scene, &path.ray, path.sampler, path.depth, mask_none(), path.alive);
-        rays += lane_count(path.alive);
         const vec3 sent = path.flux;
-        vec3 unseen = vec3_all(0.0f);
-        medium_travel(scene, &path.interior, &path.ray, &free, path.alive, &path.flux, &hit, &unseen);
+        const Hit hit = flux_travel(scene, &path.interior, &path.ray, path.sampler, path.depth, path.alive, &path.flux);
+        rays += lane_count(path.alive);
         light_path_arrive(scene, &path, hit, &arrival);
 
         // The camera may see it there, and other paths may join with it

@@ -1,5 +1,5 @@
 // Entry point of bidirectional path tracing that writes its paths down: those of integrator_bdpt, for one pixel, and the light paths that they were
-// connected with, or that it sees.
+// connected with, or that the camera sees.
 #undef TERMINATOR_OFFSET         // as in bdpt.cl
 #define PATH_INSPECTED
 #ifdef INTERIORS

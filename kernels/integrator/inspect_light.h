@@ -12,17 +12,8 @@ static void inspect_light_path(const Scene* scene, Path* path, uint pass, uint n
     light_path_start(scene, pass, number, mask_all(), &p);
     inspect_light_start(scene, inspect_row(path, INSPECT_LIGHT_START), &p.ray, p.flux, p.light, p.far);
     for (;;) {
-#ifdef MEDIA
-        const FreePath free = medium_free_path(scene, &p.interior, &p.ray, p.sampler, p.depth, p.flux);
-        p.ray.limit = lesser(p.ray.limit, free.length);
-#else
-        FreePath free;
-        free.nothing = 0u;
-#endif
-        Hit hit = find_nearest(scene, &p.ray, p.sampler, p.depth, mask_none(), p.alive);
         const vec3 sent = p.flux;
-        vec3 unseen = vec3_all(0.0f);
-        medium_travel(scene, &p.interior, &p.ray, &free, p.alive, &p.flux, &hit, &unseen);
+        const Hit hit = flux_travel(scene, &p.interior, &p.ray, p.sampler, p.depth, p.alive, &p.flux);
         p.row = inspect_row(path, INSPECT_LIGHT_VERTEX);
         light_path_arrive(scene, &p, hit, &arrival);
         if (arrival.joins && p.depth >= last) return;

@@ -12,6 +12,7 @@
 #include "material/interior.h"
 #include "material/reversed.h"
 #include "material/turning.h"
+#include "medium/flux.h"
 #include "medium/walk.h"
 #include "photon/ball.h"
 #include "photon/deposit.h"
@@ -181,17 +182,8 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
         }
 
         // Find where the photon arrives, and leave a deposit if that is diffuse and not the first place
-#ifdef MEDIA
-        const FreePath free = medium_free_path(scene, &photon.interior, &photon.ray, photon.sampler, photon.depth, photon.flux);
-        photon.ray.limit = lesser(photon.ray.limit, free.length);
-#else
-        FreePath free;
-        free.nothing = 0u;
-#endif
-        Hit hit = find_nearest(scene, &photon.ray, photon.sampler, photon.depth, mask_none(), photon.alive);
         const vec3 sent = photon.flux;
-        vec3 unseen = vec3_all(0.0f);
-        medium_travel(scene, &photon.interior, &photon.ray, &free, photon.alive, &photon.flux, &hit, &unseen);
+        const Hit hit = flux_travel(scene, &photon.interior, &photon.ray, photon.sampler, photon.depth, photon.alive, &photon.flux);
         const vmask found = photon.alive & (hit.primitive != NONE), on_surface = found & !medium_scatters(hit);
         Surface surface = surface_at(scene, &photon.ray, hit, on_surface);
         medium_surface(scene, &photon.ray, &photon.interior, hit, &surface);
