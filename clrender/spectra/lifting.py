@@ -81,20 +81,17 @@ def lifted(colors: _Floats, start: _Floats | None = None) -> _Floats:
 
 def _step(wanted: _Floats, coefficients: _Floats, weights: _Floats, places: list[float]) -> tuple[_Floats, _Floats]:
     """One step; returns the new coefficients, and by how much the old ones missed the colour."""
-    count = wanted.shape[1]
-    missed, slopes = -wanted, np.zeros((3, 3, count))
-    for place, (red, green, blue) in zip(places, weights.tolist(), strict=True):
+    missed, slopes = -wanted, np.zeros((3, *wanted.shape))
+    for place, weight in zip(places, weights[:, :, None], strict=True):
         at = (coefficients[0] * place + coefficients[1]) * place + coefficients[2]
         inverse = 1.0 / np.sqrt(1.0 + at * at)
-        value, slope = 0.5 + 0.5 * at * inverse, 0.5 * inverse * inverse * inverse
-        for channel, weight in enumerate((red, green, blue)):
-            missed[channel] += weight * value
-            by_constant = weight * slope
-            slopes[channel, 2] += by_constant
-            slopes[channel, 1] += by_constant * place
-            slopes[channel, 0] += by_constant * (place * place)
-    normal = [[_inner(slopes[:, i], slopes[:, j]) for j in range(3)] for i in range(3)]
-    towards = [_inner(slopes[:, i], missed) for i in range(3)]
+        missed += weight * (0.5 + 0.5 * at * inverse)
+        by_constant = weight * (0.5 * inverse * inverse * inverse)
+        slopes[2] += by_constant
+        slopes[1] += by_constant * place
+        slopes[0] += by_constant * (place * place)
+    normal = [[_inner(slopes[i], slopes[j]) for j in range(3)] for i in range(3)]
+    towards = [_inner(slopes[i], missed) for i in range(3)]
     for i in range(3):
         normal[i][i] = normal[i][i] * (1.0 + 1e-9) + 1e-14
     step = _solved(normal, towards)
@@ -145,16 +142,15 @@ def lifting_table() -> NDArray[np.float32]:
     others = spread(np.asarray(np.arange(side) / (side - 1.0), np.float64))
     relative = np.ones((3, side * side))
     relative[1], relative[2] = np.tile(others, side), np.repeat(others, side)
+    chromas = np.concatenate([np.roll(relative, channel, axis=0) for channel in range(3)], axis=1)
     table = np.zeros((3, steps, side, side, 4), np.float32)
-    for channel in range(3):
-        chromas = np.roll(relative, channel, axis=0)
-        # From the middle to both ends: the coefficients of one layer are near those of the next
-        for layers in (range(steps // 2, steps), range(steps // 2 - 1, -1, -1)):
-            found = lifted(0.5 * chromas)
-            for layer in layers:
-                at = parameters[layer]
-                found = lifted(float(spread(at)) * chromas, found)
-                table[channel, layer, ..., :3] = (found * (at * (1.0 - at))).T.reshape(side, side, 3)
+    # From the middle to both ends: the coefficients of one layer are near those of the next
+    for layers in (range(steps // 2, steps), range(steps // 2 - 1, -1, -1)):
+        found = lifted(0.5 * chromas)
+        for layer in layers:
+            at = parameters[layer]
+            found = lifted(float(spread(at)) * chromas, found)
+            table[:, layer, ..., :3] = (found * (at * (1.0 - at))).T.reshape(3, side, side, 3)
     table.setflags(write=False)
     return table
 
