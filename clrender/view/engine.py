@@ -362,8 +362,8 @@ class Engine:
             self._progressive.restart(edited.job, self._broadcaster.camera_ids, only_camera=only_camera)
         else:
             self._progressive.extend(edited.job, self._broadcaster.camera_ids)
+        self._send_state()  # before scenes and replies: whoever sees those knows that another image begins
         if edited.checked.scene is not before.checked.scene:
-            self._send_state()  # whoever sees the edit knows that the image before it is not of this scene
             self._broadcaster.send_if_changed("scene", tables.scene(edited))
 
     def _opened(self, device: Any) -> tuple[Session, str]:
