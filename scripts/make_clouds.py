@@ -1,4 +1,4 @@
-"""Writes the grids of densities in scenes/; they are committed, and the same bytes come out on every machine.
+"""Writes the grids of densities in scenes/, and where a sky has its clouds; the same bytes come out on every machine.
 
 Run ``python scripts/make_clouds.py`` to write them, with ``--check`` to compare them with what is committed.
 """
@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import argparse
 import io
+import math
+import random
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,7 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["GRIDS", "main"]
+__all__ = ["GRIDS", "PLACES", "main"]
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 _Floats = NDArray[np.float64]
@@ -125,15 +127,66 @@ GRIDS: Final[Mapping[str, _Floats]] = {"cumulus.npy": cumulus(), "flame.npy": fl
 """By file name: densities from 0 to 1, of which files have 255 times as much in whole numbers."""
 
 
+_EYE: Final = 9.0
+"""Where the camera of the scene `cloud` is: it looks against z."""
+_BASE: Final = 1.35
+"""Height of the bases of its clouds, as that of `cumulus.npy` is 0.7: in hundreds of metres."""
+_WIDTHS: Final = (0.45, 0.6, 0.9, 1.2, 1.7)
+
+
+def _placed(scales: tuple[float, float, float], turn: float, to: tuple[float, float, float]) -> _Floats:
+    """(3, 4) map: scaled, turned around the y axis, and moved. `turn`: tangent of half the angle."""
+    over = 1.0 / (1.0 + turn * turn)
+    cosine, sine = (1.0 - turn * turn) * over, 2.0 * turn * over
+    turned = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
+    return np.round(np.concatenate([turned * np.array(scales), np.array(to)[:, None]], axis=1), 4)
+
+
+def sky(count: int = 60) -> _Floats:
+    """(count, 3, 4) maps of clouds that do not meet, the more the nearer to the horizon."""
+    numbers, found = random.Random(7), list[_Floats]()
+    taken: list[tuple[float, float, float]] = []
+    while len(found) < count:
+        share = numbers.random()
+        z = 2.5 - 45.0 * share * math.sqrt(share)
+        x = numbers.uniform(-1.0, 1.0) * (1.0 + 0.62 * (_EYE - z))
+        width = numbers.choice(_WIDTHS) * numbers.uniform(0.85, 1.15)
+        height = width * numbers.uniform(0.55, 0.8)
+        turn = numbers.uniform(-2.0, 2.0)
+        if all(math.hypot(x - a, z - b) > 0.85 * (width + other) for a, b, other in taken):
+            taken.append((x, z, width))
+            found.append(_placed((width, height, width), turn, (x, _BASE - 0.7 * height, z)))
+    return np.stack(found)
+
+
+def trees(count: int = 9) -> _Floats:
+    """(count, 3, 4) maps of trees before the horizon."""
+    numbers, found = random.Random(12), []
+    for _ in range(count):
+        away = numbers.choice((0.8, 1.1, 1.5, 2.2, 3.0)) * numbers.uniform(0.9, 1.1)
+        x, size, turn = numbers.uniform(-0.55, 0.55) * away, numbers.uniform(0.7, 1.2), numbers.uniform(-2.0, 2.0)
+        found.append(_placed((size, size, size), turn, (x, 0.0, _EYE - away)))
+    return np.stack(found)
+
+
+PLACES: Final[Mapping[str, _Floats]] = {"clouds.npy": sky(), "trees.npy": trees()}
+"""By file name: (n, 3, 4) transforms of the instances of the scene `cloud`."""
+
+
+def _contents() -> dict[str, NDArray[np.generic]]:
+    grids = {name: np.floor(values * 255.0 + 0.5).astype(np.uint8) for name, values in GRIDS.items()}
+    return {**grids, **{name: values.astype(np.float32) for name, values in PLACES.items()}}
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Write or check the files; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", action="store_true", help="compare with what is committed")
     check = parser.parse_args(arguments).check
     wrong = []
-    for name, values in GRIDS.items():
+    for name, values in _contents().items():
         file = io.BytesIO()
-        np.lib.format.write_array(file, np.floor(values * 255.0 + 0.5).astype(np.uint8), version=(1, 0))
+        np.lib.format.write_array(file, values, version=(1, 0))
         path = ROOT / "scenes" / name
         if not check:
             path.write_bytes(file.getvalue())
