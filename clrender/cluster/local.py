@@ -27,6 +27,8 @@ _DASK: Final = {
     "distributed.admin.system-monitor.interval": "10s",
 }
 """Settings that reduce Dask's monitoring, which is not used and takes three per cent of a core per process."""
+_START: Final = "import sys\nsys.path[:] = filter(None, sys.path)\nfrom distributed.cli.dask_worker import main\nmain()"
+"""A worker, which imports nothing from the working directory: a ``random.py`` there would take a module's place."""
 _START_SECONDS: Final = 60.0
 _END_SECONDS: Final = 0.1
 
@@ -72,8 +74,14 @@ def _worker(address: str, number: int, count: int, folder: Path) -> subprocess.P
     home = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join(filter(None, [home, os.environ.get("PYTHONPATH", "")]))
     threads = str(max(1, (os.cpu_count() or 1) // count))
-    environment = {**dict.fromkeys(_THREADS, threads), **_variables(), **os.environ, "PYTHONPATH": path}
-    command = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--name", str(number), "--nthreads", "1"]
+    environment = {
+        **dict.fromkeys(_THREADS, threads),
+        **_variables(),
+        **os.environ,
+        "PYTHONPATH": path,
+        "PYTHONSAFEPATH": "1",
+    }
+    command = [sys.executable, "-c", _START, address, "--name", str(number), "--nthreads", "1"]
     command += ["--host", LOOPBACK, "--no-dashboard", "--dashboard-address", f"{LOOPBACK}:0"]
     command += ["--memory-limit", "0", "--local-directory", str(folder)]
     with (folder / f"{number}.log").open("wb") as log:

@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from clrender.datasets.files import ImageFiles
-from clrender.datasets.records import Records
+from clrender.datasets.records import MANIFEST, Records
 from clrender.datasets.rendered import Rendered
 from clrender.datasets.variation import DatasetPlan
 from clrender.datasets.writers import WRITERS_BY_NAME
 from clrender.errors import RenderError, UsageError
 from clrender.files.access import atomic_write
+from clrender.film.lock import FileLock
 from clrender.rendering.session import Session
 from clrender.rendering.telling import once
 
@@ -213,7 +214,16 @@ def _make_folder(folder: Path) -> None:
 
 
 def _finish(plan: DatasetPlan, records: Records) -> None:
-    """Write what is of the whole data set, the manifest last."""
+    """Write what is of the whole data set, the manifest last: of several processes one after the other."""
+    lock = FileLock(records.folder / MANIFEST, "another process finishes the data set")
+    lock.wait()
+    try:
+        _write_whole(plan, records)
+    finally:
+        lock.release()
+
+
+def _write_whole(plan: DatasetPlan, records: Records) -> None:
     if "webdataset" in plan.spec.writers:
         records.make_archives()
     digests = dict[str, str]()

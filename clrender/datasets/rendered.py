@@ -125,10 +125,10 @@ class Rendered:
 
     @cached_property
     def seen(self) -> list[Seen]:
-        """Its instances; where some have a category, only those."""
+        """Its instances; of data sets with categories only those that have one."""
         labelling = Labelling.of(self.varied.scene)
         every = [self._seen(labelling, label.number) for label in self.image.labels.get("instance", ())]
-        return [each for each in every if each.category is not None] or every
+        return [each for each in every if each.category is not None] if self.plan.categories else every
 
     def _seen(self, labelling: Labelling, number: int) -> Seen:
         label = next(each for each in self.image.labels["instance"] if each.number == number)

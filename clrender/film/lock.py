@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -20,6 +21,13 @@ __all__ = ["FileLock"]
 _HELD: Final = (errno.EWOULDBLOCK, errno.EACCES, errno.EAGAIN)
 _UNKNOWN: Final = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)
 """Errors of file systems without locks."""
+
+
+_POLL_SECONDS: Final = 0.05
+
+
+class _HeldError(UsageError):
+    """Another process holds the lock, or another render of this one."""
 
 
 class FileLock:
@@ -66,6 +74,19 @@ class FileLock:
         except OSError as error:
             raise UsageError(f"{self._path}: cannot be written ({error.strerror or error}); write elsewhere") from None
 
+    def wait(self) -> None:
+        """Acquire the lock, however long another process holds it.
+
+        Raises
+        ------
+        UsageError
+            When no file can be created in the folder.
+        """
+        while True:
+            with suppress(_HeldError):
+                return self.take()
+            time.sleep(_POLL_SECONDS)
+
     def release(self) -> None:
         """Release the lock. A second call does nothing."""
         descriptor, self._descriptor = self._descriptor, None
@@ -83,7 +104,7 @@ class FileLock:
             owner = os.read(descriptor, 40).decode("ascii", "replace").strip()
             os.close(descriptor)
             if error.errno in _HELD:
-                raise UsageError(f"{self._named}: {self._problem} (process {owner or 'unknown'})") from None
+                raise _HeldError(f"{self._named}: {self._problem} (process {owner or 'unknown'})") from None
             if error.errno not in _UNKNOWN:
                 raise
             self.works = False

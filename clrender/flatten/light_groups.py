@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clrender import layout
 from clrender.flatten.environment import without_light
 from clrender.flatten.flat_scene import FlatScene
+from clrender.flatten.spectral import SpectralPlace
 
 __all__ = ["OTHERS", "group_names", "lit_by"]
 
@@ -62,5 +65,17 @@ def lit_by(flat: FlatScene, group: str) -> FlatScene:
         glows = (media[:, _MEDIUM["FLAGS"]].view(np.uint32)[:, 0] & layout.MEDIUM_FLAG_GLOWS) != 0
         media[glows, _MEDIUM["EMISSION"]] = 0.0
         arrays["media_rows"] = media
+    shining = not flat.features.glowing_media or group == OTHERS
+    spectral = tuple(each for place in flat.spectral for each in _of_group(place, dark, shining))
     digest = hashlib.sha256(f"{flat.arrays_sha256} lit by {group}".encode()).hexdigest()
-    return dataclasses.replace(flat, arrays=arrays, arrays_sha256=digest)
+    return dataclasses.replace(flat, arrays=arrays, spectral=spectral, arrays_sha256=digest)
+
+
+def _of_group(place: SpectralPlace, dark: NDArray[np.bool_], media_shine: bool) -> Iterator[SpectralPlace]:
+    """What spectra still say where these lights are dark, and media, too, unless they shine."""
+    if place.array == "lights":
+        rows = np.atleast_1d(np.arange(len(dark))[place.rows])
+        lit = rows[~dark[rows]]
+        yield from [place] if len(lit) == len(rows) else (dataclasses.replace(place, rows=int(row)) for row in lit)
+    elif media_shine or (place.array, place.column) != ("media_rows", _MEDIUM["EMISSION"].start):
+        yield place

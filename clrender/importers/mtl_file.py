@@ -40,11 +40,14 @@ class MtlPicture:
         By option, such as ``-s``.
     place : str
         For messages.
+    folder : str
+        The library's, relative to the scene's.
     """
 
     name: str
     options: dict[str, tuple[float, ...] | str]
     place: str
+    folder: str
 
     def numbers(self, option: str, default: tuple[float, ...]) -> tuple[float, ...]:
         """Numbers of an option; missing ones are taken from the default."""
@@ -69,10 +72,13 @@ class MtlMaterial:
         Start of an error message: the names of scene and library.
     lines : dict of str to (str, int)
         The rest of the line and its number, by keyword in lower case; the last one of several.
+    folder : str
+        The library's, relative to the scene's.
     """
 
     name: str
     label: str
+    folder: str
     lines: dict[str, tuple[str, int]] = field(default_factory=dict)
 
     def __contains__(self, key: str) -> bool:
@@ -150,10 +156,10 @@ class MtlMaterial:
             options[option.lower()] = tuple(numbers)
         if not rest:
             raise SceneError(f"{self.place(key)}: {key} names no picture; give the name of its file")
-        return MtlPicture(rest, options, self.place(key))
+        return MtlPicture(rest, options, self.place(key), self.folder)
 
 
-def read_mtl(data: bytes, label: str) -> dict[str, MtlMaterial]:
+def read_mtl(data: bytes, label: str, folder: str) -> dict[str, MtlMaterial]:
     """Materials by name.
 
     Parameters
@@ -162,6 +168,8 @@ def read_mtl(data: bytes, label: str) -> dict[str, MtlMaterial]:
         The file.
     label : str
         Prefix of error messages.
+    folder : str
+        The file's, relative to the scene's.
 
     Raises
     ------
@@ -179,7 +187,7 @@ def read_mtl(data: bytes, label: str) -> dict[str, MtlMaterial]:
             continue
         keyword, rest = words[0].lower(), words[1].strip() if len(words) > 1 else ""
         if keyword == "newmtl":
-            now = MtlMaterial(rest, label)
+            now = MtlMaterial(rest, label, folder)
             found.setdefault(rest, now)
             if len(found) > _MATERIAL_LIMIT:
                 raise SceneError(

@@ -27,13 +27,11 @@ _AS_BY_DEFAULT: Final = {"-blendu": "on", "-blendv": "on", "-cc": "off"}
 
 
 class MtlPictures:
-    """Finds images, once each.
+    """Finds images, once each: first in the folder of their library.
 
     Parameters
     ----------
     files : AssetFiles
-    folder : str
-        The library's folder, relative to the scene's; images are searched there first.
     note : callable
         Called with a sentence for the user.
     leave_out : callable
@@ -45,14 +43,13 @@ class MtlPictures:
     def __init__(
         self,
         files: AssetFiles,
-        folder: str,
         note: Callable[[str], None],
         leave_out: Callable[[SceneError], None],
         diagonal: float,
     ) -> None:
-        self._files, self._folder, self._diagonal = files, folder, diagonal
+        self._files, self._diagonal = files, diagonal
         self._note, self._leave_out = note, leave_out
-        self._found: dict[str, str | None] = {}
+        self._found: dict[tuple[str, str], str | None] = {}
 
     def lost(self, picture: MtlPicture | None) -> bool:
         """Whether a picture is named that cannot be read."""
@@ -126,16 +123,17 @@ class MtlPictures:
 
     def _name(self, picture: MtlPicture) -> str | None:
         """The name, relative to the scene's folder, of a file that can be opened; else adds a note."""
-        if picture.name not in self._found:
-            self._found[picture.name] = self._search(picture)
-        return self._found[picture.name]
+        key = picture.folder, picture.name
+        if key not in self._found:
+            self._found[key] = self._search(picture)
+        return self._found[key]
 
     def _search(self, picture: MtlPicture) -> str | None:
         plain = picture.name.replace("\\", "/")
-        first = str(Path(self._folder) / plain)
-        beside = str(Path(self._folder) / plain.rpartition("/")[2])
+        first = str(Path(picture.folder) / plain)
+        beside = str(Path(picture.folder) / plain.rpartition("/")[2])
         problem: SceneError | None = None
-        for name in dict.fromkeys((first, plain, str(Path(self._folder) / picture.name), beside)):
+        for name in dict.fromkeys((first, plain, str(Path(picture.folder) / picture.name), beside)):
             try:
                 self._files.open(name, picture.place)[0].close()
             except SceneError as error:

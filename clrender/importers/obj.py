@@ -85,7 +85,7 @@ def read(path: Path, files: AssetFiles) -> Draft:
     faces = ObjFaces(records, label)
     runs = _runs(records.statements, records.counts["f"])
     _note_statements(records, faces, draft)
-    library, folder = _library(records.statements, files, draft)
+    library = _library(records.statements, files, draft)
     with np.errstate(over="ignore", invalid="ignore"):  # coordinates out of range are rejected below
         diagonal = length(np.ptp(faces.positions, axis=0))
 
@@ -95,7 +95,7 @@ def read(path: Path, files: AssetFiles) -> Draft:
     def leave_out(fault: SceneError) -> None:
         draft.leave_out(fault, files.source, files.strict)
 
-    pictures = MtlPictures(files, folder, note, leave_out, diagonal)
+    pictures = MtlPictures(files, note, leave_out, diagonal)
     _forget_missing(runs, library, note)
     _add_shapes(draft, faces, runs, _materials(runs, library, pictures, note))
     return draft
@@ -129,10 +129,9 @@ def _note_statements(records: ObjRecords, faces: ObjFaces, draft: Draft) -> None
         draft.note("colours of vertices are not all from 0 to 1: none is read")
 
 
-def _library(statements: list[Statement], files: AssetFiles, draft: Draft) -> tuple[dict[str, MtlMaterial], str]:
-    """Materials of all readable libraries, and the folder of the first one."""
+def _library(statements: list[Statement], files: AssetFiles, draft: Draft) -> dict[str, MtlMaterial]:
+    """Materials of all readable libraries."""
     found: dict[str, MtlMaterial] = {}
-    folder = ""
     tried: set[str] = set()
     for statement in statements:
         if statement.keyword != "mtllib" or not statement.rest or statement.rest in tried:
@@ -154,10 +153,9 @@ def _library(statements: list[Statement], files: AssetFiles, draft: Draft) -> tu
         for problem in problems:
             draft.note(f"{problem}: its materials are missing")
         for name, data in contents.items():
-            if not found:
-                folder = str(Path(name.replace("\\", "/")).parent)
-            found = {**read_mtl(data, f"{files.source}: {quoted(name)}"), **found}
-    return found, "" if folder == "." else folder
+            folder = str(Path(name.replace("\\", "/")).parent)
+            found = {**read_mtl(data, f"{files.source}: {quoted(name)}", "" if folder == "." else folder), **found}
+    return found
 
 
 def _content(name: str, place: str, files: AssetFiles) -> bytes:

@@ -44,7 +44,7 @@ static void guide_look_up(const Scene* scene, Path* path, Vertex* v) {
     guide->share = guides ? field_number(field, guide->cell, FIELD_ROW_GUIDED) : splat(0.0f);
     guide->light = guides ? field_number(field, guide->cell, FIELD_ROW_LIGHT) : splat(1.0f);
     guide->reflected = known ? field_number(field, guide->cell, FIELD_ROW_REFLECTED) : splat(0.0f);
-    guide->albedo = guide_luminance(bsdf_albedo(&v->bsdf));
+    guide->albedo = medium ? splat(1.0f) : guide_luminance(bsdf_albedo(&v->bsdf));
     guide->throughput = path->throughput;
     guide->index_squared = path->index_squared;
     guide->event = path->depth;

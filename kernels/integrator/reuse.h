@@ -22,6 +22,7 @@
 
 #define SHARED_TIME          // with the other pixels of the group
 #include "integrator/path.h"
+#include "material/reversed.h"
 
 // A pixel's sample: two rows of sixteen floats, [sample][slot].
 #define RECORD_WORDS 32
@@ -63,9 +64,7 @@ static vmask reuse_matt(const Vertex* vertex) {
 // And where that is seen alike from all directions: a normal map's normal is bent towards the viewer.
 static vmask reuse_alike(const Vertex* vertex) {
 #ifdef TEXTURES
-    const Surface* s = &vertex->surface;
-    const vec3 own = choose(s->front, s->shading, negate(s->shading)), normal = vertex->bsdf.frame.normal;
-    return (normal.x == own.x) & (normal.y == own.y) & (normal.z == own.z);
+    return !bsdf_is_bent(&vertex->surface, &vertex->bsdf);
 #else
     return mask_all();
 #endif

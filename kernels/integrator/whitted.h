@@ -63,8 +63,8 @@ static void whitted_trace(const Scene* given, Pool* pool, PoolStats* stats WHITT
             for (uint number = 0; number < settings->light_count; ++number) {
                 const LightSample light = light_from_center(scene, surface.point, surface.primitive, splat_uint(number), surface_time(&surface));
                 const vfloat distance = magnitude(sub(light.target, surface.point));
-                const vec3 left_on_way =
-                    interior_transmittance(scene, &path.interior, surface.point, light.direction, distance, light.infinite, lit);
+                const Interior in = interior_towards(&path.interior, &crossing, light.direction, bsdf.side);
+                const vec3 left_on_way = interior_transmittance(scene, &in, surface.point, light.direction, distance, light.infinite, lit);
                 const vec3 arriving = mul(light.radiance, left_on_way);
                 const vec3 direct = mul(bsdf_eval(&bsdf, light.direction, &unused), arriving);
                 const vmask asked = lit & (light.pdf > 0.0f) & (largest(direct) > 0.0f);

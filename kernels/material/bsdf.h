@@ -198,6 +198,9 @@ static void bsdf_no_rows(Bsdf* b) {
 static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* b) {
     b->side = choose(s->front, s->normal, negate(s->normal));
     vec3 shading = s->shading, color = s->color;
+#if defined(TEXTURES) && !defined(MATERIALS)
+    vec3 shade = vec3_all(1.0f);
+#endif
 #ifdef MATERIALS
     vmask described = s->kind == MATERIAL_BY_ROW;
 #ifdef TEXTURES
@@ -218,7 +221,7 @@ static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* 
 #elif defined(TEXTURES)
     if (lane_any(s->attributes.textured)) {
         const TextureSlots slots = parameter_slots(scene, &s->attributes, vfloat_bits(s->attributes.row[ATTRIBUTE_ROW_SLOTS]));
-        color = parameter_base_color(scene, &s->attributes, &slots, color);
+        color = parameter_base_color(scene, &s->attributes, &slots, color, &shade);
         shading = normal_map_shading(scene, &s->attributes, &slots, s->normal, shading, s->front, direction);
     }
 #endif
@@ -239,6 +242,9 @@ static void bsdf_at(const Scene* scene, const Surface* s, vec3 direction, Bsdf* 
     b->frame = frame_around(bsdf_normal(s, choose(s->front, shading, negate(shading)), b->side, direction, glossy));
     b->wo = bsdf_wo(b->frame, direction);
     b->color = color_reflectance(scene, choose(s->kind == MATERIAL_BY_ROW, vec3_all(0.0f), color));
+#if defined(SPECTRAL) && defined(TEXTURES) && !defined(MATERIALS)
+    b->color = mul(b->color, color_reflectance(scene, shade));
+#endif
     b->eta = s->front ? s->ior : quotient(splat(1.0f), s->ior);
     b->kind = s->kind;
 #ifdef DISPERSION

@@ -106,7 +106,7 @@ static vmask closure_is_one_way(const Closure* c) {
 static vfloat closure_transmittance(const Closure* c, vfloat cosine) {
     vfloat left = splat(1.0f);
     if (lane_any(c->sheen.present)) {
-        const vfloat taken = largest(c->sheen.color) * sheen_albedo(&c->sheen, c->tables, cosine);
+        const vfloat taken = c->sheen.most * sheen_albedo(&c->sheen, c->tables, cosine);
         left = c->sheen.present ? splat(1.0f) - taken : left;
     }
     if (lane_any(c->coat.present)) left = left * (splat(1.0f) - coat_albedo(&c->coat, c->tables, cosine));
@@ -116,7 +116,7 @@ static vfloat closure_transmittance(const Closure* c, vfloat cosine) {
 // T(μo, μi) of sheen alone, and of the coat alone.
 static vfloat closure_below_sheen(const Closure* c, vfloat out, vfloat in) {
     if (!lane_any(c->sheen.present)) return splat(1.0f);
-    const vfloat most = largest(c->sheen.color), taken = greater(sheen_albedo(&c->sheen, c->tables, out), sheen_albedo(&c->sheen, c->tables, in));
+    const vfloat most = c->sheen.most, taken = greater(sheen_albedo(&c->sheen, c->tables, out), sheen_albedo(&c->sheen, c->tables, in));
     return c->sheen.present ? fma(-most, taken, splat(1.0f)) : splat(1.0f);
 }
 static vfloat closure_below_coat(const Closure* c, vfloat out, vfloat in) {

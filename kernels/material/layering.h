@@ -113,8 +113,9 @@ static void layering_lobes(const Scene* scene, const Parameters* p, vmask front,
 
     // Sheen and coat
     c->inside = (clear > 0.0f) & !thin & !front;
-    c->sheen.present = layered & lit & (largest(p->sheen_color) > 0.0f);
+    c->sheen.present = layered & lit & (p->sheen_most > 0.0f);
     c->sheen.color = p->sheen_color;
+    c->sheen.most = p->sheen_most;
     c->sheen.alpha = greater(p->sheen_roughness * p->sheen_roughness, splat(LAYERING_LEAST_SHEEN));
     c->sheen.scale = c->sheen.hidden = none;
     c->coat.present = layered & lit & (p->coat > 0.0f);
@@ -149,7 +150,7 @@ static Covers layering_covers(const Closure* c) {
     over.sheen.b = over.sheen.c = over.coat.b = over.coat.c = none;
     if (lane_any(c->sheen.present & !c->inside)) {
         const vmask there = c->sheen.present & !c->inside;
-        const vfloat most = largest(c->sheen.color), mean = albedo_line(c->tables, splat_uint(ALBEDO_SHEEN_MEAN), SHEEN_ROWS, c->sheen.alpha);
+        const vfloat most = c->sheen.most, mean = albedo_line(c->tables, splat_uint(ALBEDO_SHEEN_MEAN), SHEEN_ROWS, c->sheen.alpha);
         const vfloat average = fma(-most, mean, one), share = there ? quotient(most, average) : none;
         over.sheen_average = there ? average * fma(most * c->diffuse.roughness, quotient(splat(DIFFUSE_SHEEN_SLACK), c->sheen.alpha), one) : one;
         const Slant s = albedo_sheen_slant(c->tables, c->sheen.alpha);
@@ -209,7 +210,7 @@ static void layering_reflect(Closure* c, const Parameters* p, vec3 wo, BaseAlbed
     if (lane_any(below_coat | below_sheen)) {
         c->metal = scale(average, metallic);
         c->coated = covered_by(c->tables, COVERED_BY_COAT, below_coat, c->coat.share, c->coat.alpha, c->facets.mean, wo.z);
-        c->clothed = covered_by(c->tables, COVERED_BY_SHEEN, below_sheen, largest(c->sheen.color), c->sheen.alpha, c->facets.mean, wo.z);
+        c->clothed = covered_by(c->tables, COVERED_BY_SHEEN, below_sheen, c->sheen.most, c->sheen.alpha, c->facets.mean, wo.z);
     }
     r->missing = parameters_flag(p, MATERIAL_FLAG_SINGLE_SCATTERING) ? splat(0.0f) : splat(1.0f) - albedo;
     r->multiple = scale(reflection_multiple(average, lost), metallic);
@@ -255,7 +256,7 @@ static void layering_probabilities(Closure* c, const BaseAlbedos* e, vfloat coat
     const vfloat diffuse = layering_mean(e->diffuse) * c->transmittance;
     LobeProbabilities* p = &c->probability;
     p->coat = coat;
-    p->uniform = fma(diffuse, uniform, largest(c->sheen.color) * sheen);
+    p->uniform = fma(diffuse, uniform, c->sheen.most * sheen);
     p->reflection = layering_mean(e->reflection) * c->transmittance;
     p->glass = e->glass_single * c->transmittance;
     p->multiple_transmission = e->glass_multiple_transmission * c->transmittance;

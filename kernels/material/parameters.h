@@ -19,6 +19,9 @@
 typedef struct {
     vuint kind, flags;             // MATERIAL_*, MATERIAL_FLAG_*
     vec3 color;
+#if defined(SPECTRAL) && defined(TEXTURES)
+    vec3 shade;                    // a spectrum in the place of the color is multiplied by it
+#endif
     vfloat roughness, metallic, ior, transmission, specular;
 #ifdef DISPERSION
     vmask disperses;               // `ior` depends on the wavelength
@@ -26,6 +29,7 @@ typedef struct {
     vec3 specular_color;
     vfloat diffuse_roughness, coat, coat_roughness;
     vec3 sheen_color;
+    vfloat sheen_most;             // the largest of them, or of its spectrum: the same whatever the wavelengths of the path are
     vfloat sheen_roughness, anisotropy, rotation;
     vfloat diffuse_transmission;
     vec3 diffuse_transmission_color;
@@ -123,7 +127,12 @@ static void parameters_texture(const Scene* scene, const Surface* s, vuint mater
     p->shading = s->shading;
     if (!lane_any(a->textured)) return;
     const TextureSlots slots = parameter_slots(scene, a, material);
-    p->color = parameter_base_color(scene, a, &slots, p->color);
+#ifdef SPECTRAL
+    p->color = parameter_base_color(scene, a, &slots, p->color, &p->shade);
+#else
+    vec3 none;
+    p->color = parameter_base_color(scene, a, &slots, p->color, &none);
+#endif
     p->roughness = parameter_number(scene, a, &slots, TEXTURE_ROUGHNESS, p->roughness);
     p->metallic = parameter_number(scene, a, &slots, TEXTURE_METALLIC, p->metallic);
     p->transmission = parameter_number(scene, a, &slots, TEXTURE_TRANSMISSION, p->transmission);
@@ -144,8 +153,12 @@ static void parameters_texture(const Scene* scene, const Surface* s, vuint mater
 
 // What they are at the lanes' wavelengths. Only metals have the last three.
 static void parameters_at_wavelengths(const Scene* scene, Parameters* p) {
+    p->sheen_most = color_most(scene, p->sheen_color);
 #ifdef SPECTRAL
     p->color = color_reflectance(scene, p->color);
+#ifdef TEXTURES
+    p->color = mul(p->color, color_reflectance(scene, p->shade));
+#endif
     p->specular_color = color_reflectance(scene, p->specular_color);
     p->sheen_color = color_reflectance(scene, p->sheen_color);
     p->diffuse_transmission_color = color_reflectance(scene, p->diffuse_transmission_color);
@@ -173,6 +186,9 @@ static Parameters material_at(const Scene* scene, const Surface* s, vec3 directi
     p.kind = has_row ? vfloat_bits(a[MATERIAL_ROW_KIND]) : s->kind;
     p.flags = has_row ? vfloat_bits(a[MATERIAL_ROW_FLAGS]) : splat_uint(0u);
     p.color = choose(has_row, vec3_row(a, MATERIAL_ROW_COLOR), s->color);
+#if defined(SPECTRAL) && defined(TEXTURES)
+    p.shade = vec3_all(1.0f);
+#endif
     p.roughness = has_row ? a[MATERIAL_ROW_ROUGHNESS] : splat(0.0f);
     p.metallic = a[MATERIAL_ROW_METALLIC];
 #ifdef DISPERSION

@@ -5,8 +5,9 @@
 
 #include "material/bsdf.h"
 
-#ifdef MATERIALS
-// Of what has lobes, or passes light on: the BSDF is made again as it is seen from there.
+#if defined(MATERIALS) || defined(TEXTURES)
+#define BSDF_MADE_AGAIN
+// Of what has lobes, passes light on, or has its normal bent: the BSDF is made again as it is seen from there.
 __attribute__((noinline)) static vec3 bsdf_made_again(const Scene* scene, const Surface* surface, vec3 from, vec3 to, vfloat* pdf) {
     Surface seen = *surface;
     Bsdf again;
@@ -16,11 +17,20 @@ __attribute__((noinline)) static vec3 bsdf_made_again(const Scene* scene, const 
 }
 #endif
 
+// Whether the normal is bent towards who looks at it, as that of a map is, and an interpolated one of what is glossy.
+static vmask bsdf_is_bent(const Surface* s, const Bsdf* b) {
+    const vec3 own = choose(s->front, s->shading, negate(s->shading)), normal = b->frame.normal;
+    return (normal.x != own.x) | (normal.y != own.y) | (normal.z != own.z);
+}
+
 // Where that makes a difference.
-static vmask bsdf_is_one_sided(const Bsdf* b) {
+static vmask bsdf_is_one_sided(const Surface* s, const Bsdf* b) {
     vmask differs = bsdf_passes(b);
 #ifdef MATERIALS
     differs = differs | b->closure.present;
+#endif
+#ifdef TEXTURES
+    differs = differs | bsdf_is_bent(s, b);
 #endif
     return differs;
 }
@@ -35,8 +45,8 @@ static vec3 bsdf_reversed(const Scene* scene, const Surface* surface, const Bsdf
     vec3 f = choose(seen, scale(b->color, cosine * INV_PI), vec3_all(0.0f));
     f = choose(medium, vec3_of(phase, phase, phase), f);
     *pdf = medium ? phase : seen ? cosine * INV_PI : splat(0.0f);
-#ifdef MATERIALS
-    const vmask again = where & bsdf_is_one_sided(b) & !medium;
+#ifdef BSDF_MADE_AGAIN
+    const vmask again = where & bsdf_is_one_sided(surface, b) & !medium;
     if (lane_any(again)) {
         vfloat density;
         f = choose(again, bsdf_made_again(scene, surface, from, to, &density), f);

@@ -88,14 +88,30 @@ static void photon_deposit(const Photon* p, const Surface* s, vec3 flux, vuint m
     }
 }
 
+// What the flux that arrives counts for who gathers it, as bsdf_shaded has it for who comes along the photon's ray.
+static vfloat photon_shaded(const Scene* scene, const Surface* surface, const Bsdf* bsdf, vec3 direction, vmask where) {
+    vfloat shaded = bsdf_shaded(bsdf, direction);
+#ifdef TEXTURES
+    const vmask bent = where & bsdf_is_bent(surface, bsdf);
+    if (lane_any(bent)) {
+        // The normal of a map is bent towards who looks, but who will is not known: so as it is from above
+        Bsdf above;
+        bsdf_at(scene, surface, negate(bsdf->side), &above);
+        const vfloat cosine = greater(-inner(direction, above.frame.normal), splat(0.0f)), side = absolute(inner(direction, bsdf->side));
+        shaded = bent ? quotient(cosine, greater(side, splat(1.0e-6f))) : shaded;
+    }
+#endif
+    return shaded;
+}
+
 #if defined(HAIR) && defined(CURVES)
-// The place of a fibre that a ray along -`w` meets which passes its axis on one side or the other, by so much of the radius.
+// The place of a fibre that a ray along -`w` meets which passes its axis on one side or the other, by so much of the radius. Its point stays that of the
+// hit, which chooses among mixed materials.
 static Surface photon_fibre(const Surface* surface, vec3 w, vfloat across) {
     Surface s = *surface;
     const vec3 flat = along(w, s.tangent, -inner(w, s.tangent));
     const vec3 towards = unit(choose(inner(flat, flat) > 1.0e-12f, flat, s.normal));
     s.normal = s.shading = unit(along(scale(towards, root(fma(-across, across, splat(1.0f)))), outer(s.tangent, towards), across));
-    s.point = along(s.point, sub(s.normal, surface->normal), s.radius);
     s.clearance = ray_clearance(s.normal, s.error);
     s.front = mask_all();
     return s;
@@ -118,7 +134,7 @@ static vec3 photon_from_fibre(const Scene* scene, const Photon* p, vuint bits_u,
     const vec3 f = bsdf_made_again(scene, &left, from, next.direction, &pdf);
     const vfloat sine_i = inner(from, surface->tangent), sine_o = inner(next.direction, surface->tangent);
     const vfloat in = root(fma(-sine_i, sine_i, one)), out = root(fma(-sine_o, sine_o, one));
-    surface->point = choose(where, left.point, surface->point);
+    surface->point = choose(where, along(surface->point, sub(left.normal, surface->normal), surface->radius), surface->point);
     surface->normal = choose(where, left.normal, surface->normal);
     surface->clearance = where ? left.clearance : surface->clearance;
     *direction = choose(where, next.direction, *direction);
@@ -138,9 +154,13 @@ static vmask photon_scatter(const Scene* scene, Photon* p, Surface* surface, con
     // bsdf_sample weighs radiance, and this is flux
     const vfloat turned = bsdf_turned(bsdf, p->ray.direction, next.direction) * bsdf_index_squared(bsdf, next.direction);
     vec3 weight = scale(next.weight, bsdf_in_medium(bsdf) ? splat(1.0f) : turned);
+#ifdef BSDF_MADE_AGAIN
+    // What is not reciprocal is as it is seen from where the photon goes, and so are normals that are bent towards who looks
+    vmask one_way = bsdf_is_bent(surface, bsdf) & !bsdf_is_clear(bsdf) & !bsdf_passes(bsdf);
 #if defined(MEASURED) || defined(HAIR)
-    // What is not reciprocal is as it is seen from where the photon goes
-    const vmask one_way = found & bsdf->closure.present & closure_is_one_way(&bsdf->closure) & (next.pdf > 0.0f);
+    one_way = one_way | (bsdf->closure.present & closure_is_one_way(&bsdf->closure));
+#endif
+    one_way = found & one_way & (next.pdf > 0.0f);
     if (lane_any(one_way)) {
         vfloat back;
         const vec3 f = bsdf_reversed(scene, surface, bsdf, negate(p->ray.direction), next.direction, one_way, &back);
@@ -196,7 +216,7 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
         rays += lane_count(photon.alive);
         if (lane_any(arrives)) {
             const vec3 scattered = ball_flux(scene, &photon.interior, surface.point, photon.flux, in_medium);
-            const vec3 flux = choose(in_medium, scattered, scale(photon.flux, bsdf_shaded(&bsdf, photon.ray.direction)));
+            const vec3 flux = choose(in_medium, scattered, scale(photon.flux, photon_shaded(scene, &surface, &bsdf, photon.ray.direction, arrives)));
             photon_deposit(&photon, &surface, flux, in_medium ? ball_medium(&photon.interior) : splat_uint(0u), arrives, deposits);
             photon.deposits = arrives ? photon.deposits + 1u : photon.deposits;
         }

@@ -108,6 +108,17 @@ static vec3 color_reflectance(const Scene* scene, vec3 color) {
     return values;
 }
 
+// The largest component of a share; of a spectrum about its largest value.
+static vfloat color_most(const Scene* scene, vec3 color) {
+    const vmask spectrum = color_is_spectrum(color);
+    if (!lane_any(spectrum)) return largest(color);
+    const vuint number = vuint_from_int(vint_of(spectrum ? -1.0f - color.x : splat(0.0f)));
+    const vuint first = (uint)SPECTRA_GIVEN + number * (uint)SPECTRA_LINES;
+    vfloat most = splat(0.0f);
+    for (uint k = 1; k < 6u; ++k) most = greater(most, color_spectrum_at(scene, first, splat(12.0f * (float)k)));     // 420 to 660 nm
+    return spectrum ? most * color.y : largest(color);
+}
+
 // What has no bound, such as a coefficient.
 static vec3 color_unbounded(const Scene* scene, vec3 color) {
     const vmask spectrum = color_is_spectrum(color), lifts = !spectrum & !color_is_grey(color);
@@ -190,6 +201,7 @@ static vec3 color_alone(const Scene* scene, vec3 throughput, vmask where) {
 #define scene_of(scenes, k) (scenes)
 
 static vec3 color_reflectance(const Scene* scene, vec3 color) { return color; }
+static vfloat color_most(const Scene* scene, vec3 color) { return largest(color); }
 static vec3 color_unbounded(const Scene* scene, vec3 color) { return color; }
 static vec3 color_light(const Scene* scene, vec3 color) { return color; }
 static vfloat color_index(const Scene* scene, vfloat index, vmask* disperses) { return index; }

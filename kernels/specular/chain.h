@@ -11,7 +11,8 @@
 
 typedef struct {
     vmask valid;             // there is one
-    vec3 weight;             // of its deltas, with what media leave on the way
+    vec3 weight;             // of its deltas
+    vec3 media;              // what media leave on the way. In grids that is a random estimate, and as such no part of whether there is a chain
     vfloat chosen;           // probability that a path chooses the same at its vertices
     Surface last;            // its last vertex, as far as a ray that leaves it needs
     Interior in;             // the media that this ray begins in
@@ -23,7 +24,7 @@ typedef struct {
 static void chain_follow(const Scene* scene, const Path* path, const Vertex* v, vuint kind, vec3 direction, vmask asked, Chain* c, PoolStats* stats) {
     Ray ray = surface_leave(&v->surface, direction);
     c->valid = asked;
-    c->weight = vec3_all(1.0f);
+    c->weight = c->media = vec3_all(1.0f);
     c->chosen = splat(1.0f);
     c->last = v->surface;
     c->in = interior_towards(&path->interior, &v->crossing, direction, v->bsdf.side);
@@ -49,7 +50,7 @@ static void chain_follow(const Scene* scene, const Path* path, const Vertex* v, 
         const BsdfSample next = delta_follow(&bsdf, through, &chosen);
         differential_advance(&c->by, hit.distance, straight);
         differential_meet(scene, &c->by, &s, &bsdf, ray.direction, hit.distance, through, meets);
-        c->weight = choose(found, mul(c->weight, left), c->weight);
+        c->media = choose(found, mul(c->media, left), c->media);
         c->weight = choose(meets, mul(c->weight, next.weight), c->weight);
         c->chosen = meets ? c->chosen * chosen : c->chosen;
         c->valid = c->valid & (meets | straight | !open) & (largest(c->weight) > 0.0f);

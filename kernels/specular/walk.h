@@ -92,7 +92,7 @@ static vec3 walk_light(const Scene* scene, const Path* path, const Vertex* v, co
     const vfloat density = cosine * s->density, by_chain = end->pdf * chance;
     const vfloat by_path = (end->surface | sun_is(&end->light)) ? guide_pdf(scene, v, first, pdf) * c->chosen * density : splat(0.0f);
     const vfloat share = density * inverse_or_one(by_chain + by_path);
-    vec3 arriving = scale(mul(mul(path->throughput, f_cosine), mul(c->weight, radiance)), share);
+    vec3 arriving = scale(mul(mul(path->throughput, f_cosine), mul(mul(c->weight, c->media), radiance)), share);
     LightSample to;
     to.direction = s->direction;
     to.target = choose(end->surface, ray_end(c->last.point, end->point, end->normal, end->error), end->point);

@@ -82,8 +82,9 @@ static vfloat parameter_number(const Scene* scene, const Attributes* a, const Te
     return parameter_color(scene, a, slots, slot, vec3_of(otherwise, otherwise, otherwise)).x;
 }
 
-// The base colour: multiplied by the colours of its vertices, interpolated, where the triangle has any (glTF 2.0, 3.7.2.1).
-static vec3 parameter_base_color(const Scene* scene, const Attributes* a, const TextureSlots* slots, vec3 otherwise) {
+// The base colour: multiplied by the colours of its vertices, interpolated, where the triangle has any (glTF 2.0, 3.7.2.1). A spectrum stays, and
+// is to be multiplied by `shade` when it is read.
+static vec3 parameter_base_color(const Scene* scene, const Attributes* a, const TextureSlots* slots, vec3 otherwise, vec3* shade) {
     const vec3 color = parameter_color(scene, a, slots, TEXTURE_BASE_COLOR, otherwise);
     const vuint row = vfloat_bits(a->row[ATTRIBUTE_ROW_COLORS]);
     const vmask has = a->textured & (row != 0u);
@@ -93,8 +94,14 @@ static vec3 parameter_base_color(const Scene* scene, const Attributes* a, const 
     // Of three equal colours exactly that
     const vec3 at = vec3_row(corners, 0), to_b = sub(vec3_row(corners, 3), at), to_c = sub(vec3_row(corners, 6), at);
     const vec3 c = along(along(at, to_b, a->weight_b), to_c, a->weight_c);
-    const vec3 shade = vec3_of(bounded(c.x, 0.0f, 1.0f), bounded(c.y, 0.0f, 1.0f), bounded(c.z, 0.0f, 1.0f));
-    return choose(has, mul(color, shade), color);
+    const vec3 vertices = vec3_of(bounded(c.x, 0.0f, 1.0f), bounded(c.y, 0.0f, 1.0f), bounded(c.z, 0.0f, 1.0f));
+#ifdef SPECTRAL
+    const vmask spectrum = has & color_is_spectrum(color);
+    *shade = choose(spectrum, vertices, *shade);
+    return choose(has & !spectrum, mul(color, vertices), color);
+#else
+    return choose(has, mul(color, vertices), color);
+#endif
 }
 
 #endif

@@ -90,6 +90,19 @@ def test_a_signal_ends_it_with_the_image_so_far(tmp_path: Path, number: signal.S
     assert not processes_left(begun)
 
 
+@pytest.mark.long
+def test_workers_import_nothing_from_the_working_directory(tmp_path: Path) -> None:
+    (tmp_path / "random.py").write_text('raise SystemExit("of a user")\n')
+    script = tmp_path / "bin" / "script.py"
+    script.parent.mkdir()
+    script.write_text("from clrender.__main__ import main\nmain()\n")
+    process = subprocess.run(
+        [sys.executable, str(script), *ROOM, "--spp", "1", "--cluster", "local:1", "-o", "a.png"],
+        cwd=tmp_path, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": HOME}, check=False,
+    )  # fmt: skip
+    assert process.returncode == 0, process.stderr
+
+
 def test_without_dask_it_says_what_to_install(tmp_path: Path) -> None:
     code = "import sys; sys.modules['distributed'] = None; from clrender.cli import main; main(sys.argv[1:])"
     command = [sys.executable, "-c", code, *ROOM, "--cluster", "local:2", "-o", "a.exr"]

@@ -42,6 +42,16 @@ def said(scene: Scene) -> str:
     return "\n".join(scene.notes)
 
 
+def test_pictures_are_looked_up_beside_their_own_library(tmp_path: Path) -> None:
+    for folder, name, color in (("a", "x", (255, 0, 0)), ("b", "y", (0, 255, 0))):
+        (tmp_path / folder).mkdir()
+        Image.new("RGB", (2, 2), color).save(tmp_path / folder / "same.png")
+        (tmp_path / folder / f"{name}.mtl").write_text(f"newmtl {name}\nKd 1 1 1\nmap_Kd same.png\n")
+    scene = load(tmp_path, f"mtllib a/x.mtl\nmtllib b/y.mtl\n{SQUARE}usemtl x\n{FACE}usemtl y\n{FACE}")
+    pictures = {name: scene.materials[name].model_dump()["reflectance"]["texture"] for name in ("x", "y")}
+    assert pictures == {"x": "a/same.png", "y": "b/same.png"} and "left out" not in said(scene)
+
+
 # --- materials --------------------------------------------------------------------------------------------------------
 
 ROUGH = (2.0 / 98.0) ** 0.25

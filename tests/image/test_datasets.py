@@ -6,7 +6,9 @@ import hashlib
 import json
 import shutil
 import tarfile
+import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +22,8 @@ from dataset_support import SCENE, write_dataset
 import clrender
 from clrender.datasets import DatasetPlan, load_spec, make_dataset, merge_datasets, verify_dataset
 from clrender.datasets.files import ImageFiles
+from clrender.datasets.making import _finish
+from clrender.datasets.records import Records
 from clrender.datasets.writers.coco import run_lengths
 from clrender.errors import SceneError, UsageError
 from clrender.image.exact_display import display_bytes
@@ -110,6 +114,42 @@ def test_numbers_of_categories_are_those_listed(device: Device, tmp_path: Path) 
     assert [each["name"] for each in annotations["categories"]] == ["toy", "nothing", "furniture"]
     assert all(0.0 <= each["visibility"] <= 1.0 for each in annotations["annotations"])
     assert any(name.startswith("amodal.") for name in channels(tmp_path / "a/images/000000.exr"))
+
+
+def test_only_what_has_a_category_is_an_object(device: Device, tmp_path: Path) -> None:
+    """Also where an image shows nothing that has one: its floor was written as an object of the category "object"."""
+    gone = [{"name": name, "position": [0.0, 0.0, 0.0], "present": 0.0} for name in ("stool", "ball")]
+    plan = plan_of(
+        tmp_path, categories=["object", "toy", "furniture"], images=1, objects=gone, distractors=None,
+        writers=["images", "coco", "bop"],
+    )  # fmt: skip
+    make_dataset(plan, tmp_path / "a", device=device)
+    assert told(tmp_path, "a/coco/annotations.json")["annotations"] == []
+    assert told(tmp_path, f"a/{BOP}/scene_gt.json") == {"0": []}
+    assert told(tmp_path, "a/images/000000.json")["objects"] == []
+
+
+def test_two_processes_that_finish_a_set_do_it_one_after_the_other(
+    made: tuple[DatasetPlan, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both found all images there; one read the parts of archives that the other had removed."""
+    plan, whole = made
+    shutil.copytree(whole, tmp_path / "a")
+    others, inside = [0], [0]
+    archives = Records.make_archives
+
+    def slow(records: Records) -> None:
+        inside[0] += 1
+        others[0] = max(others[0], inside[0])
+        time.sleep(0.2)
+        archives(records)
+        inside[0] -= 1
+
+    monkeypatch.setattr(Records, "make_archives", slow)
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(lambda _: _finish(plan, Records(plan, tmp_path / "a")), range(2)))
+    assert others == [1] and not list((tmp_path / "a").glob("*.lock"))
+    assert told(tmp_path, "a/manifest.json") == told(whole, "manifest.json")
 
 
 def unpacked(counts: str, height: int, width: int) -> npt.NDArray[np.bool_]:

@@ -100,9 +100,7 @@ class Coco:
         ids = itertools.count(1)
         for record in records():
             for annotation in record["told"]["annotations"]:
-                number = categories.get(annotation["category"])
-                if number is None:
-                    continue  # none of the objects of this image has a category, but those of others have
+                number = categories[annotation["category"]]
                 others = {key: value for key, value in annotation.items() if key != "category"}
                 yield {"id": next(ids), "image_id": record["image"], "category_id": number, **others}
 

@@ -10,6 +10,7 @@
 typedef struct {
     vmask present;
     vec3 color;
+    vfloat most;             // the largest component of the color
     vfloat alpha, scale;
     vfloat hidden;           // 1 + Λ(μo)
 } Sheen;
