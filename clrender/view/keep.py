@@ -6,7 +6,7 @@ import shlex
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import IO, TYPE_CHECKING, Any, Final
 
 from clrender.errors import UsageError
@@ -27,6 +27,7 @@ ARCHIVE: Final = "scene.zip"
 """Name of the download."""
 _SCENE: Final = "scene.toml"
 _FOLDER: Final = "scene-files"
+_READING: Final = {"time_at": "--time-at", "variant": "--variant", "up": "--up", "environment": "--environment"}
 _EPOCH: Final = (1980, 1, 1, 0, 0, 0)
 """Time of all files in an archive: the same scene makes the same archive."""
 
@@ -53,7 +54,8 @@ def command_line(edited: EditedScene, scene: str, *, whole: bool) -> str:
     scene : str
         The file.
     whole : bool
-        Whether all settings that were given are options, and not only those that no scene file can hold.
+        Whether all settings that were given are options, and how the scene was read, and not only those that no scene
+        file can hold.
     """
     settings = edited.checked.settings
     given = {**edited.given, **edited.settings}
@@ -72,9 +74,24 @@ def command_line(edited: EditedScene, scene: str, *, whole: bool) -> str:
             words.append(setting.option if value else f"--no-{setting.option.removeprefix('--')}")
         else:
             words += [setting.option, Region.text(value) if isinstance(setting.domain, Region) else str(value)]
+    if whole:
+        words += _reading(edited.scene.origin or {})
     for plugin in edited.scene.plugins:
         words += ["--plugin", plugin.source]
     return shlex.join([*words, "-o", "image.png"])
+
+
+def _reading(origin: Mapping[str, Any]) -> Iterator[str]:
+    """Options by which a scene was read; a camera is a table of its own."""
+    for key, option in _READING.items():
+        if key in origin:
+            yield from (option, str(origin[key]))
+    if "shutter" in origin:
+        yield from ("--shutter", ":".join(map(str, origin["shutter"])))
+    for name, value in origin.get("define", {}).items():
+        yield from ("--define", f"{name}={value}")
+    if origin.get("hide_environment"):
+        yield "--hide-environment"
 
 
 def table_text(edited: EditedScene, what: str, name: str) -> str:

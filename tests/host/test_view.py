@@ -35,6 +35,7 @@ from clrender.view.frames import Frame, Frames, encode
 from clrender.view.guard import Guard
 from clrender.view.image_state import ImageState
 from clrender.view.inbox import Inbox
+from clrender.view.keep import table_text
 from clrender.view.messages import MESSAGE_BYTES, MoveCamera, Probe, Restart, parse
 from clrender.view.parameters import changeable, parameters
 from clrender.view.priority import lower_priority
@@ -669,3 +670,12 @@ def test_the_threads_that_render_let_others_go_first() -> None:
     with ThreadPoolExecutor(1, initializer=lower_priority) as pool:
         assert pool.submit(niceness).result() == max(10, before)
     assert niceness() == before
+
+
+def test_the_copied_command_reads_the_scene_in_the_same_way(tmp_path: Path) -> None:
+    (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\n")
+    path = str(tmp_path / "m.obj")
+    scene = clrender.load(path, up="z", environment=0.5, hide_environment=True)
+    command = table_text(EditedScene.of(scene, {"spp": 4}), "settings", "")
+    assert "--spp 4" in command and "--up z --environment 0.5 --hide-environment -o image.png" in command
+    assert "--environment" not in table_text(EditedScene.of(clrender.load("room"), {}), "settings", "")
