@@ -94,11 +94,10 @@ static vfloat photon_shaded(const Scene* scene, const Surface* surface, const Bs
 #ifdef TEXTURES
     const vmask bent = where & bsdf_is_bent(surface, bsdf);
     if (lane_any(bent)) {
-        // The normal of a map is bent towards who looks, but who will is not known: so as it is from above
-        Bsdf above;
-        bsdf_at(scene, surface, negate(bsdf->side), &above);
-        const vfloat cosine = greater(-inner(direction, above.frame.normal), splat(0.0f)), side = absolute(inner(direction, bsdf->side));
-        shaded = bent ? quotient(cosine, greater(side, splat(1.0e-6f))) : shaded;
+        // The normal of a map is bent towards who looks, but who will is not known: so as it is from above, whose density is the cosine over pi
+        vfloat density;
+        bsdf_made_again(scene, surface, negate(direction), bsdf->side, &density);
+        shaded = bent ? quotient(density * PI, greater(absolute(inner(direction, bsdf->side)), splat(1.0e-6f))) : shaded;
     }
 #endif
     return shaded;
