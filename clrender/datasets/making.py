@@ -214,7 +214,7 @@ def _make_folder(folder: Path) -> None:
 
 
 def _finish(plan: DatasetPlan, records: Records) -> None:
-    """Write what is of the whole data set, the manifest last: of several processes one after the other."""
+    """Write what is of the whole data set, of several processes one after the other."""
     lock = FileLock(records.folder / MANIFEST, "another process finishes the data set")
     lock.wait()
     try:
@@ -224,6 +224,7 @@ def _finish(plan: DatasetPlan, records: Records) -> None:
 
 
 def _write_whole(plan: DatasetPlan, records: Records) -> None:
+    """Write archives, what writers say of all images, and the manifest last."""
     if "webdataset" in plan.spec.writers:
         records.make_archives()
     digests = dict[str, str]()

@@ -21,8 +21,6 @@ __all__ = ["FileLock"]
 _HELD: Final = (errno.EWOULDBLOCK, errno.EACCES, errno.EAGAIN)
 _UNKNOWN: Final = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)
 """Errors of file systems without locks."""
-
-
 _POLL_SECONDS: Final = 0.05
 
 

@@ -135,12 +135,12 @@ def test_two_processes_that_finish_a_set_do_it_one_after_the_other(
     """Both found all images there; one read the parts of archives that the other had removed."""
     plan, whole = made
     shutil.copytree(whole, tmp_path / "a")
-    others, inside = [0], [0]
+    most, inside = [0], [0]
     archives = Records.make_archives
 
     def slow(records: Records) -> None:
         inside[0] += 1
-        others[0] = max(others[0], inside[0])
+        most[0] = max(most[0], inside[0])
         time.sleep(0.2)
         archives(records)
         inside[0] -= 1
@@ -148,7 +148,7 @@ def test_two_processes_that_finish_a_set_do_it_one_after_the_other(
     monkeypatch.setattr(Records, "make_archives", slow)
     with ThreadPoolExecutor(2) as pool:
         list(pool.map(lambda _: _finish(plan, Records(plan, tmp_path / "a")), range(2)))
-    assert others == [1] and not list((tmp_path / "a").glob("*.lock"))
+    assert most == [1] and not list((tmp_path / "a").glob("*.lock"))
     assert told(tmp_path, "a/manifest.json") == told(whole, "manifest.json")
 
 
