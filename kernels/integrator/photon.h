@@ -156,7 +156,7 @@ static vec3 photon_in_medium(const Scene* scene, const PhotonMap* m, const Verte
         if (!lane_any(asked)) continue;
         const vuint set = BALL_SET + (path->depth * 2u + kind) * (2u * BALL_MOST_TRIES);
         const float radius = kind == 0u ? m->radius : m->radius * CAUSTIC_BALL;
-        sum = add(sum, scale(flux, per_volume * ball_tries(scene, point, ray_time(&path->ray), path->sample.sampler, set, radius, asked, stats)));
+        sum = add(sum, scale(flux, per_volume * ball_tries(scene, &path->interior, point, ray_time(&path->ray), path->sample.sampler, set, radius, asked, stats)));
     }
     // Deposits are of what is scattered
     vfloat row[16];
