@@ -40,6 +40,7 @@ def rendered(tmp_path: Path, device: Device) -> Rendered:
     """Renders the text of a scene; returns the mean of each seed's image, (seeds, 3)."""
     Image.new("RGB", (4, 4), (200, 128, 230)).save(tmp_path / "tilted.png")
     Image.new("RGB", (4, 4), (128, 200, 230)).save(tmp_path / "away.png")
+    Image.new("RGB", (4, 4), (56, 128, 230)).save(tmp_path / "left.png")
     np.save(tmp_path / "ones.npy", np.ones((2, 2, 2), np.float32))
 
     def of(text: str, **settings: Any) -> npt.NDArray[np.float64]:
@@ -76,13 +77,14 @@ def test_normal_maps_of_light_paths(rendered: Rendered) -> None:
     agree(rendered(scene, integrator="bdpt", spp=16, light_paths=100_000), path, 2e-3)
 
 
-def test_normal_maps_below_photons(rendered: Rendered) -> None:
-    """From a mirror they come at a grazing angle, and the camera looks from above, from where normals are not bent."""
-    mirrored = """
+@pytest.mark.parametrize("position", [[0.5, 3.0, 0.0], [3.0, 0.3, 0.0]], ids=["from above", "from the side"])
+def test_normal_maps_below_photons(rendered: Rendered, position: list[float]) -> None:
+    """From a mirror they come at a grazing angle; seen from the side the normal is bent towards the camera."""
+    mirrored = f"""
     [camera]
-    position = [0.5, 3.0, 0.0]
+    position = {position}
     target = [0.5, 0.0, 0.0]
-    up = [0.0, 0.0, -1.0]
+    up = {[0.0, 0.0, -1.0] if position[1] > 1.0 else [0.0, 1.0, 0.0]}
     vertical_fov = 2.0
     [materials.mirror]
     type = "mirror"
@@ -100,7 +102,7 @@ def test_normal_maps_below_photons(rendered: Rendered) -> None:
     cone_degrees = 5.0
     intensity = 50.0
     """
-    scene = mirrored + TILTED + FLOOR
+    scene = mirrored + TILTED.replace("tilted", "left" if position[1] < 1.0 else "tilted") + FLOOR
     path = rendered(scene, specular_chains="on", spp=128)
     agree(rendered(scene, integrator="photon", spp=8, photons=100_000, photon_radius=0.03), path, 0.03)
 
