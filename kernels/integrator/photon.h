@@ -38,7 +38,7 @@ static float photon_sum(float8 x) {
 
 #ifdef TEXTURES
 // Of eight deposits those with directions count by the normal that is seen, over the cosine by which they were spread over their own surface.
-static float8 photon_bent(const PhotonMap* m, uint first, float4 seen, int8 near, float8 cosine) {
+__attribute__((noinline)) static float8 photon_bent(const PhotonMap* m, uint first, float4 seen, int8 near, float8 cosine) {
     const uint8 kinds = as_uint8(vload8(0, m->map + first + DEPOSIT_ROW_KIND * (size_t)m->stride));
     if (!any(near & as_int8(kinds))) return cosine;
     float weight[8];

@@ -33,6 +33,7 @@ static vmask ball_receives(const Scene* scene, const Interior* in, const Bsdf* b
 static vuint ball_medium(const Interior* in) { return interior_top(in) + BALL_FIRST_MEDIUM; }
 
 // Whether the end of a ray that something stands in the way of is in the same medium, behind nothing but what is clear.
+__attribute__((noinline))   // what is seldom asked takes no registers from the rest
 static vmask ball_reaches(const Scene* scene, const Interior* own, Ray ray, Sampler sampler, vmask asked) {
     const vec3 way = ray.direction, end = add(ray.origin, way);
     Interior in = *own;

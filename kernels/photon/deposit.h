@@ -22,7 +22,7 @@ static vmask deposit_is_in_medium(vuint kind) { return (kind != 0u) & ((kind & D
 static vuint deposit_step(vfloat x) { return vuint_of(fma(x, splat(0.5f * DEPOSIT_STEPS), splat(0.5f * DEPOSIT_STEPS + 0.5f))); }
 
 // The unit direction of a photon, as DEPOSIT_ROW_KIND.
-static vuint deposit_from(vec3 d) {
+__attribute__((noinline)) static vuint deposit_from(vec3 d) {
     const vfloat one = splat(1.0f), inverse = quotient(one, absolute(d.x) + absolute(d.y) + absolute(d.z));
     const vfloat x = d.x * inverse, y = d.y * inverse;
     const vfloat over_x = (one - absolute(y)) * (x < 0.0f ? -one : one), over_y = (one - absolute(x)) * (y < 0.0f ? -one : one);

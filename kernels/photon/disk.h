@@ -35,6 +35,7 @@ static vmask disk_receives(const Surface* s) { return (s->kind == MATERIAL_LAMBE
 
 // Whether what lies below a point of the disk is not where photons of the disk arrive. Where the ray up from there meets the back of a surface that is
 // opaque, it is inside of something. Where its other side is up than at the disk's centre, it is that only if it sees the centre.
+__attribute__((noinline))   // what is seldom asked takes no registers from the rest
 static vmask disk_hides(const Scene* scene, const Surface* below, vec3 centre, vec3 side, vmask other_side, Sampler sampler, vmask asked) {
     Ray ray = surface_leave(below, side);
     ray.direction = choose(other_side, sub(centre, ray.origin), side);

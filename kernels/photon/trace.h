@@ -138,7 +138,7 @@ static vec3 photon_from_fibre(const Scene* scene, const Photon* p, vuint bits_u,
 
 // Choose where the photon goes on; it does with the probability of its largest weight, and its flux keeps its size. `sent`: its flux before it came
 // here, of which a medium may have absorbed a part.
-static vmask photon_scatter(const Scene* scene, Photon* p, Surface* surface, const Bsdf* bsdf, const Crossing* crossing, vec3 sent, Hit hit,
+__attribute__((noinline)) static vmask photon_scatter(const Scene* scene, Photon* p, Surface* surface, const Bsdf* bsdf, const Crossing* crossing, vec3 sent, Hit hit,
                             vmask found) {
     const vmask straight = interior_straight(crossing);
     vuint bits_u, bits_v;

@@ -167,9 +167,9 @@ class Oracle:
             def rows(seeds: range, spp: int, way: Way = way) -> Floats:
                 return self._rows(scene, seeds, mixed.inner, spp=spp, **way.settings)
 
-            def allowed(exact: float = mixed.exact) -> tuple[float, float]:
-                events = exact * self._events
-                return -events * (loss + _ROUNDING), events * (min(loss, _TABLES) + _ROUNDING)
+            def allowed(exact: float = mixed.exact, bias: float = way.bias) -> tuple[float, float]:
+                events, bias = exact * self._events, exact * bias
+                return -events * (loss + _ROUNDING) - bias, events * (min(loss, _TABLES) + _ROUNDING) + bias
 
             with contextlib.suppress(SceneError):  # not for this integrator
                 yield self._stages(mixed, way, rows, mixed.exact, allowed)

@@ -25,6 +25,7 @@ from mixed_plugins import PLUGINS, plugged
 from mixed_shapes import Things
 from mixed_spectra import spectral
 from mixed_strands import stranded
+from mixed_ways import has_delta_lights
 
 from clrender.cameras.poses import CONVENTIONS, pose_matrix
 from clrender.exact.matrices import inverse
@@ -91,6 +92,7 @@ def mixed_scene(kind: str, number: int) -> Mixed:
     """
     draw = Draw(f"{kind} {number}", kind == "white")
     mixed = {"white": _white, "light": _light, "black": _black}[kind](draw, f"{kind} {number}")
+    _standing(mixed)
     _as_seen_by_machines(mixed.name, mixed.content["camera"])
     _grouped(mixed.name, mixed.content)
     _categorized(mixed.name, mixed.content)
@@ -108,6 +110,33 @@ def mixed_scene(kind: str, number: int) -> Mixed:
 
 _SOLID: Final = ("lambert", "oren_nayar", "conductor", "mirror")
 """Materials that have no inside."""
+
+
+def _standing(mixed: Mixed) -> None:
+    """Let a solid stand exactly on a small floor, below all else; by random numbers of their own.
+
+    Not beside lights whose caustics some integrators do not find: there these are compared without mirrors and glass.
+    """
+    draw, content = Draw(f"standing in {mixed.name}", white=False), mixed.content
+    if mixed.exact == 0.0 or has_delta_lights(content) or not draw.chance(0.4):
+        return
+    white = mixed.exact is not None
+    x, _, z = draw.point(1.0)
+    floor = {"type": "quad", "origin": [x - 1.5, -2.0, z + 1.5], "edge_u": [3.0, 0.0, 0.0], "edge_v": [0.0, 0.0, -3.0]}
+    half = draw.between(0.4, 0.8)
+    solid: Json = draw.one(
+        (
+            {"type": "sphere", "center": [x, half - 2.0, z], "radius": half},
+            {"type": "box", "center": [x, half - 2.0, z], "size": [2.0 * half] * 3},
+        )
+    )
+    made: Json = draw.one(
+        ({"type": "dielectric", "ior": 1.5}, {"type": "mirror", "reflectance": 1.0 if white else 0.8})
+    )
+    content.setdefault("materials", {}).update(
+        {"floor below": {"type": "lambert", "reflectance": 1.0 if white else 0.6}, "stands": made}
+    )
+    content["shapes"] += [{**floor, "material": "floor below"}, {**solid, "material": "stands"}]
 
 
 def _moving(mixed: Mixed) -> None:

@@ -10,7 +10,7 @@ from typing import Any, Final
 from mixed_moves import FAR_LAMP
 from mixed_parts import Draw, Json
 
-__all__ = ["SAMPLERS", "UNUSED", "Way", "biased_ways", "black_ways", "ways", "white_ways"]
+__all__ = ["SAMPLERS", "UNUSED", "Way", "biased_ways", "black_ways", "has_delta_lights", "ways", "white_ways"]
 
 UNUSED: Final = {
     "seed": "distinguishes the images that are compared",
@@ -109,7 +109,12 @@ def _found_by_path(content: Json) -> bool:
     """Whether `path` finds the light of all lights: there are no delta lights, or neither mirrors nor glass."""
     made = content.get("materials", {}).values()
     smooth = any(each["type"] in ("mirror", "conductor", "dielectric") or "transmission" in each for each in made)
-    return not (smooth and any(kind in _DELTA for kind in _lights(content)))
+    return not (smooth and has_delta_lights(content))
+
+
+def has_delta_lights(content: Json) -> bool:
+    """Whether there are lights that no ray can meet."""
+    return any(kind in _DELTA for kind in _lights(content))
 
 
 def _shines(content: Json) -> bool:
@@ -142,6 +147,7 @@ def white_ways(draw: Draw, content: Json) -> list[Way]:
     """
     made = [Way("plain", {}), *(way for way in ways(draw, content) if way.reference.get("integrator") != "direct")]
     made = [way for way in made if "max_depth" not in way.settings]
+    made += biased_ways(content)
     wide = {"filter_radius": draw.between(0.25, 4.0)} if draw.chance(0.3) else {}
     name = draw.one(("box", "tent", "gaussian", "blackman-harris", "mitchell"))
     made.append(Way("filter", {"filter": name, **wide}))
