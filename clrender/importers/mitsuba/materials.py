@@ -144,7 +144,7 @@ class MaterialReader:
             return made
         for each in pictures:
             plugin.ignore(each.name)
-        picture = self._textures.picture(pictures[0])
+        picture = self._textures.picture(pictures[0], plugin.type != "normalmap")
         if picture is not None and made["type"] == "hair":
             self._staging.note("normal and bump maps of hair are left out")
             return made
@@ -153,9 +153,7 @@ class MaterialReader:
                 self._staging.note("normal and bump maps of mixtures are left out; put them inside")
             return made
         if plugin.type == "normalmap":
-            picture.pop("channel", None)
             return {**made, "normal_map": picture}
-        picture.pop("filter", None)
         return {**made, "bump_map": {**picture, "scale": scale}}
 
     def _blend(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:

@@ -124,6 +124,8 @@ class _Settings:
         if plugin.type == "orthographic":
             # The image is 2 wide before the transform
             size = 2.0 * length(matrix[:3, 1]) * height / width
+            if abs(length(matrix[:3, 0]) - length(matrix[:3, 1])) > 1e-6 * length(matrix[:3, 1]):
+                self._staging.note("an orthographic camera that its transform scales differently along x has that of y")
             camera |= {"type": "orthographic", "height": size}
         else:
             camera["vertical_fov"] = vertical_field(plugin, width, height)

@@ -12,6 +12,7 @@ from clrender.exact.matrices import length
 from clrender.image.pictures import CODED_ENDINGS
 from clrender.importers.mitsuba.nested_spectra import NESTED_SPECTRA, nested_spectrum
 from clrender.importers.mitsuba.plugins import Plugin, Spectrum
+from clrender.importers.shared.curved import map_of
 from clrender.importers.shared.matrices import Matrix
 from clrender.importers.shared.spectra import light_table, reflectance_table
 from clrender.importers.shared.staging import Staging
@@ -195,14 +196,12 @@ class TextureReader:
             self._staging.note(f"{quoted(name)} of {plugin.label} is not understood and does nothing")
         return made
 
-    def picture(self, plugin: Plugin) -> dict[str, Any] | None:
-        """A bitmap for a normal or bump map; None for other textures."""
+    def picture(self, plugin: Plugin, number: bool) -> dict[str, Any] | None:
+        """A bitmap for a bump map, of numbers, or a normal map; None for other textures."""
         if plugin.type != "bitmap":
             self._staging.note(f"{plugin.label} cannot be a map of normals or heights: it is left out")
             return None
-        made = self._bitmap(plugin, True)
-        made.pop("color_space", None)
-        return made
+        return map_of(self._staging, self._bitmap(plugin, number), plugin.line, number)
 
     def _bitmap(self, plugin: Plugin, number: bool) -> dict[str, Any]:
         plugin.ignore("accel", "format", "cache", "max_anisotropy")

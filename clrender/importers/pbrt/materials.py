@@ -13,7 +13,7 @@ from clrender.importers.pbrt.definitions import Definitions
 from clrender.importers.pbrt.media import MediumReader
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
-from clrender.importers.shared.curved import below_boundary, coated_metal
+from clrender.importers.shared.curved import below_boundary, coated_metal, map_of
 from clrender.importers.shared.fresnel import below_coat, conductor_reflectance
 from clrender.importers.shared.half_space import albedo_without_boundary
 from clrender.importers.shared.measured_media import MEASURED_MEDIA
@@ -123,9 +123,8 @@ class MaterialReader:
         if normals:
             described["normal_map"] = {"texture": self._staging.files.name(normals, f"line {parameters.line}")}
         if isinstance(heights, dict) and "texture" in heights:
-            kept = {key: heights[key] for key in ("texture", "wrap", "channel", "transform") if key in heights}
             scale = heights.get("scale", [1.0])
-            described["bump_map"] = {**kept, "scale": scale[0]}
+            described["bump_map"] = {**map_of(self._staging, heights, parameters.line), "scale": scale[0]}
         elif isinstance(heights, dict):
             self._staging.note("a displacement that is no picture is left out")
 
