@@ -64,6 +64,12 @@ def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft
         elif plugin.kind == "emitter":
             emitters.read(plugin)
     _Settings(staging, media, shapes.moves or emitters.moves).read(scene)
+    fog = staging.draft.description.get("fog")
+    if fog is not None:
+        for shape in shapes.unfilled:
+            shape["interior"] = fog
+    elif shapes.unfilled and media.bounded:
+        staging.note_empty_glass()
     return staging.draft
 
 
@@ -142,7 +148,7 @@ class _Settings:
         medium = plugin.child("medium") or next(iter(plugin.children_of("medium")), None)
         name = None if medium is None else self._media.name(medium)
         if name is not None and name not in self._media.bounded:
-            self._staging.draft.description["fog"] = name
+            self._staging.fog(name)
         self._staging.draft.description["camera"] = camera
         self._tell_unused(plugin)
 

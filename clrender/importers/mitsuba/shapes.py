@@ -105,6 +105,8 @@ class ShapeReader:
         self._count = 0
         self.moves = False
         """Whether anything moves that was read."""
+        self.unfilled: list[dict[str, Any]] = []
+        """Shapes of the draft that are glass which names no media."""
 
     def read(self, plugin: Plugin, place: _Place | None = None, depth: int = 0) -> None:
         """Add a shape, or all shapes of a group.
@@ -170,16 +172,22 @@ class ShapeReader:
         placed = self._followed(plugin, place.of(plugin))
         plugin.ignore("to_world")
         flip = plugin.flag("flip_normals", False)
-        described = self._surface(plugin)
-        if described is not None:
-            if plugin.type != "ply" and described.get("material") in self._materials.colored:
-                self._staging.note(f"{plugin.label} has no colours of vertices: white in their place")
-            if plugin.id:
-                described["name"] = plugin.id[:NAME_LIMIT]
-            if placed.keys:
-                described["motion"] = motion_keys(placed.keys)
-                self.moves = True
-            known[plugin.type](plugin, described, placed.matrix, flip)
+        described = self._surface(plugin, flip)
+        if described is None:
+            return
+        if plugin.type != "ply" and described.get("material") in self._materials.colored:
+            self._staging.note(f"{plugin.label} has no colours of vertices: white in their place")
+        if plugin.id:
+            described["name"] = plugin.id[:NAME_LIMIT]
+        if placed.keys:
+            described["motion"] = motion_keys(placed.keys)
+            self.moves = True
+        shapes = self._staging.draft.description["shapes"]
+        before = len(shapes)
+        known[plugin.type](plugin, described, placed.matrix, flip and not _is_boundary(described))
+        material = described.get("material")
+        if not plugin.has("interior", "exterior") and material is not None and self._staging.is_solid(material):
+            self.unfilled += shapes[before:]
         self._tell_unused(plugin)
 
     def _followed(self, plugin: Plugin, place: _Place) -> _Place:
@@ -196,7 +204,7 @@ class ShapeReader:
         for name in plugin.unused():
             self._staging.note(f"{quoted(name)} of {plugin.label} is not understood and does nothing")
 
-    def _surface(self, plugin: Plugin) -> dict[str, Any] | None:
+    def _surface(self, plugin: Plugin, flip: bool) -> dict[str, Any] | None:
         """Material, emission and interior; None if it is invisible."""
         described: dict[str, Any] = {}
         bsdfs, emitters = plugin.children_of("bsdf"), plugin.children_of("emitter")
@@ -217,31 +225,35 @@ class ShapeReader:
                 described["emission"] = self._textures.emission(emitters[0])
                 emitters[0].ignore("sampling_weight")
                 self._tell_unused(emitters[0])
-        interior = plugin.child("interior")
-        exterior = plugin.child("exterior")  # here it follows from the shapes, and from the fog
-        if interior is not None and self._may_be_filled(described.get("material")):
-            medium = self._media.name(interior)
-            if medium is not None:
-                described["interior"] = medium
-                if exterior is None or self._media.name(exterior) != medium:
-                    self._media.bounded.add(medium)
+        interior, exterior = plugin.child("interior"), plugin.child("exterior")
+        if flip and _is_boundary(described):
+            interior, exterior = exterior, interior
+        medium = self._inside(described.get("material"), interior, exterior)
+        if medium is not None:
+            described["interior"] = medium
         if not seen and "interior" not in described and "emission" not in described:
             return None
         return described
+
+    def _inside(self, material: str | None, interior: Plugin | None, exterior: Plugin | None) -> str | None:
+        """Name of the medium inside of a shape; that outside follows from the shapes here, and from the fog."""
+        medium = None
+        if interior is not None and self._may_be_filled(material):
+            medium = self._media.name(interior)
+            if medium is not None and (exterior is None or self._media.name(exterior) != medium):
+                self._media.bounded.add(medium)
+        bubble = medium is None and material is None and exterior is not None
+        return self._staging.vacuum() if bubble and self._media.name(exterior) is not None else medium
 
     def _default(self, grey: float) -> str:
         """Name of the diffuse material of shapes without a BSDF: black if they shine."""
         return self._staging.material("default", {"type": "lambert", "reflectance": [grey] * 3, "two_sided": False})
 
     def _may_be_filled(self, material: str | None) -> bool:
-        if material is None:
-            return True
-        described = self._staging.draft.description["materials"][material]
-        solid = described["type"] == "dielectric" or described.get("transmission", 0.0) != 0.0
-        if not solid or described.get("thin"):
+        solid = self._staging.is_solid(material)
+        if not solid:
             self._staging.note("a medium inside of what lets no light in is left out")
-            return False
-        return True
+        return solid
 
     # --- kinds
 
@@ -385,6 +397,11 @@ class ShapeReader:
         by_winding = flat or not had_normals
         inside_out = flip != (by_winding and handedness(plugin.matrix()) < 0.0)
         self._staging.shape({"type": "mesh", "file": name, **described, **_flipped(inside_out)}, matrix, plugin.line)
+
+
+def _is_boundary(described: dict[str, Any]) -> bool:
+    """Whether a surface is nothing but the boundary of media: flipping it exchanges these."""
+    return "material" not in described and "emission" not in described
 
 
 def _flipped(flip: bool) -> dict[str, Any]:

@@ -321,7 +321,7 @@ class _World:
         # Between equal media a ray of pbrt stays in its own, whatever that is
         medium = self._media.named(inside) or self._fog
         if medium is None and self._transitions:
-            self.staging.note("glass that names no media is empty, also where it stands in one that goes on in pbrt")
+            self.staging.note_empty_glass()
         return medium
 
     def _curve(

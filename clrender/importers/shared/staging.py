@@ -133,6 +133,10 @@ class Staging:
         self.draft.description["fog"] = name
         return name
 
+    def note_empty_glass(self) -> None:
+        """Tell that glass without media of its own is empty, though it may stand in one."""
+        self.note("glass that names no media is empty, also where it stands in one, which goes on in it there")
+
     def is_solid(self, material: str | None) -> bool:
         """Whether a medium may be inside of the shapes of a material; None is an invisible surface."""
         if material is None:
