@@ -21,6 +21,7 @@ from clrender.importers.mitsuba.xml_elements import FILE_LIMIT
 from clrender.importers.shared.cameras import camera_keys
 from clrender.importers.shared.matrices import is_affine
 from clrender.importers.shared.motions import fault_of_motion
+from clrender.importers.shared.normal_maps import with_green_across
 from clrender.importers.shared.staging import Staging
 from clrender.settings import SPP_LIMIT
 from clrender.wording import quoted
@@ -70,6 +71,7 @@ def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft
             shape["interior"] = fog
     elif shapes.unfilled and media.bounded:
         staging.note_empty_glass()
+    with_green_across(staging)
     return staging.draft
 
 

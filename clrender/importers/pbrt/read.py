@@ -28,6 +28,7 @@ from clrender.importers.pbrt.state import TRANSFORMS, Graphics, moved
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.pbrt.tokens import FILE_LIMIT, Directive, directives
 from clrender.importers.shared.matrices import Matrix, inverse, is_affine
+from clrender.importers.shared.normal_maps import with_green_across
 from clrender.importers.shared.staging import Staging
 from clrender.importers.shared.strands import StrandCollector
 from clrender.wording import printable, quoted, suggestion
@@ -153,6 +154,7 @@ class _World:
         while self._later:
             self._later.popleft()()
         self._strands.finish()
+        with_green_across(self.staging)
         if self._stack:
             self.staging.note("blocks of attributes are left open at the end of the file")
         self._settings.finish(self._placer.times, self._placer.moves)

@@ -24,7 +24,9 @@ __all__ = [
     "below_boundary",
     "coated_metal",
     "decoded",
+    "green_reversed",
     "inverted",
+    "map_of",
     "mean_color",
     "mean_of_picture",
     "number_channel",
@@ -133,6 +135,35 @@ def map_of(staging: Staging, texture: dict[str, Any], line: int, number: bool = 
         return kept
     made = _curved(staging, {**kept, "color_space": "srgb"}, lambda x: x, "decoded", line, number, precise=True)
     return {key: made[key] for key in own if key in made}
+
+
+def green_reversed(staging: Staging, texture: dict[str, Any]) -> dict[str, Any]:
+    """A normal map whose green points the other way.
+
+    Parameters
+    ----------
+    staging : Staging
+        Receives the picture.
+    texture : dict
+        As in a scene file.
+    """
+
+    def turned(picture: Picture, band: NDArray[Any]) -> NDArray[np.floating]:
+        most = _OPAQUE[picture.coding] if picture.coding.startswith("unorm") else None
+        # Of integers the middle is 0 in a normal map, and the step is that above it
+        middle, steepness = (0.5, 1.0) if most is None else ((most + 1.0) / 2.0 / most, most / (most - 1.0))
+        slopes = (texel_colors(picture, band, False).astype(np.float64) - middle) * steepness
+        return slopes * (1.0, -1.0, 1.0) + 0.5
+
+    name = f"{texture['texture']} (green reversed)"
+    if name not in staging.draft.pictures:
+        try:
+            staging.draft.pictures[name] = _made(staging, texture["texture"], 0, turned, precise=True), ".exr"
+        except MemoryError:
+            raise OutOfMemory(f"{staging.files.source}: {texture['texture']!a} is too large for this machine") from None
+        except Exception:  # whatever a library stumbles over: the reader of the picture itself reports it
+            return texture
+    return {**texture, "texture": name}
 
 
 def inverted(staging: Staging, value: Any, line: int, number: bool) -> Any:
@@ -259,16 +290,31 @@ def _picture(
     """An OpenEXR file of a texture's values behind the curve, in half or in single precision."""
     scale = np.asarray(texture.get("scale", [1.0] * 3), np.float32)
     srgb = texture.get("color_space", "linear" if number else "srgb") == "srgb"
-    with _opened(staging, texture["texture"], line) as picture:
+
+    def curved(picture: Picture, band: NDArray[Any]) -> NDArray[np.floating]:
+        values = (
+            texel_numbers(picture, band, srgb, texture.get("channel", "r"))
+            if number
+            else texel_colors(picture, band, srgb)
+        )
+        return curve(np.clip(values * (scale[:1] if number else scale), 0.0, 1.0))
+
+    return _made(staging, texture["texture"], line, curved, precise)
+
+
+def _made(
+    staging: Staging,
+    name: str,
+    line: int,
+    convert: Callable[[Picture, NDArray[Any]], NDArray[np.floating]],
+    precise: bool,
+) -> bytes:
+    """An OpenEXR file of what becomes of a picture's bands, in half or in single precision."""
+    with _opened(staging, name, line) as picture:
         made = np.empty((picture.height, picture.width, 3), np.float32 if precise else np.float16)
         row = 0
         for band in picture.bands():
-            values = (
-                texel_numbers(picture, band, srgb, texture.get("channel", "r"))
-                if number
-                else texel_colors(picture, band, srgb)
-            )
-            made[row : row + len(band)] = curve(np.clip(values * (scale[:1] if number else scale), 0.0, 1.0))
+            made[row : row + len(band)] = convert(picture, band)
             row += len(band)
     data = io.BytesIO()
     write_exr(data, made, {}, {}, ExrFormat(type="float" if precise else "half", compression="none"))  # type: ignore[arg-type]
