@@ -172,7 +172,8 @@ class ShapeReader:
         placed = self._followed(plugin, place.of(plugin))
         plugin.ignore("to_world")
         flip = plugin.flag("flip_normals", False)
-        described = self._surface(plugin, flip)
+        exchanged = flip and self._is_reversed_boundary(plugin)
+        described = self._surface(plugin, exchanged)
         if described is None:
             return
         if plugin.type != "ply" and described.get("material") in self._materials.colored:
@@ -184,7 +185,7 @@ class ShapeReader:
             self.moves = True
         shapes = self._staging.draft.description["shapes"]
         before = len(shapes)
-        known[plugin.type](plugin, described, placed.matrix, flip and not _is_boundary(described))
+        known[plugin.type](plugin, described, placed.matrix, flip and not exchanged)
         material = described.get("material")
         if not plugin.has("interior", "exterior") and material is not None and self._staging.is_solid(material):
             self.unfilled += shapes[before:]
@@ -204,8 +205,24 @@ class ShapeReader:
         for name in plugin.unused():
             self._staging.note(f"{quoted(name)} of {plugin.label} is not understood and does nothing")
 
-    def _surface(self, plugin: Plugin, flip: bool) -> dict[str, Any] | None:
-        """Material, emission and interior; None if it is invisible."""
+    def _is_reversed_boundary(self, plugin: Plugin) -> bool:
+        """Whether a shape with `flip_normals` is but the boundary of media, with its exterior inside."""
+        bsdfs = plugin.children_of("bsdf")
+        if not bsdfs or plugin.children_of("emitter") or plugin.child("exterior") is None:
+            return False
+        # A reflecting transform turns round spheres and meshes a second time
+        outward = plugin.type in ("rectangle", "cube", "disk", "cylinder") or handedness(plugin.matrix()) > 0.0
+        return outward and self._materials.name(bsdfs[0]) is None
+
+    def _surface(self, plugin: Plugin, exchanged: bool) -> dict[str, Any] | None:
+        """Material, emission and interior; None if it is invisible.
+
+        Parameters
+        ----------
+        plugin : Plugin
+        exchanged : bool
+            Whether its exterior is its interior here.
+        """
         described: dict[str, Any] = {}
         bsdfs, emitters = plugin.children_of("bsdf"), plugin.children_of("emitter")
         seen = True
@@ -226,7 +243,7 @@ class ShapeReader:
                 emitters[0].ignore("sampling_weight")
                 self._tell_unused(emitters[0])
         interior, exterior = plugin.child("interior"), plugin.child("exterior")
-        if flip and _is_boundary(described):
+        if exchanged:
             interior, exterior = exterior, interior
         medium = self._inside(described.get("material"), interior, exterior)
         if medium is not None:
@@ -397,11 +414,6 @@ class ShapeReader:
         by_winding = flat or not had_normals
         inside_out = flip != (by_winding and handedness(plugin.matrix()) < 0.0)
         self._staging.shape({"type": "mesh", "file": name, **described, **_flipped(inside_out)}, matrix, plugin.line)
-
-
-def _is_boundary(described: dict[str, Any]) -> bool:
-    """Whether a surface is nothing but the boundary of media: flipping it exchanges these."""
-    return "material" not in described and "emission" not in described
 
 
 def _flipped(flip: bool) -> dict[str, Any]:

@@ -238,7 +238,9 @@ class Settings:
         distance = parameters.number("focaldistance", 1e6)
         keys = camera_keys(camera.matrix, rightward=True)
         if not is_similarity(camera.matrix):
-            self._staging.note("the camera's transform scales along its axes differently: the image is that of the scale along y")
+            self._staging.note(
+                "the camera's transform scales along its axes differently: the image is that of the scale along y"
+            )
         if not np.array_equal(camera.matrix, camera.late) and times[0] < times[1]:
             ends = [camera_keys(each, rightward=True) for each in (camera.matrix, camera.late)]
             if [end.pop("mirrored", False) for end in ends].count(True) == 1:

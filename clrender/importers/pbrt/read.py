@@ -326,9 +326,7 @@ class _World:
             self.staging.note_empty_glass()
         return medium
 
-    def _curve(
-        self, directive: Directive, parameters: Parameters, state: Graphics, within: list[Part] | None
-    ) -> None:
+    def _curve(self, directive: Directive, parameters: Parameters, state: Graphics, within: list[Part] | None) -> None:
         """A curve: those that do not move are collected in the space of the world, or of their object."""
         moves = state.moves and within is None
         moved = (state.matrix.tobytes(), state.late.tobytes()) if moves else None

@@ -284,9 +284,7 @@ def _opened(staging: Staging, name: str, line: int) -> Iterator[Picture]:
         yield open_picture(file, Path(name).suffix.lower())
 
 
-def _picture(
-    staging: Staging, texture: dict[str, Any], curve: _Curve, line: int, number: bool, precise: bool
-) -> bytes:
+def _picture(staging: Staging, texture: dict[str, Any], curve: _Curve, line: int, number: bool, precise: bool) -> bytes:
     """An OpenEXR file of a texture's values behind the curve, in half or in single precision."""
     scale = np.asarray(texture.get("scale", [1.0] * 3), np.float32)
     srgb = texture.get("color_space", "linear" if number else "srgb") == "srgb"
