@@ -259,8 +259,9 @@ class ShapeReader:
             medium = self._media.name(interior)
             if medium is not None and (exterior is None or self._media.name(exterior) != medium):
                 self._media.bounded.add(medium)
-        bubble = medium is None and material is None and exterior is not None
-        return self._staging.vacuum() if bubble and self._media.name(exterior) is not None else medium
+        if medium is None and material is None and exterior is not None and self._media.name(exterior) is not None:
+            return self._staging.vacuum()
+        return medium
 
     def _default(self, grey: float) -> str:
         """Name of the diffuse material of shapes without a BSDF: black if they shine."""

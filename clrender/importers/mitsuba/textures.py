@@ -96,9 +96,9 @@ class TextureReader:
             if nested.type != "d65":
                 return self.light_of(nested_spectrum(nested), 1.0)
             # D65 is the white point of Rec. 709
-            scale, color = (self.light_of(nested.spectrum(name), 1.0) for name in ("scale", "color"))
+            factors = [self.light_of(nested.spectrum(name), 1.0) for name in ("scale", "color")]
             self._tell_unused(nested)
-            red, green, blue = (a * b for a, b in zip(scale, color, strict=True))
+            red, green, blue = (a * b for a, b in zip(*factors, strict=True))
             return red, green, blue
         self._staging.note(f"{nested.label} is not known: white in its place")
         return 1.0, 1.0, 1.0

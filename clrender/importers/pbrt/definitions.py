@@ -7,6 +7,7 @@ from typing import Generic, TypeVar
 
 __all__ = ["Definitions"]
 
+_K = TypeVar("_K", bound=Hashable)
 _T = TypeVar("_T")
 
 
@@ -29,13 +30,13 @@ class _Late(Generic[_T]):
         return self._made[0]
 
 
-class Definitions(Generic[_T]):
+class Definitions(Generic[_K, _T]):
     """Things by name: the last one that is defined before its use, or else the first one after it."""
 
     def __init__(self) -> None:
-        self._held: dict[Hashable, _Late[_T]] = {}
+        self._held: dict[_K, _Late[_T]] = {}
 
-    def define(self, name: Hashable, make: Callable[[], _T]) -> Callable[[], None]:
+    def define(self, name: _K, make: Callable[[], _T]) -> Callable[[], None]:
         """Define something.
 
         Parameters
@@ -59,11 +60,11 @@ class Definitions(Generic[_T]):
 
         return come
 
-    def __contains__(self, name: Hashable) -> bool:
+    def __contains__(self, name: _K) -> bool:
         return name in self._held and not self._held[name].busy
 
-    def __getitem__(self, name: Hashable) -> _T:
+    def __getitem__(self, name: _K) -> _T:
         return self._held[name]()
 
-    def __iter__(self) -> Iterator[Hashable]:
+    def __iter__(self) -> Iterator[_K]:
         return iter(self._held)

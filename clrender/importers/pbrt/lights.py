@@ -202,4 +202,4 @@ def _illuminance(pixels: NDArray[np.float32]) -> float:
     found = 0.0
     for row, at in zip(pixels, v, strict=True):
         found += float(total(inner(row, LUMINANCE) * np.maximum(height_in_square(u, at), 0.0)))
-    return found * (2.0 * math.pi / (width * height))
+    return float(found * (2.0 * math.pi / (width * height)))

@@ -54,7 +54,7 @@ class MaterialReader:
 
     def __init__(self, staging: Staging, textures: TextureReader, media: MediumReader) -> None:
         self._staging, self._textures, self._media = staging, textures, media
-        self._named: Definitions[str | None] = Definitions()
+        self._named: Definitions[str, str | None] = Definitions()
         self.fillings: dict[str, str] = {}
 
     def named(self, name: str, parameters: Parameters) -> str | None:

@@ -39,7 +39,7 @@ class MediumReader:
 
     def __init__(self, staging: Staging, textures: TextureReader) -> None:
         self._staging, self._textures = staging, textures
-        self._named: Definitions[str | None] = Definitions()
+        self._named: Definitions[str, str | None] = Definitions()
         self.exposure = Exposure()
         """What the film makes of all light."""
 

@@ -43,7 +43,7 @@ class TextureReader:
 
     def __init__(self, staging: Staging) -> None:
         self._staging = staging
-        self._textures: Definitions[Any] = Definitions()
+        self._textures: Definitions[tuple[str, str], Any] = Definitions()
         self._channels: dict[str, str] = {}
 
     # --- spectra

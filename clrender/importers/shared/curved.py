@@ -315,5 +315,5 @@ def _made(
             made[row : row + len(band)] = convert(picture, band)
             row += len(band)
     data = io.BytesIO()
-    write_exr(data, made, {}, {}, ExrFormat(type="float" if precise else "half", compression="none"))  # type: ignore[arg-type]
+    write_exr(data, made, {}, {}, ExrFormat(type="float" if precise else "half", compression="none"))
     return data.getvalue()
