@@ -217,6 +217,22 @@ def test_ellipsoids_have_their_poles_where_parts_of_spheres_have_them() -> None:
         np.testing.assert_allclose(points, wanted, atol=1e-6)
 
 
+def test_textures_of_mitsubas_disks_lie_around_them(tmp_path: Path) -> None:
+    """u is the distance from the middle, v the turn; the upper side is the front."""
+    picture = '<texture name="reflectance" type="bitmap"><string name="filename" value="n.png"/></texture>'
+    draft = mitsuba(tmp_path, SHAPE.format("disk", "", "", f'<bsdf type="diffuse">{picture}</bsdf>'))
+    (shape,) = draft.description["shapes"]
+    mesh = draft.meshes[shape["file"]]
+    assert mesh.uvs is not None and not draft.notes
+    corners = np.asarray(mesh.vertices)[mesh.triangles]
+    x, y, z = corners.reshape(-1, 3).T
+    u, v = mesh.uvs.reshape(-1, 2).astype(np.float64).T
+    np.testing.assert_allclose(x, u * np.cos(2.0 * np.pi * v), atol=1e-5)
+    np.testing.assert_allclose(y, u * np.sin(2.0 * np.pi * v), atol=1e-5)
+    assert (z == 0.0).all()
+    assert (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] >= 0.0).all()
+
+
 TEXTURED = 'Texture "t" "spectrum" "imagemap" "string filename" "n.png"\nMaterial "diffuse" "texture reflectance" "t"\n'
 SHINING = 'AreaLightSource "diffuse" "string filename" "n.png"\n'
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -30,6 +30,7 @@ from clrender.importers.shared.matrices import (
 from clrender.importers.shared.meshes import (
     cube_mesh,
     cylinder_mesh,
+    disk_part_mesh,
     faced_by_normals,
     flipped_v,
     smoothed,
@@ -289,7 +290,8 @@ class ShapeReader:
 
     def _disk(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
         if self._staging.is_textured(described):
-            self._staging.note("textures of disks lie flat on them, and not around them as in Mitsuba")
+            self._staging.mesh({**described, **_flipped(flip)}, "disk", _polar_disk, matrix, plugin.line)
+            return
         self._staging.disk({**described, **_flipped(flip)}, 1.0, 0.0, matrix, plugin.line)
 
     def _cube(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
@@ -415,6 +417,13 @@ class ShapeReader:
         by_winding = flat or not had_normals
         inside_out = flip != (by_winding and handedness(plugin.matrix()) < 0.0)
         self._staging.shape({"type": "mesh", "file": name, **described, **_flipped(inside_out)}, matrix, plugin.line)
+
+
+def _polar_disk() -> MeshData:
+    """Mitsuba's disk: u runs from the middle to the rim, v around."""
+    mesh = disk_part_mesh(1.0, 0.0, 0.0, 1.0)
+    assert mesh.uvs is not None
+    return replace(mesh, uvs=np.stack([np.float32(1.0) - mesh.uvs[..., 1], mesh.uvs[..., 0]], axis=-1))
 
 
 def _flipped(flip: bool) -> dict[str, Any]:
