@@ -123,7 +123,10 @@ class AssetFiles:
         name = unquote(uri)
         if not name or "\0" in name:
             raise SceneError(f"{label} is no name of a file")
-        return next((found for found in (f"{at}/{name}" for at in self._searched) if self._exists(found)), name)
+        # A file whose own name has a percent sign comes before what the escape stands for
+        folders = (*(f"{at}/" for at in self._searched), "")
+        found = (f"{at}{each}" for at in folders for each in dict.fromkeys((uri, name)))
+        return next((each for each in found if self._exists(each)), name)
 
     def _exists(self, name: str) -> bool:
         try:

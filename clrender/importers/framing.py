@@ -149,7 +149,10 @@ def _shines(description: dict[str, Any]) -> bool:
     if any(shape.get("emission") is not None for shape in shapes):
         return True
     used = {shape.get("material") for shape in shapes}
-    return any("emission" in material for name, material in description["materials"].items() if name in used)
+    if any("emission" in material for name, material in description["materials"].items() if name in used):
+        return True
+    filled = {shape.get("interior") for shape in shapes} | {description.get("fog")}
+    return any("emission" in medium for name, medium in description.get("media", {}).items() if name in filled)
 
 
 def _around(scene: Scene, up: str) -> tuple[dict[str, Any], str]:

@@ -410,6 +410,92 @@ def test_screen_windows_off_the_middle_shift_the_lens(tmp_path: Path, kind: str)
         np.testing.assert_allclose(scene.camera.project(place, size=(60, 40)), pixel, atol=1e-9)
 
 
+def test_a_scaled_camera_space_scales_the_film_and_the_lens(tmp_path: Path) -> None:
+    scene = pbrt(
+        tmp_path, BALL, 'Scale 0.5 0.5 0.5\nCamera "orthographic" "float lensradius" 0.25 "float focaldistance" 3'
+    )
+    camera = dump(scene.camera)
+    assert camera["height"] == 4.0 and camera["aperture_radius"] == 0.5 and camera["focus_distance"] == 6.0
+    assert not any("scales" in note for note in scene.notes)
+    scene = pbrt(tmp_path, BALL, 'Scale 0.5 0.25 1\nCamera "orthographic"')
+    assert dump(scene.camera)["height"] == 8.0 and any(
+        "scales along its axes differently" in note for note in scene.notes
+    )
+
+
+# --- power and illuminance
+
+
+def pfm(path: Path, pixels: Any) -> None:
+    """A picture (H, W, 3); rows go from the bottom to the top."""
+    height, width, _ = pixels.shape
+    path.write_bytes(f"PF\n{width} {height}\n-1\n".encode() + pixels[::-1].astype("<f4").tobytes())
+
+
+def test_the_power_of_a_lamp_is_that_of_its_picture(tmp_path: Path) -> None:
+    pfm(tmp_path / "t.pfm", np.array([[[3.0, 3.0, 3.0], [1.0, 1.0, 1.0]]]))
+    given = 'AreaLightSource "diffuse" "string filename" "t.pfm" "float power" 8\n'
+    quad = 'Shape "bilinearmesh" "point3 P" [-1 -1 0 1 -1 0 -1 1 0 1 1 0]\n'
+    (shape,) = draft_of(tmp_path, given + quad).description["shapes"]
+    # Radiance of mean 2 from 4 square metres: 8 / (2 * 4 pi)
+    np.testing.assert_allclose(shape["emission"]["scale"], 1.0 / np.pi, rtol=1e-5)
+
+
+def test_the_power_of_an_ellipsoid_is_that_of_its_area(tmp_path: Path) -> None:
+    """An oblate spheroid of 1 by 0.1: 2 pi (1 + (1 - e^2) / e artanh e)."""
+    e = np.sqrt(1.0 - 0.01)
+    area = 2.0 * np.pi * (1.0 + 0.01 / e * np.arctanh(e))
+    world = f'AreaLightSource "diffuse" "float power" 10\nScale 1 1 0.1\n{BALL}'
+    (shape,) = draft_of(tmp_path, world).description["shapes"]
+    np.testing.assert_allclose(shape["emission"], 10.0 / (np.pi * area), rtol=2e-3)
+    (shape,) = draft_of(tmp_path, world.replace("1 1 0.1", "2 2 2")).description["shapes"]
+    np.testing.assert_allclose(shape["emission"], 10.0 / (np.pi * 16.0 * np.pi), rtol=1e-6)
+
+
+def square_of(radiance: Any, side: int = 32) -> Any:
+    """A square environment map whose radiance depends on z alone; +z is within the diamond."""
+    at = np.abs((np.arange(side) + 0.5) / side * 2.0 - 1.0)
+    far = at[:, None] + at[None]
+    z = np.where(far < 1.0, 1.0 - far * far, (2.0 - far) ** 2 - 1.0)
+    return np.repeat(radiance(z)[..., None], 3, axis=2)
+
+
+@for_each("turn", ["", "Rotate -90 1 0 0\n", "Rotate 180 1 0 0\n"])
+@for_each(("radiance", "found"), [(lambda z: 0.0 * z + 1.0, 1.0), (lambda z: np.maximum(z, 0.0), 2.0 / 3.0)])
+def test_the_illuminance_of_a_picture_is_that_of_its_own_space(
+    tmp_path: Path, turn: str, radiance: Any, found: float
+) -> None:
+    """Integrals of the radiance times z over the half sphere, in pi; pbrt finds half of them."""
+    pfm(tmp_path / "t.pfm", square_of(radiance))
+    world = f'{turn}LightSource "infinite" "string filename" "t.pfm" "float illuminance" {np.pi!r}\n{BALL}'
+    (light,) = draft_of(tmp_path, world).description["lights"]
+    np.testing.assert_allclose(light["scale"], 2.0 / found, rtol=2e-2)
+
+
+def test_pictures_without_illuminance_are_told(tmp_path: Path) -> None:
+    pfm(tmp_path / "t.pfm", square_of(lambda z: np.maximum(-z, 0.0)))
+    draft = draft_of(tmp_path, f'LightSource "infinite" "string filename" "t.pfm" "float illuminance" 3\n{BALL}')
+    (light,) = draft.description["lights"]
+    assert light["scale"] == [1.0] * 3 and any("is black about +z" in note for note in draft.notes)
+
+
+def test_portals_are_told(tmp_path: Path) -> None:
+    world = f'LightSource "infinite" "point3 portal" [0 0 0 1 0 0 1 1 0 0 1 0]\n{BALL}'
+    assert any("it shines from all sides" in note for note in draft_of(tmp_path, world).notes)
+
+
+def test_names_that_look_escaped(tmp_path: Path) -> None:
+    pfm(tmp_path / "w%20x.pfm", np.ones((1, 1, 3)))
+    pfm(tmp_path / "a b.pfm", np.ones((1, 1, 3)))
+    files = AssetFiles("scene", tmp_path)
+    assert files.name("w%20x.pfm", "") == "w%20x.pfm" and files.name("a%20b.pfm", "") == "a b.pfm"
+    assert files.name("none%20x.pfm", "") == "none x.pfm"
+    files.search("sub")
+    (tmp_path / "sub").mkdir()
+    pfm(tmp_path / "sub" / "w%20x.pfm", np.ones((1, 1, 3)))
+    assert files.name("w%20x.pfm", "") == "sub/w%20x.pfm" and files.name("a%20b.pfm", "") == "a b.pfm"
+
+
 # --- motion
 
 

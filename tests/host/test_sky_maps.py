@@ -10,7 +10,13 @@ import pytest
 
 from clrender.image.files import write_image
 from clrender.importers.asset_files import AssetFiles
-from clrender.importers.shared.sky_maps import picture_from_poles, square_place, turned_picture, unfolded_picture
+from clrender.importers.shared.sky_maps import (
+    map_pixels,
+    picture_from_poles,
+    square_place,
+    turned_picture,
+    unfolded_picture,
+)
 
 AXES = [np.array(each, np.float64) for each in np.concatenate([np.eye(3), -np.eye(3)]).tolist()]
 
@@ -40,7 +46,9 @@ def test_a_square_is_unfolded(tmp_path: Path, axis: int) -> None:
     u, v = (np.clip((each * 64).astype(int), 0, 63) for each in square_place(bright))
     square[v, u] = 1.0
     write_image(tmp_path / "square.exr", square, {})
-    made = unfolded_picture(AssetFiles("scene", tmp_path), "square.exr", "line 1", np.eye(4)).pixels
+    made = unfolded_picture(
+        map_pixels(AssetFiles("scene", tmp_path), "square.exr", "line 1"), np.eye(4), "scene"
+    ).pixels
     assert [seen(made, each) for each in AXES] == [float(number == axis) for number in range(6)]
 
 

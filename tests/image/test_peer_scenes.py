@@ -108,6 +108,57 @@ def test_pictures_stand_upright_or_on_their_heads(device: Device, tmp_path: Path
     np.testing.assert_allclose(image[1, 6], (1, 0, 0), atol=1e-5)  # u = 0, v = 1
 
 
+UPRIGHT, MIRRORED = "0 0 1 0 1 1 0 1", "0 1 1 1 1 0 0 0"
+
+
+@pytest.mark.long
+def test_green_is_across_red_however_v_runs(device: Device, tmp_path: Path) -> None:
+    """A map that tilts the normal towards normal x dp/du, which is +y, in light from there."""
+    Image.fromarray(np.full((2, 2, 3), (128, 204, 230), np.uint8)).save(tmp_path / "n.png")
+    up, out = (204 - 128) / 127, (230 - 128) / 127
+    bright = (0.6 * up + 0.8 * out) / math.hypot(up, out)
+    light = f'LightSource "distant" "point3 from" [0 0.6 0.8] "point3 to" [0 0 0] "float illuminance" {math.pi!r}\n'
+    world = light + 'Material "diffuse" "rgb reflectance" [1 1 1] "string normalmap" "n.png"\n'
+    for scale, uvs in (("1 1 1", UPRIGHT), ("1 1 1", MIRRORED), ("1 -1 1", MIRRORED)):
+        text = f"{BEFORE}{world}Scale {scale}\n{QUAD.replace(UPRIGHT, uvs)}".replace(' "float iso" 200', "")
+        np.testing.assert_allclose(rendered(device, tmp_path / "a.pbrt", text, spp=1), bright, rtol=2e-3)
+    (tmp_path / "q.obj").write_text("v -2 -2 0\nv 2 -2 0\nv 0 2 0\nvt 0 0\nvt 1 0\nvt 0.5 1\nf 1/1 2/2 3/3\n")
+    picture = (
+        '<texture type="bitmap"><string name="filename" value="n.png"/><boolean name="raw" value="true"/></texture>'
+    )
+    inner = '<bsdf type="diffuse"><rgb name="reflectance" value="1"/></bsdf>'
+    sun = '<emitter type="directional"><vector name="direction" x="0" y="-0.6" z="-0.8"/>\
+<rgb name="irradiance" value="3.14159265"/></emitter>'
+    for flipped in ("true", "false"):
+        file = f'<string name="filename" value="q.obj"/><boolean name="flip_tex_coords" value="{flipped}"/>'
+        shape = f'<shape type="obj">{file}<bsdf type="normalmap">{picture}{inner}</bsdf></shape>'
+        image = rendered(device, tmp_path / "a.xml", f'<scene version="3.0.0">{SENSOR}{sun}{shape}</scene>', spp=1)
+        np.testing.assert_allclose(image, bright, rtol=2e-3)
+
+
+@pytest.mark.long
+def test_bubbles_and_glass_in_media(device: Device, tmp_path: Path) -> None:
+    """A lamp at -4, seen from 4 through a medium of 1/2: what of the way is in it."""
+    medium = 'MakeNamedMedium "m" "rgb sigma_a" [0.5 0.5 0.5] "rgb sigma_s" [0 0 0]\n'
+    lamp = (
+        'AttributeBegin\nAreaLightSource "diffuse" "rgb L" [0.5 0.5 0.5]\nTranslate 0 0 -4\n' + QUAD + "AttributeEnd\n"
+    )
+    null, ball = 'Material "interface"\n', 'Shape "sphere"\n'
+    glass = f'Material "dielectric" "float eta" 1\nMediumInterface ""\n{ball}'
+    bubble = f'{null}MediumInterface "" "m"\n{ball}'
+    smoke = f'{null}MediumInterface "m" ""\nShape "sphere" "float radius" 3\n'
+    for around, world, metres in (
+        (True, "", 8.0),
+        (True, bubble, 6.0),
+        (True, glass, 8.0),
+        (False, smoke + bubble, 4.0),
+        (True, smoke.replace("3", "5"), 8.0),
+    ):
+        before = f'{medium}MediumInterface "" "{"m" if around else ""}"\n{BEFORE}MediumInterface ""\n'
+        image = rendered(device, tmp_path / "a.pbrt", before + lamp + world, spp=1)
+        np.testing.assert_allclose(image, math.exp(-metres / 2.0), rtol=1e-3)
+
+
 @pytest.mark.long
 def test_turned_environments(device: Device, tmp_path: Path) -> None:
     """A map whose half at +y is bright, turned so that this comes to +z: it lights a plane that faces +z."""

@@ -122,7 +122,16 @@ class MaterialReader:
             raise plugin.fault(f"{plugin.label} has {len(inside)} BSDFs inside, but must have one or two")
         if len(inside) == 2 and inside[0] is not inside[1]:
             self._staging.note("of two-sided surfaces with two BSDFs both sides have the first one")
-        return self._guarded(inside[0], True)
+        made = self._guarded(inside[0], True)
+        if made is not None and self._has_relief(made):
+            self._staging.note("from behind, two-sided surfaces show their bump and normal maps the other way round")
+        return made
+
+    def _has_relief(self, made: dict[str, Any]) -> bool:
+        """Whether a material, or a part of it, has a bump or normal map."""
+        materials = self._staging.draft.description["materials"]
+        parts = (materials[name] for name in made.get("materials", ()))
+        return "bump_map" in made or "normal_map" in made or any(map(self._has_relief, parts))
 
     def _mask(self, plugin: Plugin, two_sided: bool) -> dict[str, Any] | None:
         opacity = self._textures.share(plugin, "opacity", 0.5)
@@ -144,7 +153,11 @@ class MaterialReader:
             return made
         for each in pictures:
             plugin.ignore(each.name)
-        picture = self._textures.picture(pictures[0])
+        given = pictures[0]
+        while given.type == "scale" and plugin.type != "normalmap" and given.children_of("texture"):
+            scale *= sum(self._textures.factor(given)) / 3.0
+            given = given.children_of("texture")[0]
+        picture = self._textures.picture(given, plugin.type != "normalmap")
         if picture is not None and made["type"] == "hair":
             self._staging.note("normal and bump maps of hair are left out")
             return made
@@ -153,9 +166,7 @@ class MaterialReader:
                 self._staging.note("normal and bump maps of mixtures are left out; put them inside")
             return made
         if plugin.type == "normalmap":
-            picture.pop("channel", None)
             return {**made, "normal_map": picture}
-        picture.pop("filter", None)
         return {**made, "bump_map": {**picture, "scale": scale}}
 
     def _blend(self, plugin: Plugin, two_sided: bool) -> dict[str, Any]:

@@ -127,10 +127,12 @@ class Plugin:
         return next((child for child in self.children if child.name in names), None)
 
     def _get(self, name: str, kinds: tuple[str, ...], wanted: str) -> Any:
-        self.used.add(name)
         found = self.values.get(name)
         if found is None:
+            if not any(child.name == name for child in self.children):  # else that is what is lost if nobody reads it
+                self.used.add(name)
             return None
+        self.used.add(name)
         if found.kind not in kinds:
             raise self.fault(f"{quoted(name)} is given as <{found.kind}>, but must be {wanted}", found.line)
         return found.value

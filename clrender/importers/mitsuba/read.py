@@ -21,6 +21,7 @@ from clrender.importers.mitsuba.xml_elements import FILE_LIMIT
 from clrender.importers.shared.cameras import camera_keys
 from clrender.importers.shared.matrices import is_affine
 from clrender.importers.shared.motions import fault_of_motion
+from clrender.importers.shared.normal_maps import with_green_across
 from clrender.importers.shared.staging import Staging
 from clrender.settings import SPP_LIMIT
 from clrender.wording import quoted
@@ -64,6 +65,13 @@ def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft
         elif plugin.kind == "emitter":
             emitters.read(plugin)
     _Settings(staging, media, shapes.moves or emitters.moves).read(scene)
+    fog = staging.draft.description.get("fog")
+    if fog is not None:
+        for shape in shapes.unfilled:
+            shape["interior"] = fog
+    elif shapes.unfilled and media.bounded:
+        staging.note_empty_glass()
+    with_green_across(staging)
     return staging.draft
 
 
@@ -124,6 +132,8 @@ class _Settings:
         if plugin.type == "orthographic":
             # The image is 2 wide before the transform
             size = 2.0 * length(matrix[:3, 1]) * height / width
+            if abs(length(matrix[:3, 0]) - length(matrix[:3, 1])) > 1e-6 * length(matrix[:3, 1]):
+                self._staging.note("an orthographic camera that its transform scales differently along x has that of y")
             camera |= {"type": "orthographic", "height": size}
         else:
             camera["vertical_fov"] = vertical_field(plugin, width, height)
@@ -140,7 +150,7 @@ class _Settings:
         medium = plugin.child("medium") or next(iter(plugin.children_of("medium")), None)
         name = None if medium is None else self._media.name(medium)
         if name is not None and name not in self._media.bounded:
-            self._staging.draft.description["fog"] = name
+            self._staging.fog(name)
         self._staging.draft.description["camera"] = camera
         self._tell_unused(plugin)
 

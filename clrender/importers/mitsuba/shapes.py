@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -30,6 +30,7 @@ from clrender.importers.shared.matrices import (
 from clrender.importers.shared.meshes import (
     cube_mesh,
     cylinder_mesh,
+    disk_part_mesh,
     faced_by_normals,
     flipped_v,
     smoothed,
@@ -105,6 +106,8 @@ class ShapeReader:
         self._count = 0
         self.moves = False
         """Whether anything moves that was read."""
+        self.unfilled: list[dict[str, Any]] = []
+        """Shapes of the draft that are glass which names no media."""
 
     def read(self, plugin: Plugin, place: _Place | None = None, depth: int = 0) -> None:
         """Add a shape, or all shapes of a group.
@@ -170,16 +173,23 @@ class ShapeReader:
         placed = self._followed(plugin, place.of(plugin))
         plugin.ignore("to_world")
         flip = plugin.flag("flip_normals", False)
-        described = self._surface(plugin)
-        if described is not None:
-            if plugin.type != "ply" and described.get("material") in self._materials.colored:
-                self._staging.note(f"{plugin.label} has no colours of vertices: white in their place")
-            if plugin.id:
-                described["name"] = plugin.id[:NAME_LIMIT]
-            if placed.keys:
-                described["motion"] = motion_keys(placed.keys)
-                self.moves = True
-            known[plugin.type](plugin, described, placed.matrix, flip)
+        exchanged = flip and self._is_reversed_boundary(plugin)
+        described = self._surface(plugin, exchanged)
+        if described is None:
+            return
+        if plugin.type != "ply" and described.get("material") in self._materials.colored:
+            self._staging.note(f"{plugin.label} has no colours of vertices: white in their place")
+        if plugin.id:
+            described["name"] = plugin.id[:NAME_LIMIT]
+        if placed.keys:
+            described["motion"] = motion_keys(placed.keys)
+            self.moves = True
+        shapes = self._staging.draft.description["shapes"]
+        before = len(shapes)
+        known[plugin.type](plugin, described, placed.matrix, flip and not exchanged)
+        material = described.get("material")
+        if not plugin.has("interior", "exterior") and material is not None and self._staging.is_solid(material):
+            self.unfilled += shapes[before:]
         self._tell_unused(plugin)
 
     def _followed(self, plugin: Plugin, place: _Place) -> _Place:
@@ -196,8 +206,24 @@ class ShapeReader:
         for name in plugin.unused():
             self._staging.note(f"{quoted(name)} of {plugin.label} is not understood and does nothing")
 
-    def _surface(self, plugin: Plugin) -> dict[str, Any] | None:
-        """Material, emission and interior; None if it is invisible."""
+    def _is_reversed_boundary(self, plugin: Plugin) -> bool:
+        """Whether a shape with `flip_normals` is but the boundary of media, with its exterior inside."""
+        bsdfs = plugin.children_of("bsdf")
+        if not bsdfs or plugin.children_of("emitter") or plugin.child("exterior") is None:
+            return False
+        # A reflecting transform turns round spheres and meshes a second time
+        outward = plugin.type in ("rectangle", "cube", "disk", "cylinder") or handedness(plugin.matrix()) > 0.0
+        return outward and self._materials.name(bsdfs[0]) is None
+
+    def _surface(self, plugin: Plugin, exchanged: bool) -> dict[str, Any] | None:
+        """Material, emission and interior; None if it is invisible.
+
+        Parameters
+        ----------
+        plugin : Plugin
+        exchanged : bool
+            Whether its exterior is its interior here.
+        """
         described: dict[str, Any] = {}
         bsdfs, emitters = plugin.children_of("bsdf"), plugin.children_of("emitter")
         seen = True
@@ -217,31 +243,36 @@ class ShapeReader:
                 described["emission"] = self._textures.emission(emitters[0])
                 emitters[0].ignore("sampling_weight")
                 self._tell_unused(emitters[0])
-        interior = plugin.child("interior")
-        exterior = plugin.child("exterior")  # here it follows from the shapes, and from the fog
-        if interior is not None and self._may_be_filled(described.get("material")):
-            medium = self._media.name(interior)
-            if medium is not None:
-                described["interior"] = medium
-                if exterior is None or self._media.name(exterior) != medium:
-                    self._media.bounded.add(medium)
+        interior, exterior = plugin.child("interior"), plugin.child("exterior")
+        if exchanged:
+            interior, exterior = exterior, interior
+        medium = self._inside(described.get("material"), interior, exterior)
+        if medium is not None:
+            described["interior"] = medium
         if not seen and "interior" not in described and "emission" not in described:
             return None
         return described
+
+    def _inside(self, material: str | None, interior: Plugin | None, exterior: Plugin | None) -> str | None:
+        """Name of the medium inside of a shape; that outside follows from the shapes here, and from the fog."""
+        medium = None
+        if interior is not None and self._may_be_filled(material):
+            medium = self._media.name(interior)
+            if medium is not None and (exterior is None or self._media.name(exterior) != medium):
+                self._media.bounded.add(medium)
+        if medium is None and material is None and exterior is not None and self._media.name(exterior) is not None:
+            return self._staging.vacuum()
+        return medium
 
     def _default(self, grey: float) -> str:
         """Name of the diffuse material of shapes without a BSDF: black if they shine."""
         return self._staging.material("default", {"type": "lambert", "reflectance": [grey] * 3, "two_sided": False})
 
     def _may_be_filled(self, material: str | None) -> bool:
-        if material is None:
-            return True
-        described = self._staging.draft.description["materials"][material]
-        solid = described["type"] == "dielectric" or described.get("transmission", 0.0) != 0.0
-        if not solid or described.get("thin"):
+        solid = self._staging.is_solid(material)
+        if not solid:
             self._staging.note("a medium inside of what lets no light in is left out")
-            return False
-        return True
+        return solid
 
     # --- kinds
 
@@ -259,7 +290,8 @@ class ShapeReader:
 
     def _disk(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
         if self._staging.is_textured(described):
-            self._staging.note("textures of disks lie flat on them, and not around them as in Mitsuba")
+            self._staging.mesh({**described, **_flipped(flip)}, "disk", _polar_disk, matrix, plugin.line)
+            return
         self._staging.disk({**described, **_flipped(flip)}, 1.0, 0.0, matrix, plugin.line)
 
     def _cube(self, plugin: Plugin, described: dict[str, Any], matrix: Matrix, flip: bool) -> None:
@@ -385,6 +417,13 @@ class ShapeReader:
         by_winding = flat or not had_normals
         inside_out = flip != (by_winding and handedness(plugin.matrix()) < 0.0)
         self._staging.shape({"type": "mesh", "file": name, **described, **_flipped(inside_out)}, matrix, plugin.line)
+
+
+def _polar_disk() -> MeshData:
+    """Mitsuba's disk: u runs from the middle to the rim, v around."""
+    mesh = disk_part_mesh(1.0, 0.0, 0.0, 1.0)
+    assert mesh.uvs is not None
+    return replace(mesh, uvs=np.stack([np.float32(1.0) - mesh.uvs[..., 1], mesh.uvs[..., 0]], axis=-1))
 
 
 def _flipped(flip: bool) -> dict[str, Any]:

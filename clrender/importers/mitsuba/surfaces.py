@@ -191,6 +191,8 @@ class SurfaceReader:
         if plugin.flag("nonlinear", False):
             base = below_boundary(self._staging, base, max(ior, 1.0), plugin.line)
         specular = self._textures.color(plugin, "specular_reflectance", 1.0, texture=False)
+        if specular != [1.0] * 3:
+            self._staging.note("what plastic loses by its specular_reflectance goes to the diffuse surface below")
         rough = self._rough(plugin) if plugin.type == "roughplastic" else {"roughness": 0.0}
         if not ior >= 1.0:
             self._staging.note("plastic thinner than what is around it is read as of index 1")

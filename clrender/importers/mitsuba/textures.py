@@ -12,6 +12,7 @@ from clrender.exact.matrices import length
 from clrender.image.pictures import CODED_ENDINGS
 from clrender.importers.mitsuba.nested_spectra import NESTED_SPECTRA, nested_spectrum
 from clrender.importers.mitsuba.plugins import Plugin, Spectrum
+from clrender.importers.shared.curved import map_of, mean_color
 from clrender.importers.shared.matrices import Matrix
 from clrender.importers.shared.spectra import light_table, reflectance_table
 from clrender.importers.shared.staging import Staging
@@ -92,9 +93,13 @@ class TextureReader:
             red, green, blue = blackbody_color(kelvin)
             return red * scale, green * scale, blue * scale
         if nested.type in ("d65", *NESTED_SPECTRA):
+            if nested.type != "d65":
+                return self.light_of(nested_spectrum(nested), 1.0)
             # D65 is the white point of Rec. 709
-            found = nested.spectrum("scale") if nested.type == "d65" else nested_spectrum(nested)
-            return self.light_of(found, 1.0)
+            factors = [self.light_of(nested.spectrum(name), 1.0) for name in ("scale", "color")]
+            self._tell_unused(nested)
+            red, green, blue = (a * b for a, b in zip(*factors, strict=True))
+            return red, green, blue
         self._staging.note(f"{nested.label} is not known: white in its place")
         return 1.0, 1.0, 1.0
 
@@ -174,35 +179,68 @@ class TextureReader:
         if plugin.type == "bitmap":
             made = self._bitmap(plugin, number)
         elif plugin.type in ("checkerboard", "checker"):
-            colors = [self.light_of(plugin.spectrum(f"color{i}"), default) for i, default in ((0, 0.4), (1, 0.2))]
-            if not light:
-                colors = [tuple(self._staging.reflectance(each, plugin.label)) for each in colors]  # type: ignore[misc]
-            made = {"checker": [list(color) for color in colors], **self._transform(plugin, False)}
+            colors = [self._of_checker(plugin, f"color{i}", default, light) for i, default in ((0, 0.4), (1, 0.2))]
+            made = {"checker": colors, **self._transform(plugin, False)}
         elif plugin.type == "mesh_attribute" and not (number or light) and plugin.text("name") == "vertex_color":
             made = [self._staging.share(plugin.number("scale", 1.0), f'"scale" of {plugin.label}')] * 3
             self.colored = True
         elif plugin.type == "scale" and plugin.children_of("texture"):
-            made = self.texture(plugin.children_of("texture")[0], number, light)
-            factor = plugin.number("scale", 1.0) if plugin.has("scale") else plugin.number("value", 1.0)
-            if isinstance(made, dict) and "texture" in made:
-                made["scale"] = factor
+            made = self._scaled(plugin, self.texture(plugin.children_of("texture")[0], number, light), light)
         else:
             self._staging.note(f"{plugin.label} is not known: grey of 0.5 in its place")
             plugin.ignore(*plugin.values)
             made = [0.5, 0.5, 0.5]
         plugin.busy = False
-        for name in plugin.unused():
-            self._staging.note(f"{quoted(name)} of {plugin.label} is not understood and does nothing")
+        self._tell_unused(plugin)
         return made
 
-    def picture(self, plugin: Plugin) -> dict[str, Any] | None:
-        """A bitmap for a normal or bump map; None for other textures."""
+    def _tell_unused(self, plugin: Plugin) -> None:
+        for name in plugin.unused():
+            self._staging.note(f"{quoted(name)} of {plugin.label} is not understood and does nothing")
+
+    def _of_checker(self, plugin: Plugin, name: str, default: float, light: bool) -> list[float]:
+        """One of the colours of a checkerboard; that of a texture is its mean."""
+        nested = plugin.child(name)
+        if nested is None:
+            found = plugin.spectrum(name)
+            color = self.light_of(found, default) if light else self.surface_of(found, default)
+        elif nested.kind == "texture":
+            self._staging.note("a texture in a checkerboard is read as its mean colour")
+            made = self.texture(nested, light=light)
+            return made if isinstance(made, list) else mean_color(self._staging, made, default, plugin.line)
+        elif light:
+            color = self._nested_light(nested)
+        else:
+            made = self.color(plugin, name, default, texture=False)
+            return list(made)
+        return list(color) if light else self._staging.reflectance(color, plugin.label)
+
+    def _scaled(self, plugin: Plugin, whole: Any, light: bool) -> Any:
+        """A texture of 0.6 times a number or a colour."""
+        factor = self.factor(plugin)
+
+        def times(color: Any) -> list[float]:
+            product = [a * b for a, b in zip(color, factor, strict=True)]
+            return product if light else self._staging.reflectance((product[0], product[1], product[2]), plugin.label)
+
+        if isinstance(whole, list):
+            return times(whole)
+        if "checker" in whole:
+            return {**whole, "checker": [times(color) for color in whole["checker"]]}
+        before = np.ones(3) * whole.get("scale", 1.0)
+        scale = [max(float(a * b), 0.0) for a, b in zip(before, factor, strict=True)]
+        return {**whole, "scale": scale[0] if len(set(scale)) == 1 else scale}
+
+    def factor(self, plugin: Plugin) -> Color:
+        """What a texture of 0.6 that scales another one multiplies it by."""
+        return self.surface_of(plugin.spectrum("scale" if plugin.has("scale") else "value"), 1.0)
+
+    def picture(self, plugin: Plugin, number: bool) -> dict[str, Any] | None:
+        """A bitmap for a bump map, of numbers, or a normal map; None for other textures."""
         if plugin.type != "bitmap":
             self._staging.note(f"{plugin.label} cannot be a map of normals or heights: it is left out")
             return None
-        made = self._bitmap(plugin, True)
-        made.pop("color_space", None)
-        return made
+        return map_of(self._staging, self._bitmap(plugin, number), plugin.line, number)
 
     def _bitmap(self, plugin: Plugin, number: bool) -> dict[str, Any]:
         plugin.ignore("accel", "format", "cache", "max_anisotropy")

@@ -107,8 +107,6 @@ class _Builder:
                 raise values.fault(child, f"<{quoted(tag)[1:-1]}> is not known{suggestion(tag, known)}")
 
     def _plugin(self, parent: Plugin, tag: str, element: Element, values: ValueReader, depth: int) -> Plugin:
-        if self.old and tag == "texture" and element.attributes.get("type") == "scale":
-            self._note('textures of type "scale" are read as what they scale')
         name = self._renamed(element.attributes.get("name", ""))
         made = Plugin(
             tag,

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.exact.angles import angle_of, tangent
-from clrender.exact.matrices import times
+from clrender.exact.matrices import length, times
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.tokens import Directive
 from clrender.importers.shared.cameras import camera_keys, vertical_angle
-from clrender.importers.shared.matrices import Matrix
+from clrender.importers.shared.matrices import Matrix, is_similarity
 from clrender.importers.shared.staging import Staging
 from clrender.importers.shared.white_balance import white_balance
 from clrender.settings import SPP_LIMIT
@@ -237,6 +237,10 @@ class Settings:
         lens = parameters.number("lensradius", 0.0)
         distance = parameters.number("focaldistance", 1e6)
         keys = camera_keys(camera.matrix, rightward=True)
+        if not is_similarity(camera.matrix):
+            self._staging.note(
+                "the camera's transform scales along its axes differently: the image is that of the scale along y"
+            )
         if not np.array_equal(camera.matrix, camera.late) and times[0] < times[1]:
             ends = [camera_keys(each, rightward=True) for each in (camera.matrix, camera.late)]
             if [end.pop("mirrored", False) for end in ends].count(True) == 1:
@@ -247,11 +251,12 @@ class Settings:
         if moves:
             keys |= {"shutter": list(shutter)} if shutter[0] < shutter[1] else {"time": shutter[0]}
         if lens > 0.0:
-            keys |= {"aperture_radius": lens, "focus_distance": distance}
+            across, along = _scale(camera.matrix, 1), _scale(camera.matrix, 2)
+            keys |= {"aperture_radius": lens * across, "focus_distance": distance * along}
         if any(abs(each) > 1e-9 for each in shift):
             keys["lens_shift"] = shift
         if kind == "orthographic":
-            keys |= {"type": "orthographic", "height": 2.0 * upward}
+            keys |= {"type": "orthographic", "height": 2.0 * upward * _scale(camera.matrix, 1)}
         else:
             degrees = parameters.number("fov", 90.0)
             if not 0.0 < degrees < 180.0:
@@ -263,3 +268,9 @@ class Settings:
                 keys["vertical_fov"] = math.degrees(2.0 * angle_of(half, 1.0))
         self._staging.draft.description["camera"] = keys
         self._tell_unused(parameters, "camera")
+
+
+def _scale(matrix: Matrix, axis: int) -> float:
+    """How much a matrix stretches an axis; exactly 1 if only rounding tells it from 1."""
+    size = length(matrix[:3, axis])
+    return 1.0 if abs(size - 1.0) < 1e-9 else size

@@ -8,9 +8,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clrender.exact.angles import sin_cos, tangent
-from clrender.exact.elementary import sines_cosines
 from clrender.exact.matrices import inner, times, total
 from clrender.importers.pbrt.film import Exposure
 from clrender.importers.pbrt.goniometric import goniometric_keys
@@ -19,7 +19,7 @@ from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.shared.cameras import vertical_angle
 from clrender.importers.shared.matrices import Matrix
 from clrender.importers.shared.projectors import projector_keys
-from clrender.importers.shared.sky_maps import unfolded_picture
+from clrender.importers.shared.sky_maps import height_in_square, map_pixels, unfolded_picture
 from clrender.importers.shared.staging import Staging
 from clrender.scene.environment import EnvironmentPicture
 from clrender.spectra.colors import LUMINANCE
@@ -153,7 +153,7 @@ class LightReader:
     def _infinite(self, parameters: Parameters, matrix: Matrix) -> dict[str, Any]:
         lux = parameters.number("illuminance", -1.0)
         if parameters.get("portal") is not None:
-            self._staging.note("the portal of an infinite light is left out, which only changes noise")
+            self._staging.note("the portal of an infinite light is left out: it shines from all sides, too")
         file = parameters.text("filename")
         if not file:
             return {
@@ -162,10 +162,15 @@ class LightReader:
             }
         line = parameters.values["filename"].line
         name = self._staging.files.name(file, f"line {line}")
-        picture = unfolded_picture(self._staging.files, name, f"line {line}", matrix)
+        pixels = map_pixels(self._staging.files, name, f"line {line}")
+        picture = unfolded_picture(pixels, matrix, f"{self._staging.files.source}: line {line}")
         factor = 1.0
         if lux > 0.0:
-            factor = lux / max(_illuminance(picture.pixels), 1e-30)
+            found = _illuminance(pixels)
+            if found > 0.0:
+                factor = lux / found
+            else:
+                self._staging.note("the illuminance of an infinite light, whose picture is black about +z, is left out")
         if self.exposure.balance is not None:
             pixels = self.exposure.balanced(picture.pixels).astype(np.float32)
             picture = EnvironmentPicture.checked(pixels, f"{self._staging.files.source}: line {line}")
@@ -186,10 +191,15 @@ def _flux(picture: EnvironmentPicture, vertical_fov: float) -> float:
     return float(total(total(bright / (squares * np.sqrt(squares)) * area)))
 
 
-def _illuminance(pixels: Any) -> float:
-    """Irradiance, as luminance, of a floor below the upper half of an environment map."""
-    height = len(pixels)
-    sines, cosines = sines_cosines((np.arange(height) + 0.5) / height * np.pi)
-    weight = np.maximum(cosines, 0.0) * sines * (np.pi / height * (np.pi / height))
-    bright = np.array([total(inner(row, LUMINANCE)) for row in pixels])
-    return float(total(bright * weight))
+def _illuminance(pixels: NDArray[np.float32]) -> float:
+    """pbrt's measure of a square environment map: half the irradiance, as luminance, of a surface that faces +z.
+
+    It is that of the picture, whatever the light's transform. Each pixel counts as if the half sphere had as many as
+    the whole one has, so that lights of a given ``illuminance`` are twice as bright there as they should be, and here.
+    """
+    height, width, _ = pixels.shape
+    u, v = ((np.arange(count) + 0.5) / count for count in (width, height))
+    found = 0.0
+    for row, at in zip(pixels, v, strict=True):
+        found += float(total(inner(row, LUMINANCE) * np.maximum(height_in_square(u, at), 0.0)))
+    return float(found * (2.0 * math.pi / (width * height)))

@@ -9,10 +9,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.importers.pbrt.definitions import Definitions
 from clrender.importers.pbrt.media import MediumReader
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
-from clrender.importers.shared.curved import below_boundary, coated_metal
+from clrender.importers.shared.curved import below_boundary, coated_metal, map_of
 from clrender.importers.shared.fresnel import below_coat, conductor_reflectance
 from clrender.importers.shared.half_space import albedo_without_boundary
 from clrender.importers.shared.measured_media import MEASURED_MEDIA
@@ -53,7 +54,7 @@ class MaterialReader:
 
     def __init__(self, staging: Staging, textures: TextureReader, media: MediumReader) -> None:
         self._staging, self._textures, self._media = staging, textures, media
-        self._named: dict[str, str | None] = {}
+        self._named: Definitions[str, str | None] = Definitions()
         self.fillings: dict[str, str] = {}
 
     def named(self, name: str, parameters: Parameters) -> str | None:
@@ -62,9 +63,9 @@ class MaterialReader:
             raise parameters.fault(f"the material {quoted(name)} is not defined{suggestion(name, self._named)}")
         return self._named[name]
 
-    def define(self, name: str, parameters: Parameters) -> None:
-        """Define a named material."""
-        self._named[name] = self.made(parameters.text("type", "diffuse"), parameters, name)
+    def define(self, name: str, parameters: Parameters) -> Callable[[], None]:
+        """Define a named material; the result makes it: see `Definitions.define`."""
+        return self._named.define(name, lambda: self.made(parameters.text("type", "diffuse"), parameters, name))
 
     def made(self, kind: str, parameters: Parameters, wanted: str = "") -> str | None:
         """The name of a new material; None for an invisible surface.
@@ -122,9 +123,8 @@ class MaterialReader:
         if normals:
             described["normal_map"] = {"texture": self._staging.files.name(normals, f"line {parameters.line}")}
         if isinstance(heights, dict) and "texture" in heights:
-            kept = {key: heights[key] for key in ("texture", "wrap", "channel", "transform") if key in heights}
             scale = heights.get("scale", [1.0])
-            described["bump_map"] = {**kept, "scale": scale[0]}
+            described["bump_map"] = {**map_of(self._staging, heights, parameters.line), "scale": scale[0]}
         elif isinstance(heights, dict):
             self._staging.note("a displacement that is no picture is left out")
 

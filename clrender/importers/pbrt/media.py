@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
@@ -9,6 +10,8 @@ from numpy.typing import NDArray
 
 from clrender.errors import SceneError
 from clrender.grids import GridData
+from clrender.importers.pbrt.definitions import Definitions
+from clrender.importers.pbrt.film import Exposure
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.shared.colored_grids import density_and_hue
@@ -21,7 +24,6 @@ from clrender.wording import quoted, suggestion
 __all__ = ["MediumReader"]
 
 _MOST_G: Final = 0.99
-_NAME_LIMIT: Final = 160
 _GRIDS: Final = ("uniformgrid", "heterogeneous", "nanovdb", "rgbgrid")
 _LEAST_EXTINCTION: Final = 1e-12
 
@@ -37,21 +39,33 @@ class MediumReader:
 
     def __init__(self, staging: Staging, textures: TextureReader) -> None:
         self._staging, self._textures = staging, textures
-        self._named: dict[str, str] = {}
+        self._named: Definitions[str, str | None] = Definitions()
+        self.exposure = Exposure()
+        """What the film makes of all light."""
 
     def named(self, name: str) -> str | None:
         """Our name of a medium; None if there is none of that name, or one that is not supported."""
-        return self._named.get(name)
+        if name in self._named:
+            return self._named[name]
+        if name:
+            self._staging.note(f"the medium {quoted(name)} is not defined: nothing is in its place")
+        return None
 
-    def define(self, name: str, parameters: Parameters, matrix: Matrix) -> None:
-        """Define a named medium; `matrix` places its grid, if it has one."""
+    def define(self, name: str, parameters: Parameters, matrix: Matrix) -> Callable[[], None]:
+        """Define a named medium; `matrix` places its grid, if it has one.
+
+        The result makes it: see `Definitions.define`.
+        """
+        return self._named.define(name, lambda: self._made(name, parameters, matrix))
+
+    def _made(self, name: str, parameters: Parameters, matrix: Matrix) -> str | None:
+        """Our name of a new medium; None if it is left out."""
         kind = parameters.text("type", "homogeneous")
         if kind != "homogeneous" and kind not in _GRIDS:
             self._staging.note(f"a medium of type {quoted(kind)} is not known and left out")
-            return
+            return None
         if kind == "rgbgrid":
-            self._define_colored(name, parameters, matrix)
-            return
+            return self._colored(name, parameters, matrix)
         measured, spectra = self.measured(parameters, "preset"), dict[str, Any]()
         if measured is None:
             measured = (
@@ -63,10 +77,11 @@ class MediumReader:
         if kind in _GRIDS:
             found = self._grids(name, kind, parameters, matrix)
             if found is None:
-                return
+                return None
             grids = found
-        self._named[name] = self.added(name, *measured, parameters, {**spectra, **grids})
+        made = self.added(name, *measured, parameters, {**spectra, **grids})
         self._tell_unused(parameters)
+        return made
 
     def spectra(self, parameters: Parameters) -> dict[str, Any]:
         """Coefficients that are spectra, times the scale, by our keys."""
@@ -148,8 +163,8 @@ class MediumReader:
             raise parameters.fault(str(error), key) from None
         return {"file": asset, "box": corners, **transform_key(matrix)}
 
-    def _define_colored(self, name: str, parameters: Parameters, matrix: Matrix) -> None:
-        """Define a medium whose coefficients are colours that vary from place to place."""
+    def _colored(self, name: str, parameters: Parameters, matrix: Matrix) -> str:
+        """A medium whose coefficients are colours that vary from place to place."""
         if not is_affine(matrix):
             raise parameters.fault("the medium's transform is no affine one that can be inverted; give it another")
         sides = self._sides(parameters)
@@ -173,14 +188,15 @@ class MediumReader:
         if any(each > 0.0 for each in made["scattering"]):
             made["density"] = {**self._kept(name, "density", density, parameters, matrix), "edges": "fall"}
             made["albedo"] = self._kept(name, "albedo", share, parameters, matrix)
-            factor = scale * parameters.number("Lescale", 1.0)
+            factor = scale * parameters.number("Lescale", 1.0) * self.exposure.ratio
             if emitted is not None and emitted.any() and factor > 0.0:
+                emitted = self.exposure.balanced(emitted)
                 # What weakens no light sends none
                 made["emission"] = [factor if each > 0.0 else 0.0 for each in hue]
                 some = np.where(density > _LEAST_EXTINCTION, density, 1.0)[..., None]
                 made["emission_grid"] = self._kept(name, "Le", lost * emitted / some, parameters, matrix)
-        self._named[name] = self._new(name, made)
         self._tell_unused(parameters)
+        return self._staging.medium(name, made)
 
     def _colors(self, key: str, parameters: Parameters, sides: tuple[int, int, int]) -> NDArray[np.float64] | None:
         """A grid of colours in the scene file."""
@@ -231,8 +247,10 @@ class MediumReader:
             "g": min(max(parameters.number("g", 0.0), -_MOST_G), _MOST_G),
         }
         made |= more or {}
-        given = self._textures.coefficients(parameters, "Le", (0.0, 0.0, 0.0))
-        emitted = (1.0, 1.0, 1.0) if "temperature" in made else given
+        given = (0.0, 0.0, 0.0) if parameters.get("Le") is None else self._textures.light(parameters, "Le")
+        if "temperature" in made and self.exposure.balance is not None:
+            self._staging.note("a medium that shines by temperatures gets the white balance of white")
+        emitted = self.exposure.balanced((1.0, 1.0, 1.0) if "temperature" in made else given)
         if any(x > 0.0 for x in emitted):
             factors = parameters.numbers("Lescale")
             mean = 1.0 if factors is None else float(np.cumsum(factors)[-1]) / len(factors)
@@ -240,18 +258,9 @@ class MediumReader:
                 self._staging.note(
                     f"the scales of the temperatures of the medium {quoted(wanted)} are read as their mean"
                 )
-            factor = scale * (1.0 if "emission_grid" in made else mean)
-            made["emission"] = [max(le * a * factor, 0.0) for le, a in zip(emitted, absorption, strict=True)]
+            factor = scale * (1.0 if "emission_grid" in made else mean) * self.exposure.ratio
+            made["emission"] = [max(float(le * a * factor), 0.0) for le, a in zip(emitted, absorption, strict=True)]
         if not any(made.get("emission", ())):
             for key in ("emission", "emission_grid", "temperature"):
                 made.pop(key, None)
-        return self._new(wanted, made)
-
-    def _new(self, wanted: str, made: dict[str, Any]) -> str:
-        """Add a medium; returns its name."""
-        media = self._staging.draft.description.setdefault("media", {})
-        name, number = wanted[:_NAME_LIMIT], 2
-        while media.get(name, made) != made:
-            name, number = f"{wanted[:_NAME_LIMIT]} {number}", number + 1
-        media[name] = made
-        return name
+        return self._staging.medium(wanted, made)

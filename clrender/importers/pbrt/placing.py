@@ -9,15 +9,18 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from clrender.exact.angles import root
-from clrender.exact.matrices import determinant, length, lengths, product, times, total
+from clrender.exact.matrices import inner, length, lengths, product, times, total
 from clrender.importers.pbrt.film import Exposure
 from clrender.importers.pbrt.parameters import Parameters
 from clrender.importers.pbrt.textures import TextureReader
+from clrender.importers.shared.curved import mean_of_picture
 from clrender.importers.shared.matrices import Matrix, handedness, is_affine, is_similarity, translation
+from clrender.importers.shared.meshes import sphere_mesh
 from clrender.importers.shared.motions import fault_of_motion, motion_keys
 from clrender.importers.shared.staging import Staging
 from clrender.importers.shared.strands import StrandCollector
+from clrender.meshes.data import MeshData
+from clrender.spectra.colors import LUMINANCE
 from clrender.wording import quoted
 
 __all__ = ["Part", "Placer"]
@@ -97,6 +100,7 @@ class Placer:
         factor = parameters.number("scale", 1.0) * self.exposure.ratio
         if power > 0.0:
             area = _area_of(self._staging, described, matrix if way is None else product(way[0], matrix))
+            area *= self._mean_brightness(parameters)
             factor *= power / max((2.0 if two_sided else 1.0) * area * np.pi, 1e-30)
         color = [max(float(x * factor), 0.0) for x in self.exposure.balanced(self._textures.light(parameters, "L"))]
         described["emission"] = self._shining(parameters, color, factor)
@@ -115,6 +119,15 @@ class Placer:
         if not self.times[0] < self.times[1]:
             return "TransformTimes do not ascend"
         return fault_of_motion(part.described["type"], way)
+
+    def _mean_brightness(self, parameters: Parameters) -> float:
+        """The mean luminance of the picture of an area light; 1 without one."""
+        file = parameters.text("filename")
+        if not file:
+            return 1.0
+        picture = {"texture": self._staging.files.name(file, f"line {parameters.line}")}
+        mean = mean_of_picture(self._staging, picture, parameters.line)
+        return 1.0 if mean is None else float(inner(mean, LUMINANCE)) or 1.0
 
     def _shining(self, parameters: Parameters, color: list[float], factor: float) -> Any:
         """A colour, a spectrum, which the white balance of a film cannot change, or a picture."""
@@ -145,9 +158,12 @@ def _placed(staging: Staging, described: dict[str, Any], matrix: Matrix, line: i
 
 def _area_of(staging: Staging, described: dict[str, Any], matrix: Matrix) -> float:
     """Area of a shape in world space, square metres."""
-    scale = root(abs(determinant(matrix[:3, :3])), 3)
     if described["type"] == "sphere":
-        return float(4.0 * np.pi * described["radius"] * scale * (described["radius"] * scale))
+        radius = described["radius"]
+        if is_similarity(matrix):
+            radius *= length(matrix[:3, 0])
+            return float(4.0 * np.pi * radius * radius)
+        return float(total(lengths(_vector_areas(sphere_mesh(radius), product(matrix, described["own"])))))
     if described["type"] == "disk":
         across = length(np.cross(matrix[:3, 0], matrix[:3, 1]))
         return float(np.pi * described["radius"] * described["radius"] * across)
@@ -155,8 +171,12 @@ def _area_of(staging: Staging, described: dict[str, Any], matrix: Matrix) -> flo
 
 
 def _face_areas(staging: Staging, described: dict[str, Any], matrix: Matrix) -> NDArray[np.float64]:
+    """Vector areas of the triangles of a shape that is a mesh, in world space."""
+    return _vector_areas(staging.draft.meshes[described["file"]], matrix)
+
+
+def _vector_areas(mesh: MeshData, matrix: Matrix) -> NDArray[np.float64]:
     """Vector areas of a mesh's triangles in world space."""
-    mesh = staging.draft.meshes[described["file"]]
     vertices = times(matrix[:3, :3], mesh.vertices)
     a, b, c = (vertices[mesh.triangles[:, i]] for i in range(3))
     return np.asarray(np.cross(b - a, c - a) / 2.0)

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import gzip
+import io
+import zlib
+from collections import deque
 from collections.abc import Callable, Hashable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
@@ -23,6 +28,7 @@ from clrender.importers.pbrt.state import TRANSFORMS, Graphics, moved
 from clrender.importers.pbrt.textures import TextureReader
 from clrender.importers.pbrt.tokens import FILE_LIMIT, Directive, directives
 from clrender.importers.shared.matrices import Matrix, inverse, is_affine
+from clrender.importers.shared.normal_maps import with_green_across
 from clrender.importers.shared.staging import Staging
 from clrender.importers.shared.strands import StrandCollector
 from clrender.wording import printable, quoted, suggestion
@@ -79,6 +85,13 @@ class _World:
         self._systems: dict[str, tuple[Matrix, Matrix]] = {}
         self._objects: dict[str, list[Part]] = {}
         self._object: list[Part] | None = None
+        self._later: deque[Callable[[], object]] = deque()
+        """What is done at the end, in the order of the file: what it needs may be defined behind it."""
+        self._around = ""
+        """Name of the medium around the camera."""
+        self._transitions: list[Graphics] = []
+        """Of shapes between two media."""
+        self._fog: str | None = None
         self._in_world = False
         self._included = 0
 
@@ -135,7 +148,13 @@ class _World:
 
     def finish(self) -> None:
         """Complete the scene after the last directive."""
+        around = self._media.named(self._around)
+        if around is not None and all(_sides(state)[0] != self._around for state in self._transitions):
+            self._fog = self.staging.fog(around)
+        while self._later:
+            self._later.popleft()()
         self._strands.finish()
+        with_green_across(self.staging)
         if self._stack:
             self.staging.note("blocks of attributes are left open at the end of the file")
         self._settings.finish(self._placer.times, self._placer.moves)
@@ -148,7 +167,7 @@ class _World:
         self._in_world = True
         self._state = replace(self._state.with_both(np.eye(4), np.eye(4)), active="All")
         self._systems["world"] = np.eye(4), np.eye(4)
-        self._placer.exposure = self._lights.exposure = self._settings.exposure()
+        self._placer.exposure = self._lights.exposure = self._media.exposure = self._settings.exposure()
 
     def _begin(self, directive: Directive) -> None:
         if len(self._stack) >= _DEPTH:
@@ -181,6 +200,8 @@ class _World:
             )
         name = directive.text(0, "file")
         data = self.staging.files.read(name, f"line {directive.line}", FILE_LIMIT)
+        if name.lower().endswith(".gz"):
+            data = _unpacked(data, directive)
         source = f"{self.staging.files.source}: {PurePosixPath(printable(name)).name}"
         before = self._state, list(self._stack)
         self.run(data, source, depth + 1)
@@ -213,29 +234,34 @@ class _World:
                 self.staging.note("the camera's transform cannot be inverted at the end: it stands still")
         self._systems["camera"] = into_world, late
         self._settings.camera = Camera(directive, into_world, late)
-        fog = self._media.named(self._state.outside)
-        if fog is not None:
-            self.staging.draft.description["fog"] = fog
+        self._around = self._state.outside
 
     def _texture(self, directive: Directive) -> None:
         name, kind, made_of = (directive.text(i, what) for i, what in enumerate(("name", "kind", "type")))
         if kind not in ("spectrum", "float"):
             raise directive.fault(f'a texture is of {quoted(kind)}, but must be of "spectrum" or "float"')
-        self._textures.define(name, kind, made_of, self._parameters(directive, "texture"))
+        self._later.append(self._textures.define(name, kind, made_of, self._parameters(directive, "texture")))
 
     def _material(self, directive: Directive) -> None:
-        name = self._materials.made(directive.text(0, "type"), self._parameters(directive, "material"))
-        self._state = replace(self._state, material=name)
+        kind, parameters = directive.text(0, "type"), self._parameters(directive, "material")
+        self._set_material(lambda: self._materials.made(kind, parameters))
 
     def _make_named_material(self, directive: Directive) -> None:
-        self._materials.define(directive.text(0, "name"), self._parameters(directive, "material"))
+        self._later.append(self._materials.define(directive.text(0, "name"), self._parameters(directive, "material")))
 
     def _named_material(self, directive: Directive) -> None:
-        name = self._materials.named(directive.text(0, "name"), directive.parameters)
-        self._state = replace(self._state, material=name)
+        name = directive.text(0, "name")
+        self._set_material(lambda: self._materials.named(name, directive.parameters))
+
+    def _set_material(self, make: Callable[[], str | None]) -> None:
+        """The current material from here on: made at the end, also if no shape has it."""
+        material = cache(make)
+        self._later.append(material)
+        self._state = replace(self._state, material=material)
 
     def _medium(self, directive: Directive) -> None:
-        self._media.define(directive.text(0, "name"), self._parameters(directive, "medium"), self._matrix(directive))
+        parameters, matrix = self._parameters(directive, "medium"), self._matrix(directive)
+        self._later.append(self._media.define(directive.text(0, "name"), parameters, matrix))
 
     def _medium_interface(self, directive: Directive) -> None:
         inside = directive.text(0, "name")
@@ -255,40 +281,65 @@ class _World:
     def _shape(self, directive: Directive) -> None:
         if not self._in_world:
             raise directive.fault("a shape stands before WorldBegin; put it behind")
-        interior = self._media.named(self._state.inside) if self._state.inside != self._state.outside else None
-        parameters = self._parameters(directive, "shape")
-        state = self._state
+        parameters, state, group = self._parameters(directive, "shape"), self._state, self._object
         kind = directive.text(0, "type")
         if kind == "curve":
-            self._curve(directive, parameters, state)
+            self._later.append(lambda: self._curve(directive, parameters, state, group))
             return
-        for described in self._shapes.read(kind, parameters, state, interior):
+        if state.inside != state.outside:
+            self._transitions.append(state)
+        self._later.append(lambda: self._add(directive, kind, parameters, state, group))
+
+    def _add(
+        self, directive: Directive, kind: str, parameters: Parameters, state: Graphics, group: list[Part] | None
+    ) -> None:
+        """Add a shape, to an object if there is one."""
+        if state.emission is not None and state.material() is None:
+            self.staging.note('area lights on "interface" are left out, as in pbrt')
+            state = replace(state, emission=None)
+        for described in self._shapes.read(kind, parameters, state, self._interior(state)):
             part = Part(described, state.emission, state.matrix, directive.line)
-            if self._object is not None:
+            if group is not None:
                 if part.emission is not None:
                     self.staging.note("lights inside of objects do not shine, as in pbrt")
                 if state.moves:
                     self.staging.note("shapes inside of objects do not move by themselves: they are as at first")
-                self._object.append(replace(part, emission=None))
+                group.append(replace(part, emission=None))
             elif state.moves:
                 self._placer.put(part, np.eye(4), (state.matrix, state.late))
             else:
                 self._placer.put(part, part.matrix)
 
-    def _curve(self, directive: Directive, parameters: Parameters, state: Graphics) -> None:
+    def _interior(self, state: Graphics) -> str | None:
+        """Name of the medium inside of a shape."""
+        inside, outside = _sides(state)
+        material = state.material()
+        if inside != outside:
+            medium = self._media.named(inside)
+            bubble = medium is None and material is None and self._media.named(outside) is not None
+            return self.staging.vacuum() if bubble else medium
+        if not material or not self.staging.is_solid(material):
+            return None
+        # Between equal media a ray of pbrt stays in its own, whatever that is
+        medium = self._media.named(inside) or self._fog
+        if medium is None and self._transitions:
+            self.staging.note_empty_glass()
+        return medium
+
+    def _curve(self, directive: Directive, parameters: Parameters, state: Graphics, within: list[Part] | None) -> None:
         """A curve: those that do not move are collected in the space of the world, or of their object."""
-        moves = state.moves and self._object is None
+        moves = state.moves and within is None
         moved = (state.matrix.tobytes(), state.late.tobytes()) if moves else None
-        group: Hashable = id(self._object) if self._object is not None else None, moved
+        group: Hashable = id(within) if within is not None else None, moved
         matrix = np.eye(4) if moves else state.matrix
         described = self._shapes.curve(parameters, state, matrix, group)
         if described is None:
             return
         part = Part(described, None, np.eye(4), directive.line)
-        if self._object is not None:
+        if within is not None:
             if state.moves:
                 self.staging.note("shapes inside of objects do not move by themselves: they are as at first")
-            self._object.append(part)
+            within.append(part)
         elif moves:
             self._placer.put(part, np.eye(4), (state.matrix, state.late))
         else:
@@ -320,10 +371,32 @@ class _World:
         if name not in self._objects or self._object is not None:
             known = suggestion(name, self._objects)
             raise directive.fault(f"the object {quoted(name)} is not defined before, or this is inside of one{known}")
-        state = self._state
-        for part in self._objects[name]:
+        parts, state = self._objects[name], self._state
+        self._later.append(lambda: self._put(parts, directive, state))
+
+    def _put(self, parts: list[Part], directive: Directive, state: Graphics) -> None:
+        """Place an instance of an object."""
+        for part in parts:
             placed = replace(part, line=directive.line)
             if state.moves:
                 self._placer.put(placed, part.matrix, (state.matrix, state.late))
             else:
                 self._placer.put(placed, product(state.matrix, part.matrix))
+
+
+def _sides(state: Graphics) -> tuple[str, str]:
+    """Names of the media inside and outside of a shape, of which an invisible one is never reversed here."""
+    reversed_only = state.reversed and state.material() is None
+    return (state.outside, state.inside) if reversed_only else (state.inside, state.outside)
+
+
+def _unpacked(data: bytes, directive: Directive) -> bytes:
+    """Content of a file that is packed by gzip."""
+    try:
+        with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
+            found = file.read(FILE_LIMIT + 1)
+    except (OSError, EOFError, zlib.error):
+        raise directive.fault(f"{quoted(directive.texts[0])} is no sound file of gzip; pack it again") from None
+    if len(found) > FILE_LIMIT:
+        raise directive.fault(f"{quoted(directive.texts[0])} unpacks to more than {FILE_LIMIT} bytes; split it")
+    return found

@@ -168,6 +168,9 @@ class ShapeReader:
         seen = {**described, "emission": {}} if shown else described
         if kind == "plymesh" and self._staging.lacks_uvs(described["file"], seen):
             described |= self._ply(parameters, mapped=True) or {}
+        if described["type"] == "disk" and self._staging.is_textured(seen):
+            described = {**described, **self._disk(parameters, mapped=True)}
+            described = {key: value for key, value in described.items() if key not in ("radius", "height")}
         parameters.ignore("alpha")
         for unknown in parameters.unused():
             self._staging.note(
@@ -175,21 +178,19 @@ class ShapeReader:
             )
         if not {"material", "interior", "emission"} & set(described):
             return []
-        if state.reversed:
+        if state.reversed and state.material() is not None:
             described["flip_normals"] = True
         return [described]
 
     def _surface(self, parameters: Parameters, state: Graphics, interior: str | None) -> dict[str, Any]:
         made: dict[str, Any] = {}
-        material = state.material
+        material = state.material()
         if material == "":
             material = self._staging.material("default", {"type": "lambert", "reflectance": [0.5] * 3})
         if material is not None:
             made["material"] = self._with_alpha(material, parameters, state.emission is not None)
-            described = self._staging.draft.description["materials"][material]
-            filled = described["type"] == "dielectric" and not described.get("thin")
             interior = self._materials.fillings.get(material, interior)
-        if interior is not None and (material is None or filled):
+        if interior is not None and self._staging.is_solid(made.get("material")):
             made["interior"] = interior
         elif interior is not None:
             self._staging.note("a medium inside of what lets no light in is left out")
@@ -228,7 +229,8 @@ class ShapeReader:
         name = f"sphere of radius {radius!r} from {low!r} to {high!r}, {turn!r} of a turn"
         return self._shared(name, lambda: sphere_part_mesh(radius, low, high, turn))
 
-    def _disk(self, parameters: Parameters) -> dict[str, Any]:
+    def _disk(self, parameters: Parameters, mapped: bool = False) -> dict[str, Any]:
+        """A disk: as triangles if it is not whole, or `mapped`, as textures lie around it."""
         radius = parameters.number("radius", 1.0)
         if not radius > 0.0:
             raise parameters.fault(f"the disk's radius is {radius:g}; it must be above 0", "radius")
@@ -237,7 +239,7 @@ class ShapeReader:
             parameters.number("innerradius", 0.0),
             self._turn(parameters),
         )
-        if inner <= 0.0 and turn == 1.0:
+        if inner <= 0.0 and turn == 1.0 and not mapped:
             return {"type": "disk", "radius": radius, "height": height}
         if not inner < radius:
             raise parameters.fault(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -35,8 +36,9 @@ class Graphics:
         The same, when it ends.
     active : str
         Which of both directives change: ``All``, ``StartTime`` or ``EndTime``.
-    material : str or None
-        Name of the current one; None for ``interface``.
+    material : callable
+        Returns the name of the current one, empty for the default; None for ``interface``. To be called at the end of
+        the file.
     emission : Parameters or None
         Parameters of the current area light.
     inside, outside : str
@@ -49,7 +51,7 @@ class Graphics:
     matrix: Matrix = field(default_factory=identity)
     late: Matrix = field(default_factory=identity)
     active: str = "All"
-    material: str | None = ""
+    material: Callable[[], str | None] = str
     emission: Parameters | None = None
     inside: str = ""
     outside: str = ""

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from typing import Any, Final
 
 from clrender.image.pictures import CODED_ENDINGS
+from clrender.importers.pbrt.definitions import Definitions
 from clrender.importers.pbrt.parameters import Parameter, Parameters
 from clrender.importers.shared.curved import decoded, inverted, mean_color, number_channel, rooted
 from clrender.importers.shared.metals import CONDUCTORS, GLASSES
@@ -41,7 +43,7 @@ class TextureReader:
 
     def __init__(self, staging: Staging) -> None:
         self._staging = staging
-        self._textures: dict[tuple[str, str], Any] = {}
+        self._textures: Definitions[tuple[str, str], Any] = Definitions()
         self._channels: dict[str, str] = {}
 
     # --- spectra
@@ -274,8 +276,8 @@ class TextureReader:
 
     # --- textures
 
-    def define(self, name: str, kind: str, made_of: str, parameters: Parameters) -> None:
-        """Define a named texture.
+    def define(self, name: str, kind: str, made_of: str, parameters: Parameters) -> Callable[[], None]:
+        """Define a named texture; the result makes it: see `Definitions.define`.
 
         Parameters
         ----------
@@ -286,11 +288,16 @@ class TextureReader:
             ``imagemap`` and so on.
         parameters : Parameters
         """
-        self._textures[(kind, name)] = self._made(kind, made_of, parameters)
-        for unknown in parameters.unused():
-            self._staging.note(
-                f"{quoted(unknown)} of a texture of type {quoted(made_of)} is not understood and does nothing"
-            )
+
+        def make() -> Any:
+            made = self._made(kind, made_of, parameters)
+            for unknown in parameters.unused():
+                self._staging.note(
+                    f"{quoted(unknown)} of a texture of type {quoted(made_of)} is not understood and does nothing"
+                )
+            return made
+
+        return self._textures.define((kind, name), make)
 
     def _named(self, parameters: Parameters, name: str, kind: str) -> Any:
         wanted = parameters.text(name)

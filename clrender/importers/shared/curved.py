@@ -20,9 +20,21 @@ from clrender.image.tone_map import srgb_decode
 from clrender.importers.shared.fresnel import below_coat, immersed, internal_reflectance
 from clrender.importers.shared.staging import Staging
 
-__all__ = ["below_boundary", "coated_metal", "decoded", "inverted", "mean_color", "number_channel", "rooted"]
+__all__ = [
+    "below_boundary",
+    "coated_metal",
+    "decoded",
+    "green_reversed",
+    "inverted",
+    "map_of",
+    "mean_color",
+    "mean_of_picture",
+    "number_channel",
+    "rooted",
+]
 
 _Curve: TypeAlias = Callable[[NDArray[np.floating]], NDArray[np.floating]]
+_OF_MAPS: Final = ("texture", "wrap", "transform")
 _OPAQUE: Final = {"unorm8": 255, "unorm16": 65535, "half": 0x3C00, "float": 1}
 """Values of alpha where a picture hides everything."""
 
@@ -103,6 +115,57 @@ def decoded(staging: Staging, value: dict[str, Any], line: int) -> Any:
     return _curved(staging, value, srgb_decode, "as sRGB", line, number=True)
 
 
+def map_of(staging: Staging, texture: dict[str, Any], line: int, number: bool = True) -> dict[str, Any]:
+    """A bump or normal map, whose numbers are taken as they are, from a texture; decoded if that is coded as sRGB.
+
+    Parameters
+    ----------
+    staging : Staging
+        Receives the picture.
+    texture : dict
+        As in a scene file. Its scale is not that of the map.
+    line : int
+        Of the texture, for messages.
+    number : bool
+        Whether it is a map of heights, of one channel.
+    """
+    own = (*_OF_MAPS, "channel" if number else "filter")
+    kept = {key: texture[key] for key in own if key in texture}
+    if texture.get("color_space") != "srgb":
+        return kept
+    made = _curved(staging, {**kept, "color_space": "srgb"}, lambda x: x, "decoded", line, number, precise=True)
+    return {key: made[key] for key in own if key in made}
+
+
+def green_reversed(staging: Staging, texture: dict[str, Any]) -> dict[str, Any]:
+    """A normal map whose green points the other way.
+
+    Parameters
+    ----------
+    staging : Staging
+        Receives the picture.
+    texture : dict
+        As in a scene file.
+    """
+
+    def turned(picture: Picture, band: NDArray[Any]) -> NDArray[np.floating]:
+        most = _OPAQUE[picture.coding] if picture.coding.startswith("unorm") else None
+        # Of integers the middle is 0 in a normal map, and the step is that above it
+        middle, steepness = (0.5, 1.0) if most is None else ((most + 1.0) / 2.0 / most, most / (most - 1.0))
+        slopes = (texel_colors(picture, band, False).astype(np.float64) - middle) * steepness
+        return slopes * (1.0, -1.0, 1.0) + 0.5
+
+    name = f"{texture['texture']} (green reversed)"
+    if name not in staging.draft.pictures:
+        try:
+            staging.draft.pictures[name] = _made(staging, texture["texture"], 0, turned, precise=True), ".exr"
+        except MemoryError:
+            raise OutOfMemory(f"{staging.files.source}: {texture['texture']!a} is too large for this machine") from None
+        except Exception:  # whatever a library stumbles over: the reader of the picture itself reports it
+            return texture
+    return {**texture, "texture": name}
+
+
 def inverted(staging: Staging, value: Any, line: int, number: bool) -> Any:
     """One minus a colour, or a number, of 0 to 1.
 
@@ -164,19 +227,32 @@ def mean_color(staging: Staging, texture: dict[str, Any], default: float, line: 
         if key in texture:
             found: list[float] = np.clip(total(texture[key]) / len(texture[key]), 0.0, 1.0).tolist()
             return found
+    mean = mean_of_picture(staging, texture, line)
+    if mean is None:
+        return [default] * 3
     scale = np.asarray(texture.get("scale", 1.0), np.float64)
+    made: list[float] = np.clip(mean * scale * np.ones(3), 0.0, 1.0).tolist()
+    return made
+
+
+def mean_of_picture(staging: Staging, texture: dict[str, Any], line: int) -> NDArray[np.float64] | None:
+    """The mean colour of the picture of a texture, (3,), without its scale; None if it cannot be read.
+
+    For the parameters see `mean_color`.
+    """
     try:
         with _opened(staging, texture["texture"], line) as picture:
             srgb = texture.get("color_space", "srgb") == "srgb"
             rows = [total(texel_colors(picture, band, srgb)) for band in picture.bands()]
     except Exception:  # whatever a library stumbles over
-        return [default] * 3
-    mean = total(total(np.array(rows))) / (picture.width * picture.height)
-    made: list[float] = np.clip(mean * scale * np.ones(3), 0.0, 1.0).tolist()
-    return made
+        return None
+    return np.asarray(total(total(np.array(rows))) / (picture.width * picture.height))
 
 
-def _curved(staging: Staging, value: Any, curve: _Curve, told: str, line: int, number: bool) -> Any:
+def _curved(
+    staging: Staging, value: Any, curve: _Curve, told: str, line: int, number: bool, precise: bool = False
+) -> Any:
+    """A colour or number, or a texture, behind a curve; `precise` where slopes count, which half precision spoils."""
     if not isinstance(value, dict):
         made = curve(np.clip(np.array(value, np.float64), 0.0, 1.0))
         return float(made) if made.ndim == 0 else made.tolist()
@@ -187,7 +263,7 @@ def _curved(staging: Staging, value: Any, curve: _Curve, told: str, line: int, n
     name = f"{value['texture']} ({told}, {used!r})"
     if name not in staging.draft.pictures:
         try:
-            staging.draft.pictures[name] = _picture(staging, value, curve, line, number), ".exr"
+            staging.draft.pictures[name] = _picture(staging, value, curve, line, number, precise), ".exr"
         except MemoryError:
             raise OutOfMemory(f"{staging.files.source}: {value['texture']!a} is too large for this machine") from None
         except Exception:  # whatever a library stumbles over: the reader of the picture itself reports it
@@ -208,21 +284,36 @@ def _opened(staging: Staging, name: str, line: int) -> Iterator[Picture]:
         yield open_picture(file, Path(name).suffix.lower())
 
 
-def _picture(staging: Staging, texture: dict[str, Any], curve: _Curve, line: int, number: bool) -> bytes:
-    """An OpenEXR file of a texture's values behind the curve, in half precision."""
+def _picture(staging: Staging, texture: dict[str, Any], curve: _Curve, line: int, number: bool, precise: bool) -> bytes:
+    """An OpenEXR file of a texture's values behind the curve, in half or in single precision."""
     scale = np.asarray(texture.get("scale", [1.0] * 3), np.float32)
     srgb = texture.get("color_space", "linear" if number else "srgb") == "srgb"
-    with _opened(staging, texture["texture"], line) as picture:
-        made = np.empty((picture.height, picture.width, 3), np.float16)
+
+    def curved(picture: Picture, band: NDArray[Any]) -> NDArray[np.floating]:
+        values = (
+            texel_numbers(picture, band, srgb, texture.get("channel", "r"))
+            if number
+            else texel_colors(picture, band, srgb)
+        )
+        return curve(np.clip(values * (scale[:1] if number else scale), 0.0, 1.0))
+
+    return _made(staging, texture["texture"], line, curved, precise)
+
+
+def _made(
+    staging: Staging,
+    name: str,
+    line: int,
+    convert: Callable[[Picture, NDArray[Any]], NDArray[np.floating]],
+    precise: bool,
+) -> bytes:
+    """An OpenEXR file of what becomes of a picture's bands, in half or in single precision."""
+    with _opened(staging, name, line) as picture:
+        made = np.empty((picture.height, picture.width, 3), np.float32 if precise else np.float16)
         row = 0
         for band in picture.bands():
-            values = (
-                texel_numbers(picture, band, srgb, texture.get("channel", "r"))
-                if number
-                else texel_colors(picture, band, srgb)
-            )
-            made[row : row + len(band)] = curve(np.clip(values * (scale[:1] if number else scale), 0.0, 1.0))
+            made[row : row + len(band)] = convert(picture, band)
             row += len(band)
     data = io.BytesIO()
-    write_exr(data, made, {}, {}, ExrFormat(type="half", compression="none"))  # type: ignore[arg-type]
+    write_exr(data, made, {}, {}, ExrFormat(type="float" if precise else "half", compression="none"))
     return data.getvalue()

@@ -86,11 +86,14 @@ def _grid(across: int, along: int) -> NDArray[np.int64]:
 
 
 def sphere_mesh(radius: float) -> MeshData:
-    """A sphere about the origin, to be made an ellipsoid: u is the longitude about +z, v runs from +z to -z."""
+    """A sphere about the origin, to be made an ellipsoid, with the texture coordinates of our own spheres.
+
+    The longitude u grows from -z over -x, the latitude v from -y to y.
+    """
     u, v = np.meshgrid(np.linspace(0.0, 1.0, _AROUND + 1), np.linspace(0.0, 1.0, _ALONG + 1))
     phi, theta = 2.0 * np.pi * u.ravel(), np.pi * v.ravel()
     (sin_phi, cos_phi), (sin_theta, cos_theta) = sines_cosines(phi), sines_cosines(theta)
-    normals = np.stack([sin_theta * cos_phi, sin_theta * sin_phi, cos_theta], axis=1)
+    normals = np.stack([-sin_theta * sin_phi, -cos_theta, -sin_theta * cos_phi], axis=1)
     uvs = np.stack([u.ravel(), v.ravel()], axis=1)
     return faced_by_normals(quads_mesh(radius * normals, _grid(_AROUND, _ALONG), uvs, normals))
 

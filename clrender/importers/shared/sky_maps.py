@@ -19,7 +19,16 @@ from clrender.importers.asset_files import AssetFiles
 from clrender.importers.shared.matrices import Matrix
 from clrender.scene.environment import EnvironmentPicture
 
-__all__ = ["picture_from_poles", "turn_about_y", "turned_picture", "turned_pixels", "unfolded_picture"]
+__all__ = [
+    "height_in_square",
+    "map_pixels",
+    "picture_from_poles",
+    "square_place",
+    "turn_about_y",
+    "turned_picture",
+    "turned_pixels",
+    "unfolded_picture",
+]
 
 _EVEN: Final = 1e-5
 _LARGEST: Final = 4096
@@ -63,7 +72,7 @@ def _looked_up(pixels: NDArray[np.float32], x: Any, y: Any, around: bool) -> NDA
 
 def picture_from_poles(files: AssetFiles, name: str, place: str) -> EnvironmentPicture:
     """A map of Mitsuba's, with as many rows as it has. For the parameters see `turned_picture`."""
-    pixels = _read(files, name, place)
+    pixels = map_pixels(files, name, place)
     rows = len(pixels)
     made = np.empty_like(pixels)
     for row in range(rows):
@@ -86,7 +95,7 @@ def turned_picture(files: AssetFiles, name: str, place: str, matrix: Matrix) -> 
     matrix : (4, 4) float64
         From the map's own directions to world space.
     """
-    pixels = _read(files, name, place)
+    pixels = map_pixels(files, name, place)
     return turned_pixels(pixels, matrix, f"{files.source}: {place}", from_poles=True)
 
 
@@ -120,12 +129,11 @@ def turned_pixels(
     return EnvironmentPicture.checked(made, label)
 
 
-def unfolded_picture(files: AssetFiles, name: str, place: str, matrix: Matrix) -> EnvironmentPicture:
+def unfolded_picture(pixels: NDArray[np.float32], matrix: Matrix, label: str) -> EnvironmentPicture:
     """Convert a square environment map of Clarberg's equal-area mapping (JGT 13(1), 2008), as used by pbrt-v4.
 
-    For the parameters see `turned_picture`.
+    For the parameters see `turned_pixels`.
     """
-    pixels = _read(files, name, place)
     side = len(pixels)
     rows = max(min(side, _LARGEST), 16)
     made = np.empty((rows, 2 * rows, 3), np.float32)
@@ -136,7 +144,7 @@ def unfolded_picture(files: AssetFiles, name: str, place: str, matrix: Matrix) -
         own /= lengths(own)[:, None]
         u, v = square_place(own)
         made[row] = _looked_up(pixels, u * side - 0.5, v * side - 0.5, False)
-    return EnvironmentPicture.checked(made, f"{files.source}: {place}")
+    return EnvironmentPicture.checked(made, label)
 
 
 def square_place(directions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -155,5 +163,13 @@ def square_place(directions: NDArray[np.float64]) -> tuple[NDArray[np.float64], 
     return (u + 1.0) / 2.0, (v + 1.0) / 2.0
 
 
-def _read(files: AssetFiles, name: str, place: str) -> NDArray[np.float32]:
+def height_in_square(u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The cosine of the angle from +z of the directions at places of that square, each coordinate 0 to 1."""
+    from_edge = 1.0 - (np.abs(2.0 * u - 1.0) + np.abs(2.0 * v - 1.0))
+    radius = 1.0 - np.abs(from_edge)
+    return np.asarray(np.copysign(1.0 - radius * radius, from_edge), np.float64)
+
+
+def map_pixels(files: AssetFiles, name: str, place: str) -> NDArray[np.float32]:
+    """Pixels of a map, (H, W, 3) float32. For the parameters see `turned_picture`."""
     return EnvironmentPicture.read(name, files.folder, files.allow_paths, f"{files.source}: {place}").pixels

@@ -40,6 +40,9 @@ __all__ = ["Staging", "roughness_of"]
 
 _T = TypeVar("_T")
 _NAME_LIMIT: Final = 160
+_VACUUM: Final = 1e-12
+"""Absorption of a vacuum, per metre: so little that nothing is lost, but enough to be told from the air outside of all
+shapes, of which bubbles in smoke would be no part."""
 
 
 def roughness_of(alpha: float) -> float:
@@ -108,6 +111,39 @@ class Staging:
             name, number = f"{wanted} {number}", number + 1
         materials[name] = described
         return name
+
+    def medium(self, wanted: str, described: dict[str, Any]) -> str:
+        """Add a medium; returns its name, which is `wanted` if that is free or of an equal medium."""
+        media = self.draft.description.setdefault("media", {})
+        name, number = wanted[:_NAME_LIMIT], 2
+        while media.get(name, described) != described:
+            name, number = f"{wanted[:_NAME_LIMIT]} {number}", number + 1
+        media[name] = described
+        return name
+
+    def vacuum(self) -> str:
+        """Name of the medium inside of bubbles in others."""
+        return self.medium("vacuum", {"absorption": [_VACUUM] * 3})
+
+    def fog(self, name: str) -> str | None:
+        """Fill all space with a medium around the camera; returns its name, or None if it has a grid, which ends."""
+        if "density" in self.draft.description["media"][name]:
+            self.note(f"the medium {quoted(name)} around the camera, whose grid ends at no shape, is left out")
+            return None
+        self.draft.description["fog"] = name
+        return name
+
+    def note_empty_glass(self) -> None:
+        """Tell that glass without media of its own is empty, though it may stand in one."""
+        self.note("glass that names no media is empty, also where it stands in one, which goes on in it there")
+
+    def is_solid(self, material: str | None) -> bool:
+        """Whether a medium may be inside of the shapes of a material; None is an invisible surface."""
+        if material is None:
+            return True
+        described = self.draft.description["materials"][material]
+        lets_in = described["type"] == "dielectric" or described.get("transmission", 0.0) != 0.0
+        return lets_in and not described.get("thin")
 
     def shape(self, described: dict[str, Any], matrix: Matrix, line: int) -> None:
         """Add a shape with a transform.
