@@ -120,14 +120,14 @@ def scene_media(scene: Scene) -> Media:
     outside = _Medium(None)
     if scene.fog is not None:
         outside = _Medium(None, 1.0, *scene.media[scene.fog].numbers, emission=scene.media[scene.fog].emission)
+    # A vacuum is invisible, unless it displaces another medium
+    empty = outside.is_vacuum and all(m[2:] == outside[2:] for m in media.values() if m.priority is None)
     dark: set[Solid] = set()
-    if outside.is_vacuum:
+    if empty:
         dark = {
             n for n, m in media.items() if m.priority is None and _bends_nothing(solids[n]) and m[2:] == outside[2:]
         }
-    # A vacuum of lowest precedence is invisible, unless it displaces another medium
     shown = [media[solid] for solid in media if solid in shining]
-    empty = outside.is_vacuum and all(m[2:] == outside[2:] for m in media.values() if m.priority is None)
     while ranked and empty and ranked[0].is_vacuum and ranked[0] not in shown:
         dark |= {solid for solid, medium in media.items() if medium == ranked[0]}
         del ranked[0]

@@ -480,3 +480,36 @@ def test_photons_behind_panes_in_smoke(rendered: Rendered) -> None:
     )
     smoke = rendered(scene, integrator="photon", photons=50_000, photon_radius=0.1, spp=16)
     np.testing.assert_allclose(smoke.mean(axis=0), 1.0, rtol=0.02)
+
+
+@pytest.mark.parametrize("bubble", [False, True], ids=["smoke", "with a bubble"])
+def test_empty_bubbles_in_smoke(rendered: Rendered, bubble: bool) -> None:
+    """An interior without absorption was taken for the air around the smoke, and left out."""
+    scene = (
+        SKY
+        + """
+    [camera]
+    type = "orthographic"
+    position = [0.0, 0.0, 5.0]
+    target = [0.0, 0.0, 0.0]
+    height = 0.5
+    [media.smoke]
+    absorption = 0.5
+    [media.nothing]
+    absorption = 0.0
+    [[shapes]]
+    type = "box"
+    center = [0.0, 0.0, 0.0]
+    size = [4.0, 4.0, 4.0]
+    interior = "smoke"
+    """
+    )
+    inner = """
+    [[shapes]]
+    type = "box"
+    center = [0.0, 0.0, 0.0]
+    size = [2.0, 2.0, 2.0]
+    interior = "nothing"
+    """
+    wanted = np.exp(-0.5 * (2.0 if bubble else 4.0))
+    np.testing.assert_allclose(rendered(scene + (inner if bubble else "")).mean(axis=0), wanted, rtol=1e-4)

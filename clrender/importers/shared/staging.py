@@ -40,9 +40,6 @@ __all__ = ["Staging", "roughness_of"]
 
 _T = TypeVar("_T")
 _NAME_LIMIT: Final = 160
-_VACUUM: Final = 1e-12
-"""Absorption of a vacuum, per metre: so little that nothing is lost, but enough to be told from the air outside of all
-shapes, of which bubbles in smoke would be no part."""
 
 
 def roughness_of(alpha: float) -> float:
@@ -123,7 +120,7 @@ class Staging:
 
     def vacuum(self) -> str:
         """Name of the medium inside of bubbles in others."""
-        return self.medium("vacuum", {"absorption": [_VACUUM] * 3})
+        return self.medium("vacuum", {"absorption": [0.0, 0.0, 0.0]})
 
     def fog(self, name: str) -> str | None:
         """Fill all space with a medium around the camera; returns its name, or None if it has a grid, which ends."""
