@@ -18,7 +18,7 @@ from clrender.importers.mtl_file import MtlMaterial, read_mtl
 from clrender.importers.mtl_materials import GREY, Converted, converted
 from clrender.importers.mtl_pictures import MtlPictures
 from clrender.meshes.data import MeshData
-from clrender.meshes.obj import ObjFaces
+from clrender.meshes.obj import ObjFaces, Smoothing
 from clrender.meshes.obj_records import ObjRecords, Statement, read_records
 from clrender.meshes.read import FILE_LIMIT, checked_mesh
 from clrender.scene.materials import BASE_COLORS
@@ -199,20 +199,27 @@ def _add_shapes(draft: Draft, faces: ObjFaces, runs: _Runs, materials: dict[int,
     of_object = 2 * len(runs.names)
     keys = runs.objects * of_object + (runs.materials * 2 + faces.with_normals)
     if bool((keys == keys[0]).all()):
-        _add_shape(draft, faces, runs, None, materials[int(runs.materials[0])])
+        smoothing = faces.smoothing(runs.smoothing, keys)
+        _add_shape(draft, faces, runs, smoothing, None, materials[int(runs.materials[0])])
         return
     parts = len(np.unique(keys))
     if parts > _SHAPE_LIMIT:
         draft.note(f"{counted(parts, 'part')} of objects are too many: those of one material are one shape")
         keys = keys % of_object
+    smoothing = faces.smoothing(runs.smoothing, keys)
     order = np.argsort(keys, kind="stable")
     begins = np.flatnonzero(np.diff(keys[order], prepend=-1))
     for some in np.split(order, begins[1:]):
-        _add_shape(draft, faces, runs, some, materials[int(runs.materials[some[0]])])
+        _add_shape(draft, faces, runs, smoothing, some, materials[int(runs.materials[some[0]])])
 
 
 def _add_shape(
-    draft: Draft, faces: ObjFaces, runs: _Runs, some: _Whole | None, of: tuple[str | None, Converted]
+    draft: Draft,
+    faces: ObjFaces,
+    runs: _Runs,
+    smoothing: Smoothing | None,
+    some: _Whole | None,
+    of: tuple[str | None, Converted],
 ) -> None:
     """Add a shape of some faces, or of all; they have one material and object."""
     name, (material, emission) = of
@@ -221,7 +228,7 @@ def _add_shape(
     if colored and plain:
         draft.note(f"colours of vertices are not read where the material {quoted(name or '')} has no colour")
     shaded = colored and not plain
-    mesh = faces.mesh(some, "auto" if shaded else None, runs.smoothing)
+    mesh = faces.mesh(some, "auto" if shaded else None, smoothing)
     if mesh.uvs is None and (_has_textures(material) or isinstance(emission, dict)):
         draft.note(f"faces of the material {quoted(name or '')} have no texture coordinates, and got (0, 0)")
         mesh = _with_blank_uvs(mesh)

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
+from clrender.exact.matrices import lengths
 from clrender.meshes.data import TRIANGLE_LIMIT, MeshData, crossed_warning
 from clrender.meshes.obj_records import ObjRecords, read_records
 from clrender.meshes.polygons import triangulate
 from clrender.meshes.vertex_colors import VertexColors, linear_colors
 from clrender.wording import counted, grouped
 
-__all__ = ["ObjFaces", "read_obj"]
+__all__ = ["ObjFaces", "Smoothing", "read_obj"]
 
 _Whole = NDArray[np.int64]
 _SOME_NORMALS: Final = "some corners have no normals, and got that of their face"
@@ -43,6 +44,28 @@ def read_obj(file: BinaryIO, size: int, label: str, colors: VertexColors | None 
     """
     del size
     return ObjFaces(read_records(file, label, colors is not None), label).mesh(colors=colors)
+
+
+@dataclass(frozen=True)
+class Smoothing:
+    """Vertices of a file, each once for every smoothing group around it, and normals where meshes meet.
+
+    Attributes
+    ----------
+    groups : (F,) int64
+        Smoothing group of each face; 0: none.
+    vertices : (n,) int64
+        Indices of the vertices.
+    corners : (C,) int64
+        For each corner an index into `vertices`.
+    normals : (n, 3) float64
+        Unit normals of vertices that several meshes share; of all others zero: each mesh averages its own triangles.
+    """
+
+    groups: _Whole
+    vertices: _Whole
+    corners: _Whole
+    normals: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -117,7 +140,7 @@ class ObjFaces:
         self,
         faces: _Whole | None = None,
         colors: VertexColors | None = None,
-        smoothing: _Whole | None = None,
+        smoothing: Smoothing | None = None,
     ) -> MeshData:
         """Some of the faces as triangles.
 
@@ -127,9 +150,9 @@ class ObjFaces:
             Indices of the faces, whose vertices alone are kept; default: all faces and vertices.
         colors : VertexColors, optional
             Also read vertex colours, with this encoding; auto: sRGB.
-        smoothing : (F,) int64, optional
-            Smoothing group of each face; 0: none. Faces without normals then get averaged normals of their group:
-            vertices are duplicated for each group, with rows of zeros as normals.
+        smoothing : Smoothing, optional
+            Faces without normals then get averaged normals of their smoothing group: vertices are duplicated for each
+            group, with rows of zeros as normals where no other mesh shares them.
 
         Raises
         ------
@@ -142,27 +165,28 @@ class ObjFaces:
             raise SceneError(
                 f"{self.label} holds {counted(total, 'triangle')}, but at most {grouped(TRIANGLE_LIMIT)} are read"
             )
-        corners, corner_uvs, corner_normals = self._of(faces, sizes)
+        at = self._places(faces, sizes)
+        corners, corner_uvs, corner_normals = (each[at] for each in self._corners)
         uvs, warning = self._uvs(corner_uvs)
         triangles, crossed = None, 0
         if (sizes > 3).any():
             triangles, crossed = triangulate(self.positions, corners, sizes, self.label)
         shades = None if colors is None or self.colors is None else self._shades(colors).take(corners, axis=0)
         vertices, normals = self.positions, None
-        if faces is not None:
+        held = (corner_normals >= 0).any()
+        if smoothing is not None and not held and smoothing.groups[slice(None) if faces is None else faces].any():
+            used, corners = _used(smoothing.corners[at])
+            vertices, normals = vertices[smoothing.vertices[used]], smoothing.normals[used]
+        elif faces is not None:
             used, corners = _used(corners)
             vertices = vertices[used]
-        if (corner_normals >= 0).any():
+        if held:
             table = self._normals
             if (corner_normals < 0).any():
                 table = np.concatenate([table, np.zeros((1, 3))])
                 corner_normals = np.where(corner_normals < 0, len(table) - 1, corner_normals)
                 warning = "; ".join(each for each in (warning, _SOME_NORMALS) if each)
             vertices, normals, corners = _with_normals(vertices, table, corners, corner_normals)
-        elif smoothing is not None and smoothing.any():
-            groups = _groups(smoothing if faces is None else smoothing[faces])
-            vertices, corners = _split(vertices, corners, np.repeat(groups, sizes))
-            normals = np.zeros_like(vertices)
 
         def by_triangle(values: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
             if values is None:
@@ -180,14 +204,56 @@ class ObjFaces:
             left_out=len(self.records.faults),
         )
 
-    def _of(self, faces: _Whole | None, sizes: _Whole) -> tuple[_Whole, _Whole, _Whole]:
-        """Indices of the corners of some faces."""
+    def smoothing(self, groups: _Whole, parts: _Whole) -> Smoothing | None:
+        """What faces without normals need to be smooth within their groups, also across meshes.
+
+        Parameters
+        ----------
+        groups : (F,) int64
+            Smoothing group of each face; 0: none.
+        parts : (F,) int64
+            Number of the mesh of each face.
+
+        Returns
+        -------
+        Smoothing or None
+            None: there are no such faces.
+        """
+        if not (groups[~self.with_normals]).any():
+            return None
+        of_face = _groups(groups)
+        count = int(of_face.max()) + 1
+        pairs, corners = np.unique(self._corners[0] * count + np.repeat(of_face, self.sizes), return_inverse=True)
+        smoothing = Smoothing(groups, pairs // count, corners.reshape(-1), np.zeros((len(pairs), 3)))
+        part_of_corner, part = np.repeat(parts, self.sizes), np.empty(len(pairs), np.int64)
+        part[smoothing.corners] = part_of_corner
+        shared = np.zeros(len(pairs), bool)
+        shared[smoothing.corners[part[smoothing.corners] != part_of_corner]] = True
+        if shared.any():
+            around = np.flatnonzero(np.logical_or.reduceat(shared[smoothing.corners], self._firsts))
+            smoothing.normals[shared] = self._averages(smoothing, around)[shared]
+        return smoothing
+
+    def _averages(self, smoothing: Smoothing, faces: _Whole) -> NDArray[np.float64]:
+        """Unit normals of vertices from the triangles of some faces, by area, (n, 3); zero where they cancel out."""
+        sizes = self.sizes[faces]
+        at = self._places(faces, sizes)
+        triangles, _ = triangulate(self.positions, self._corners[0][at], sizes, self.label)
+        rows = smoothing.corners[at][triangles]
+        a, b, c = (self.positions[smoothing.vertices[rows[:, corner]]] for corner in range(3))
+        with np.errstate(over="ignore", invalid="ignore"):  # coordinates out of range are rejected later
+            normals, count = np.cross(b - a, c - a), len(smoothing.vertices)
+            around = np.repeat(normals, 3, axis=0)
+            total = np.stack([np.bincount(rows.ravel(), each, count) for each in around.T], axis=1)
+            size = lengths(total)
+            return np.asarray(total / np.where(size > 0.0, size, 1.0)[:, None])
+
+    def _places(self, faces: _Whole | None, sizes: _Whole) -> _Whole | slice:
+        """Indices of the corners of some faces, or of all."""
         if faces is None:
-            return self._corners
+            return slice(None)
         first = self._firsts[faces]
-        at = np.repeat(first - (np.cumsum(sizes) - sizes), sizes) + np.arange(int(sizes.sum()))
-        vertex, uv, normal = (each[at] for each in self._corners)
-        return vertex, uv, normal
+        return np.asarray(np.repeat(first - (np.cumsum(sizes) - sizes), sizes) + np.arange(int(sizes.sum())))
 
     def _uvs(self, index: _Whole) -> tuple[NDArray[np.float32] | None, str]:
         """Texture coordinates of corners, if any has them, and a warning about corners without."""
@@ -238,10 +304,3 @@ def _groups(smoothing: _Whole) -> _Whole:
     groups = groups.reshape(-1).astype(np.int64)
     groups[alone] = int(groups.max()) + 1 + np.arange(int(alone.sum()))
     return groups
-
-
-def _split(vertices: NDArray[np.float64], corners: _Whole, groups: _Whole) -> tuple[NDArray[np.float64], _Whole]:
-    """Duplicate vertices for each group; returns them and the new indices of the corners."""
-    count = int(groups.max()) + 1
-    pairs, corners = np.unique(corners * count + groups, return_inverse=True)
-    return vertices[pairs // count], corners.reshape(-1)

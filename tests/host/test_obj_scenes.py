@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import time
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,11 @@ from PIL import Image
 import clrender
 from clrender.errors import SceneError
 from clrender.flatten.flat_scene import flatten
+from clrender.flatten.surfaces import placed_normals
 from clrender.meshes.data import MeshData
 from clrender.meshes.read import read_mesh
 from clrender.scene import Mesh, Scene
+from clrender.scene.transforms import affine
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
 FACE = "f 1/1 2/2 3/3 4/4\n"
@@ -288,6 +291,32 @@ def test_smoothing_groups(tmp_path: Path) -> None:
     off = meshes(load(tmp_path, f"{roof}s 1\nf 1 2 3 4\ns off\nf 4 3 5 6\nf 6 5 3\n"))[0]
     assert smooth.normals is not None and not smooth.normals.any()
     assert [len(mesh.vertices) for mesh in (smooth, apart, off)] == [6, 8, 4 + 4 + 3]
+
+
+@pytest.mark.parametrize("between", ["usemtl b\n", "o x\n", "usemtl b\ns off\nf 1 2 5\ns 1\no y\n"])
+def test_smoothing_groups_go_on_across_materials_and_objects(tmp_path: Path, between: str) -> None:
+    roof = "mtllib m.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 1 1 1\nv 0 1 1\nv 1 3 0\nv 0 3 0\ns 1\nf 1 2 3 4\n"
+    mtl = "newmtl a\nnewmtl b\n"
+
+    def ridge(scene: Scene) -> set[tuple[float, ...]]:
+        """Normals of the smooth meshes at the corners of height 1."""
+        found = set()
+        for index, mesh in enumerate(meshes(scene)):
+            if mesh.normals is not None:
+                normals = np.empty(mesh.normals.shape, np.float32)
+                vertices = mesh.vertices.astype(np.float32)
+                placed_normals(
+                    mesh.normals, affine(scene.shapes[index].transform), vertices, mesh.triangles, normals, flip=False
+                )
+                found |= set(map(tuple, normals[vertices[:, 2] == 1.0].tolist()))
+        return found
+
+    whole = ridge(load(tmp_path, f"{roof}f 4 3 5 6\n", mtl))
+    parts = load(tmp_path, f"{roof}{between}f 4 3 5 6\n", mtl)
+    assert len(parts.shapes) == 1 + len(re.findall("usemtl|o ", between)) and len(whole) == 2
+    assert ridge(parts) == whole
+    # Corners that no other mesh has are left to the mesh
+    assert sum(int((~mesh.normals.any(axis=1)).sum()) for mesh in meshes(parts) if mesh.normals is not None) == 4
 
 
 def test_colours_of_vertices(tmp_path: Path) -> None:
