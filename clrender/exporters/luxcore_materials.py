@@ -10,6 +10,7 @@ import numpy as np
 from clrender.exporters.luxcore_text import Properties
 from clrender.exporters.luxcore_textures import TextureWriter
 from clrender.exporters.surfaces import (
+    GLOSS_OF_SHEETS,
     ONCE,
     Inside,
     alphas_of,
@@ -278,7 +279,7 @@ class MaterialWriter:
             self._target.leave_out("the roughness of the diffuse part of principled", *at, "diffuse_roughness")
         share = material.diffuse_transmission
         if share != 0.0:
-            self._target.leave_out("the gloss of sheets with diffuse transmission", *at, "diffuse_transmission")
+            self._target.leave_out(GLOSS_OF_SHEETS, *at, "diffuse_transmission")
             kept = self._textures.color(material.base_color, (*at, "base_color"), 1.0 - share)
             passed = share * np.array(material.diffuse_transmission_color)
             if isinstance(kept, str):

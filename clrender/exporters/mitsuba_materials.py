@@ -12,7 +12,7 @@ import numpy as np
 from clrender.exporters.files import write_bytes
 from clrender.exporters.mitsuba_textures import TextureWriter
 from clrender.exporters.mitsuba_xml import Element, element, spectral, value
-from clrender.exporters.surfaces import ONCE, alphas_of, is_rough, tell_of_film, without_measured
+from clrender.exporters.surfaces import GLOSS_OF_SHEETS, ONCE, alphas_of, is_rough, tell_of_film, without_measured
 from clrender.exporters.target import Target
 from clrender.flatten.hair import hair_absorption
 from clrender.flatten.measured import is_anisotropic
@@ -286,11 +286,13 @@ class MaterialWriter:
         inside.append(value("float", "eta", self._index(material, at)))
         if material.specular_color != (1.0, 1.0, 1.0):
             self._target.leave_out("the colour of the dielectric reflection of principled", *at, "specular_color")
-        thin = material.thin and (material.transmission != 0.0 or material.diffuse_transmission != 0.0)
+        thin = material.diffuse_transmission != 0.0 or (material.thin and material.transmission != 0.0)
         if material.transmission != 0.0:
             inside.append(numbers("spec_trans", material.transmission, (*at, "transmission")))
         if material.diffuse_transmission != 0.0:
             inside.append(value("float", "diff_trans", 2.0 * material.diffuse_transmission))
+            if material.transmission == 0.0 and material.specular != 0.0 and material.ior != 1.0:
+                self._target.leave_out(GLOSS_OF_SHEETS, *at, "diffuse_transmission")
             if material.diffuse_transmission_color != (1.0, 1.0, 1.0):
                 self._target.leave_out("the colour of diffuse transmission", *at)
         if thin and material.metallic != 0.0:

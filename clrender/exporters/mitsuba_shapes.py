@@ -20,10 +20,12 @@ from clrender.exporters.surfaces import is_brushed, passes, radiance_of, tell_of
 from clrender.exporters.target import Target
 from clrender.exporters.triangles import (
     DISK_EDGES,
+    MIRROR,
     At,
     disk_frame,
     matrix_of,
     merged,
+    mirrored,
     placed,
     surface_key,
     triangles_of,
@@ -164,6 +166,8 @@ class ShapeWriter:
         matrix = matrix_of(shape)
         textured = texture_set(self._target, at, shape)
         flip = shape.flip_normals
+        # The order of corners in space decides there about the front, or of meshes with normals about media
+        mirrors = determinant(matrix[:3, :3]) < 0.0
         if isinstance(shape, Sphere):
             local = np.diag([shape.radius, shape.radius, shape.radius, 1.0])
             local[:3, 3] = shape.center
@@ -179,18 +183,18 @@ class ShapeWriter:
         elif isinstance(shape, Box) and textured is None:
             local = np.diag([*(np.array(shape.size) / 2.0), 1.0])
             local[:3, 3] = shape.center
-            kind, inside = "cube", [transform(product(matrix, local))]
+            kind, inside = "cube", [transform(product(product(matrix, local), MIRROR if mirrors else np.eye(4)))]
         else:
             if isinstance(shape, Curves):
                 tell_of_curves(self._target, shape, at)
             if isinstance(shape, Disk):
                 self._target.leave_out(f"the roundness of disks with textures, which have {DISK_EDGES} edges", *at)
             mesh = triangles_of(self._target.scene, at, shape)
+            if mirrors:
+                mesh, matrix = mirrored(mesh), product(matrix, MIRROR)
             kind, inside = "ply", self._file(shape.type, mesh, textured)
             if not (matrix == np.eye(4)).all():
                 inside.append(transform(matrix))
-            # The order of corners decides there about the front, which mirroring reverses
-            flip = flip != (mesh.normals is None and determinant(matrix[:3, :3]) < 0.0)
         if flip:
             inside.append(value("boolean", "flip_normals", True))
         return element("shape", *inside, *self._surface(at, shape, grouped), type=kind, **named)

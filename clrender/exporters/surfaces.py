@@ -31,6 +31,7 @@ from clrender.scene.textures import Texture
 from clrender.scene.values import Vector
 
 __all__ = [
+    "GLOSS_OF_SHEETS",
     "ONCE",
     "Inside",
     "alphas_of",
@@ -52,6 +53,7 @@ __all__ = [
     "without_measured",
 ]
 
+GLOSS_OF_SHEETS: Final = "the gloss of sheets with diffuse transmission"
 ONCE: Final = "multiple scattering between microfacets, so that rough surfaces are darker"
 """What most programs leave out."""
 

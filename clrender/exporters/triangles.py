@@ -16,6 +16,7 @@ from clrender.exact.elementary import sines_cosines
 from clrender.exact.matrices import determinant, length, product, times
 from clrender.flatten.attributes import corner_uvs, face_axes
 from clrender.flatten.polyhedra import polyhedron
+from clrender.flatten.surfaces import placed_normals
 from clrender.flatten.tubes import curve_mesh
 from clrender.meshes.data import MeshData
 from clrender.scene import Disk, Mesh, Scene, Sphere
@@ -28,6 +29,7 @@ from clrender.wording import place
 
 __all__ = [
     "DISK_EDGES",
+    "MIRROR",
     "SPHERE_STEPS",
     "At",
     "Piece",
@@ -35,6 +37,7 @@ __all__ = [
     "disk_mesh",
     "matrix_of",
     "merged",
+    "mirrored",
     "mirrors",
     "pieces_of",
     "placed",
@@ -55,13 +58,15 @@ DISK_EDGES: Final = 128
 """Triangles of a disk."""
 SPHERE_STEPS: Final = 64
 """Steps of a sphere from pole to pole; there are twice as many around it."""
+MIRROR: Final = np.diag([-1.0, -1.0, -1.0, 1.0])
+"""The reflection that `mirrored` does: at the origin, which keeps the triangles of a box."""
 _CHUNK: Final = 2**18
 
 
 def triangles_of(scene: Scene, at: At, shape: AnyShape) -> MeshData:
     """Triangles of a shape before its transform, with the texture coordinates of flat shapes; of a sphere none."""
     if isinstance(shape, Mesh):
-        return scene.mesh_of(at, shape)
+        return _with_averages(scene.mesh_of(at, shape))
     if isinstance(shape, Sphere):
         axes = np.concatenate([np.eye(3), -np.eye(3)])
         return MeshData(np.array(shape.center) + shape.radius * axes, np.zeros((0, 3), np.uint32))
@@ -71,6 +76,23 @@ def triangles_of(scene: Scene, at: At, shape: AnyShape) -> MeshData:
         return curve_mesh(shape, scene.strands(at, shape), place(at))
     mesh = polyhedron(shape)
     return dataclasses.replace(mesh, uvs=corner_uvs(shape, mesh))
+
+
+def _with_averages(mesh: MeshData) -> MeshData:
+    """A mesh with the normals that rows of zeros stand for, which other programs do not know."""
+    if mesh.normals is None or bool(mesh.normals.any(axis=1).all()):
+        return mesh
+    normals = np.empty(mesh.normals.shape, np.float32)
+    placed_normals(mesh.normals, affine(Transform()), mesh.vertices, mesh.triangles, normals, flip=False)
+    return dataclasses.replace(mesh, normals=normals)
+
+
+def mirrored(mesh: MeshData) -> MeshData:
+    """A mesh of vertices and normals mirrored by `MIRROR`, with its front where it was."""
+    turned: dict[str, Any] = {key: -each for key in ("vertices", "normals") if (each := getattr(mesh, key)) is not None}
+    of_corners = (key for key in ("triangles", "uvs", "uvs_1", "colors") if getattr(mesh, key) is not None)
+    back: dict[str, Any] = {key: np.ascontiguousarray(getattr(mesh, key)[:, ::-1]) for key in of_corners}
+    return dataclasses.replace(mesh, tangents=None, **turned, **back)
 
 
 def matrix_of(shape: AnyShape) -> _Floats:

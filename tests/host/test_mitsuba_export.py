@@ -17,14 +17,16 @@ from PIL import Image
 import clrender
 from clrender.cli import main
 from clrender.errors import SceneError, UsageError
-from clrender.exporters import exported_to_mitsuba, write_mitsuba
+from clrender.exporters import exported_to_mitsuba, write_cycles, write_luxcore, write_mitsuba
 from clrender.exporters.mesh_ply import write_ply
+from clrender.exporters.triangles import world_mesh
 from clrender.flatten.assembly import written_out
 from clrender.flatten.flat_scene import flatten
 from clrender.flatten.sky import scene_sun
 from clrender.image.files import read_image, write_image
 from clrender.image.pixel_filter import PIXEL_FILTERS
 from clrender.meshes.data import MeshData
+from clrender.meshes.read import read_mesh
 from clrender.scene import Scene
 from clrender.scene.groups import TransformArray
 from clrender.scene.spectra import SpectralColor
@@ -250,6 +252,7 @@ def test_materials_that_stay(tmp_path: Path, material: dict[str, Any]) -> None:
         ({"type": "conductor", "metal": "Au", "roughness": 0.0, "iridescence": 1.0}, "thin films"),
         ({"type": "dielectric", "ior": 1.5, "roughness": 0.3, "thin": True}, "the roughness of thin glass"),
         ({"type": "subsurface", "albedo": 0.8, "radius": 0.1}, "the inside of subsurface"),
+        ({"type": "principled", "diffuse_transmission": 0.5}, "the gloss of sheets"),
         ({"type": "principled", "diffuse_roughness": 0.5}, "the roughness of the diffuse part"),
         ({"type": "principled", "roughness": 0.4}, "the balance of principled"),
         ({"type": "principled", "coat": 1.0}, "the strength of clear coats"),
@@ -265,6 +268,15 @@ def test_what_materials_lose(tmp_path: Path, material: dict[str, Any], words: st
     with pytest.raises(SceneError, match=words):
         write_mitsuba(scene, tmp_path / "strict.xml", strict=True)
     assert not (tmp_path / "strict.xml").exists()
+
+
+@for_each("more", [{}, {"thin": True}, {"thin": True, "transmission": 0.5, "roughness": 0.2}])
+def test_sheets_with_diffuse_transmission_are_thin(tmp_path: Path, more: dict[str, Any]) -> None:
+    sheet = {"type": "principled", "diffuse_transmission": 0.3, **more}
+    written(described(materials={"x": sheet}, shapes=[{**QUAD, "material": "x"}]), tmp_path)
+    bsdf = xml(tmp_path).find("bsdf")
+    numbers = {each.get("name"): float(each.get("value")) for each in bsdf.findall("float")}
+    assert bsdf.get("type") == "principledthin" and numbers["diff_trans"] == 0.6 and "metallic" not in numbers
 
 
 def test_weaker_plastics_have_a_lower_index(tmp_path: Path) -> None:
@@ -502,6 +514,58 @@ def test_sides_under_reflections(tmp_path: Path) -> None:
         again, _ = written(scene, tmp_path, merge=merge)
         assert near(fronts(flatten(again, 8, 8).arrays), fronts(flatten(scene, 8, 8).arrays), 1e-4), merge
     assert len(again.shapes) == 1 + 3 * 4
+
+
+def test_media_are_behind_fronts_under_reflections(tmp_path: Path) -> None:
+    """Mitsuba decides about media by the order of corners in space, also where a mesh has normals."""
+    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], np.uint32)
+    corners = np.concatenate([np.zeros((1, 3)), np.eye(3)])
+    with (tmp_path / "tip.ply").open("wb") as file:
+        write_ply(file, MeshData(corners, faces, (corners - 0.25).astype(np.float32)))
+    kinds: list[dict[str, Any]] = [
+        {"type": "mesh", "file": "tip.ply"},
+        {"type": "box", "size": [1, 2, 3], "center": [9, 0, 0]},
+    ]
+    turn = {"scale": [-1.0, 1.0, 2.0], "rotate_degrees": [10.0, 20.0, 30.0], "translate": [1.0, 2.0, 3.0]}
+    scene = described(
+        media={"m": {"absorption": [1.0, 1.0, 1.0]}},
+        shapes=[{**each, "interior": "m", "transform": turn} for each in kinds],
+    )
+    again, notes = written(scene, tmp_path)
+    for shape in xml(tmp_path).findall("shape"):
+        matrix = np.array(shape.find("transform/matrix").get("value").split(), float).reshape(4, 4)
+        assert np.linalg.det(matrix) > 0.0 and shape.find("boolean") is None
+    mesh = again.mesh(0)
+    a, b, c = (mesh.vertices[mesh.triangles[:, i]] for i in range(3))
+    assert (np.sum(np.cross(b - a, c - a) * mesh.normals[mesh.triangles].sum(axis=1), axis=1) > 0.0).all()
+    assert notes == ()
+    one, other = (fronts(flatten(each, 8, 8).arrays) for each in (scene.placed("test", tmp_path), again))
+    assert near(other, one, 1e-4)
+
+
+@for_each("kind", ["mitsuba", "luxcore", "cycles"])
+def test_averaged_normals_are_written(tmp_path: Path, kind: str) -> None:
+    """Rows of zeros, which stand for them here, are black elsewhere."""
+    roof = {"vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "faces": [[0, 1, 2], [0, 3, 1]]}
+    turn = {"scale": [-1.0, 1.0, 2.0], "rotate_degrees": [10.0, 20.0, 30.0]}
+    scene = described(
+        materials={"m": GREY},
+        shapes=[{"type": "mesh", "smooth_angle": 180.0, "material": "m", "transform": turn, **roof}],
+    )
+    mesh = world_mesh(scene, ("shapes", 0), scene.shapes[0])
+    expected = flatten(scene, 8, 8).arrays["normals"]
+    assert mesh.normals is not None and near(mesh.normals, expected, 1e-6)
+    ending = {"mitsuba": ".xml", "luxcore": ".scn", "cycles": ".py"}[kind]
+    write = {"mitsuba": write_mitsuba, "luxcore": write_luxcore, "cycles": write_cycles}[kind]
+    write(scene.placed("test", tmp_path), tmp_path / f"out{ending}")
+    (file,) = (each for each in (tmp_path / "out-files").iterdir() if each.suffix in (".ply", ".npz"))
+    if kind == "cycles":
+        normals = np.load(file)["normals"].reshape(-1, 3)
+    else:
+        found = read_mesh(file.name, file.parent, (), file.name).normals
+        assert found is not None
+        normals = found
+    assert near(np.sum(normals * normals, axis=1), 1.0, 1e-5)
 
 
 def test_textures_lie_where_they_were(pictures: Path) -> None:
