@@ -40,6 +40,7 @@ from clrender.scene.groups import Instance
 from clrender.scene.materials import material_parts
 from clrender.scene.resting import placements
 from clrender.scene.shapes import AnyShape, Box, Quad
+from clrender.scene.textures import Texture
 from clrender.scene.transforms import affine
 from clrender.wording import place
 
@@ -142,15 +143,25 @@ class ShapeWriter:
             ranked = getattr(material, "priority", None) is not None
             made.append(self._materials.reference(shape.material, index if ranked else None))
         if emits(scene, shape):
-            made.append(
-                element("emitter", self._textures.color("radiance", *radiance_of(scene, at, shape)), type="area")
-            )
+            color, where, factor = radiance_of(scene, at, shape)
+            factor *= self._shining_share(at, shape)
+            made.append(element("emitter", self._textures.color("radiance", color, where, factor), type="area"))
         if through:
             inside = self._media.inside(shape)
             made += [] if inside is None else [element("ref", name="interior", id=inside)]
             made += [] if around is None else [element("ref", name="exterior", id=around)]
         self._tell(at, shape)
         return made
+
+    def _shining_share(self, at: At, shape: AnyShape) -> float:
+        """The share of its light that a lamp's opacity leaves here; Mitsuba's lamps shine in full."""
+        material = None if shape.material is None else self._target.scene.materials[shape.material]
+        if material is None or not material.masked:
+            return 1.0
+        if isinstance(material.opacity, Texture):
+            self._target.leave_out("the opacity of lamps where it is a texture: their holes shine, too", *at)
+            return 1.0
+        return material.opacity if material.opacity_cutoff is None else 0.0
 
     def _tell(self, at: At, shape: AnyShape) -> None:
         """Note what Mitsuba's shapes lack."""

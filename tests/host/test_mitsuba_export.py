@@ -332,6 +332,24 @@ def test_mixtures_and_cutoffs(tmp_path: Path) -> None:
 # --- media
 
 
+def test_lamps_shine_by_their_opacity(tmp_path: Path) -> None:
+    """Mitsuba's shine in full, whatever passes through them."""
+    lamp = {"type": "principled", "emission": [1.0, 0.5, 0.25], "emission_strength": 2.0}
+    holes = {"opacity": {"checker": [1.0, 0.0]}}
+    scene = described(
+        materials={"half": {**GREY, "opacity": 0.5}, "lamp": {**lamp, "opacity": 0.25}, "holes": {**GREY, **holes}},
+        shapes=[
+            {**QUAD, "material": "half", "emission": [3.0, 2.0, 1.0]},
+            {**QUAD, "material": "lamp"},
+            {**QUAD, "material": "holes", "emission": [3.0, 2.0, 1.0]},
+        ],
+    )
+    _, notes = written(scene, tmp_path)
+    found = [each.get("value") for each in xml(tmp_path).findall("shape/emitter/rgb")]
+    assert found == ["1.5 1.0 0.5", "0.5 0.25 0.125", "3.0 2.0 1.0"]
+    assert sum("the opacity of lamps" in each and "shapes[2])" in each for each in notes) == 1
+
+
 def test_media_around_surfaces(tmp_path: Path) -> None:
     """Nested ones by the smallest volume around each; that of the camera is that of the ball around it."""
     box = {"type": "box", "center": [0.1, 0.2, 5.0], "size": [20.0, 20.0, 20.0], "interior": "haze"}
