@@ -63,16 +63,18 @@ class MaterialWriter:
     def __init__(self, target: Target, properties: Properties, textures: TextureWriter) -> None:
         self._target, self._properties, self._textures = target, properties, textures
         self._names: dict[str, str] = {}
+        self._turned = False  # of the shape whose material is being written
 
-    def of_shape(self, at: At, shape: AnyShape) -> str:
-        """The name of the material of a shape, with its emission and the medium behind it."""
-        scene = self._target.scene
+    def of_shape(self, at: At, shape: AnyShape, turned: bool) -> str:
+        """The name of the material of a shape, with its emission and the medium behind it; for `turned` see
+        `turns_green`."""
+        scene, self._turned = self._target.scene, turned
         through = passes(scene, shape)
         inside = inside_of(scene, shape) if through else None
         tell_of_grid(self._target, inside)
         tell_of_glow(self._target, inside)
         surface = shape.model_dump(mode="json", include={"material", "emission"})
-        key = json.dumps([surface, through, None if inside is None else inside.key])
+        key = json.dumps([surface, through, None if inside is None else inside.key, turned])
         if key not in self._names:
             more: Properties = {}
             if emits(scene, shape):
@@ -108,7 +110,7 @@ class MaterialWriter:
 
     def _part(self, name: str) -> str:
         """One of the materials of a mixture."""
-        key = f"part {name}"
+        key = f"part {name} {self._turned}"
         if key not in self._names:
             self._names[key] = self._named(name, {})
         return self._names[key]
@@ -152,7 +154,8 @@ class MaterialWriter:
                 self._target.leave_out("the bump map beside a normal map", *at, "bump_map")
             sentence = "the balance of normal maps, with which LuxCore's images are 1 to 2 % darker"
             self._target.leave_out(sentence, *at, "normal_map")
-            return {"bumptex": self._textures.normal_map(material.normal_map, (*at, "normal_map"))}
+            signs = (1.0, -1.0 if self._turned else 1.0)
+            return {"bumptex": self._textures.normal_map(material.normal_map, (*at, "normal_map"), signs)}
         if material.bump_map is not None:
             return {"bumptex": self._textures.bump_map(material.bump_map, (*at, "bump_map"))}
         return {}

@@ -11,7 +11,14 @@ import numpy as np
 from clrender.exact.matrices import determinant
 from clrender.exporters.luxcore_materials import MaterialWriter
 from clrender.exporters.luxcore_text import Properties
-from clrender.exporters.surfaces import boundaries, tell_of_meshes, tell_of_round, texture_set
+from clrender.exporters.surfaces import (
+    boundaries,
+    maps_normals,
+    tell_of_meshes,
+    tell_of_round,
+    texture_set,
+    turns_green,
+)
 from clrender.exporters.target import Target
 from clrender.exporters.triangles import At, Piece, pieces_of, shapes_of_instances, write_plain_ply
 from clrender.scene.groups import Instance
@@ -68,7 +75,8 @@ class ShapeWriter:
             tell_of_meshes(self._target, at, shape)
             tell_of_round(self._target, at, shape)
             name = shape.name or shape.material or "shape"
-            made.append((self._mesh(name, piece), self._materials.of_shape(at, shape), name))
+            turned = maps_normals(self._target.scene, shape) and turns_green(self._target, at, shape, piece.mesh)
+            made.append((self._mesh(name, piece), self._materials.of_shape(at, shape, turned), name))
         return made
 
     def _mesh(self, wanted: str, piece: Piece) -> str:

@@ -74,9 +74,9 @@ class TextureWriter:
             return self._texture(given, at, True, 1.0, curve)
         return given if curve is None else float(curve(np.array(given, np.float64)))
 
-    def normal_map(self, given: NormalMap, at: tuple[str | int, ...]) -> str:
-        """The name of a texture of normals."""
-        picture, curve = normal_picture(given)
+    def normal_map(self, given: NormalMap, at: tuple[str | int, ...], signs: tuple[float, float]) -> str:
+        """The name of a texture of normals; for `signs` see `normal_picture`."""
+        picture, curve = normal_picture(given, signs)
         return self._new("normals", {"type": "normalmap", "texture": self._texture(picture, at, False, 1.0, curve)})
 
     def bump_map(self, given: BumpMap, at: tuple[str | int, ...]) -> str:

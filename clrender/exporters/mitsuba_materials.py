@@ -60,10 +60,10 @@ class MaterialWriter:
 
     def __init__(self, target: Target, textures: TextureWriter) -> None:
         self._target, self._textures = target, textures
-        self._ids: dict[tuple[str, float | None], str] = {}
+        self._ids: dict[tuple[str, float | None, bool], str] = {}
         self.written: list[Element] = []
 
-    def reference(self, name: str | None, around: float | None = None) -> Element:
+    def reference(self, name: str | None, around: float | None = None, turned: bool = False) -> Element:
         """A reference to a material, which is written at its first use.
 
         Parameters
@@ -72,22 +72,28 @@ class MaterialWriter:
             None: black.
         around : float, optional
             Index of refraction in front of it, for materials with a priority.
+        turned : bool
+            See `turns_green`.
         """
-        key = (name if name is not None else "", around)
+        key = (name if name is not None else "", around, turned)
         if key not in self._ids:
             if name is None:
                 black = element("bsdf", value("rgb", "reflectance", [0.0] * 3), type="diffuse")
                 made, wanted = element("bsdf", black, type="twosided"), _BLACK
             else:
-                made, wanted = self._masked(self._target.scene.materials[name], ("materials", name), around), name
+                made, wanted = (
+                    self._masked(self._target.scene.materials[name], ("materials", name), around, turned),
+                    name,
+                )
             made.set("id", self._target.id("material", wanted))
             self.written.append(made)
             self._ids[key] = made.get("id", "")
         return element("ref", id=self._ids[key])
 
-    def _masked(self, material: Material, at: _At, around: float | None) -> Element:
+    def _masked(self, material: Material, at: _At, around: float | None, turned: bool) -> Element:
+        inside = self._two_sided(material, at, around, turned)
         if not material.masked:
-            return self._two_sided(material, at, around)
+            return inside
         cutoff = material.opacity_cutoff
         if cutoff is None:
             opacity = self._textures.number("opacity", material.opacity, (*at, "opacity"))
@@ -101,33 +107,40 @@ class MaterialWriter:
                 (*at, "opacity"),
                 lambda x: np.asarray(x >= cutoff, np.float32),
             )
-        return element("bsdf", opacity, self._two_sided(material, at, around), type="mask")
+        return element("bsdf", opacity, inside, type="mask")
 
-    def _two_sided(self, material: Material, at: _At, around: float | None) -> Element:
-        made = self._bumpy(material, at, around)
+    def _two_sided(self, material: Material, at: _At, around: float | None, turned: bool) -> Element:
+        surface = self._surface(material, at, around, turned)
+        front = self._bumpy(surface, material, at, turned)
         opaque = isinstance(material, Lambert | OrenNayar | Mirror | Conductor | Measured) or (
             isinstance(material, Principled) and material.transmission == 0.0 and material.diffuse_transmission == 0.0
         )
         flat = isinstance(material, Subsurface) and material.ior is None
         if flat or (opaque and material.two_sided):  # type: ignore[union-attr]
-            return element("bsdf", made, type="twosided")
-        return made
+            # Mitsuba's back is the front in a mirror, where ours is the same surface seen from behind
+            both = [front] if front is surface else [front, self._bumpy(surface, material, at, turned, behind=True)]
+            return element("bsdf", *both, type="twosided")
+        return front
 
-    def _bumpy(self, material: Material, at: _At, around: float | None) -> Element:
-        made = self._surface(material, at, around)
+    def _bumpy(self, surface: Element, material: Material, at: _At, turned: bool, behind: bool = False) -> Element:
+        """A surface with its normal map and bump map."""
+        made = surface
         if isinstance(material, Mix | Hair):
             return made
+        side = -1.0 if behind else 1.0
         if material.normal_map is not None:
-            picture = self._textures.normal_map(material.normal_map, (*at, "normal_map"))
+            signs = (side, -side if turned else side)
+            picture = self._textures.normal_map(material.normal_map, (*at, "normal_map"), signs)
             # Else Mitsuba models a microsurface of two facets, which clrender does not
             plain = value("boolean", "use_shadowing_function", False)
             made = element("bsdf", picture, plain, made, type="normalmap")
         if material.bump_map is not None:
             picture = self._textures.bump_map(material.bump_map, (*at, "bump_map"))
-            made = element("bsdf", picture, value("float", "scale", material.bump_map.scale), made, type="bumpmap")
+            scale = value("float", "scale", side * material.bump_map.scale)
+            made = element("bsdf", picture, scale, made, type="bumpmap")
         return made
 
-    def _surface(self, material: Material, at: _At, around: float | None) -> Element:
+    def _surface(self, material: Material, at: _At, around: float | None, turned: bool) -> Element:
         if isinstance(material, Measured):
             file = self._target.scene.measured(str(at[-1]), material)
             if file.has_spectra:
@@ -156,7 +169,8 @@ class MaterialWriter:
             return self._hair(material, at)
         if isinstance(material, Mix):
             weight = self._textures.number("weight", material.weight, (*at, "weight"))
-            return element("bsdf", weight, *map(self.reference, material.materials), type="blendbsdf")
+            parts = [self.reference(each, turned=turned) for each in material.materials]
+            return element("bsdf", weight, *parts, type="blendbsdf")
         assert isinstance(material, Principled)  # scenes with plugins are refused
         return self._principled(material, at)
 

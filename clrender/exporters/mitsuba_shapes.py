@@ -16,7 +16,16 @@ from clrender.exporters.mitsuba_materials import MaterialWriter
 from clrender.exporters.mitsuba_media import MediumWriter
 from clrender.exporters.mitsuba_textures import TextureWriter
 from clrender.exporters.mitsuba_xml import Element, element, transform, value
-from clrender.exporters.surfaces import is_brushed, passes, radiance_of, tell_of_curves, tell_of_meshes, texture_set
+from clrender.exporters.surfaces import (
+    is_brushed,
+    maps_normals,
+    passes,
+    radiance_of,
+    tell_of_curves,
+    tell_of_meshes,
+    texture_set,
+    turns_green,
+)
 from clrender.exporters.target import Target
 from clrender.exporters.triangles import (
     DISK_EDGES,
@@ -26,10 +35,12 @@ from clrender.exporters.triangles import (
     matrix_of,
     merged,
     mirrored,
+    mirrors,
     placed,
     surface_key,
     triangles_of,
     world,
+    world_mesh,
     write_plain_ply,
 )
 from clrender.flatten.curves import strand_radii
@@ -101,30 +112,31 @@ class ShapeWriter:
 
     def _instances(self) -> list[Element]:
         scene, written = self._target.scene, []
-        ids: dict[str, str] = {}
+        ids: dict[tuple[str, bool], str] = {}
         for index, instance in scene.instances():
             name = instance.group
-            if name not in ids:
-                shapes = enumerate(scene.groups[name].shapes)
-                inside = [
-                    self._shape(("groups", name, "shapes", i), shape, grouped=True)
-                    for i, shape in shapes
-                    if not emits(scene, shape)
-                ]
-                ids[name] = self._target.id("group", name) if inside else ""
-                if inside:
-                    written.append(element("shape", *inside, type="shapegroup", id=ids[name]))
-            if not ids[name]:
-                continue
+            mapped = any(maps_normals(scene, shape) for shape in scene.groups[name].shapes)
             for each in placements(scene, index):
-                placed = transform(np.concatenate([each, [[0.0, 0.0, 0.0, 1.0]]]))
-                written.append(element("shape", element("ref", id=ids[name]), placed, type="instance"))
+                key = name, mapped and mirrors(name, each)  # green of normal maps is another there
+                if key not in ids:
+                    shapes = enumerate(scene.groups[name].shapes)
+                    inside = [
+                        self._shape(("groups", name, "shapes", i), shape, of_group=key[1])
+                        for i, shape in shapes
+                        if not emits(scene, shape)
+                    ]
+                    ids[key] = self._target.id("group", name) if inside else ""
+                    if inside:
+                        written.append(element("shape", *inside, type="shapegroup", id=ids[key]))
+                if ids[key]:
+                    placed = transform(np.concatenate([each, [[0.0, 0.0, 0.0, 1.0]]]))
+                    written.append(element("shape", element("ref", id=ids[key]), placed, type="instance"))
         return written
 
     # --- surfaces
 
-    def _surface(self, at: At, shape: AnyShape, grouped: bool = False) -> list[Element]:
-        """Material, emission and media."""
+    def _surface(self, at: At, shape: AnyShape, turned: bool, grouped: bool = False) -> list[Element]:
+        """Material, emission and media; for `turned` see `turns_green`."""
         scene = self._target.scene
         made: list[Element] = []
         through = passes(scene, shape)
@@ -141,7 +153,7 @@ class ShapeWriter:
         else:
             material = None if shape.material is None else scene.materials[shape.material]
             ranked = getattr(material, "priority", None) is not None
-            made.append(self._materials.reference(shape.material, index if ranked else None))
+            made.append(self._materials.reference(shape.material, index if ranked else None, turned))
         if emits(scene, shape):
             color, where, factor = radiance_of(scene, at, shape)
             factor *= self._shining_share(at, shape)
@@ -172,13 +184,14 @@ class ShapeWriter:
 
     # --- kinds
 
-    def _shape(self, at: At, shape: AnyShape, grouped: bool = False) -> Element:
+    def _shape(self, at: At, shape: AnyShape, of_group: bool | None = None) -> Element:
+        """A shape, in a group if `of_group` is not None: whether its instances mirror it."""
         named = {} if shape.name is None else {"id": self._target.id("shape", shape.name)}
         matrix = matrix_of(shape)
         textured = texture_set(self._target, at, shape)
         flip = shape.flip_normals
         # The order of corners in space decides there about the front, or of meshes with normals about media
-        mirrors = determinant(matrix[:3, :3]) < 0.0
+        reflected = determinant(matrix[:3, :3]) < 0.0
         if isinstance(shape, Sphere):
             local = np.diag([shape.radius, shape.radius, shape.radius, 1.0])
             local[:3, 3] = shape.center
@@ -189,33 +202,38 @@ class ShapeWriter:
             kind, inside = _CURVES[shape.basis], self._strands(at, shape, matrix)
         elif isinstance(shape, Disk) and textured is None:
             kind, inside = "disk", [transform(product(matrix, disk_frame(shape)))]
-        elif isinstance(shape, Quad):
+        elif isinstance(shape, Quad) and not (reflected and textured is not None):  # with bump maps those are black
             kind, inside = "rectangle", [transform(product(matrix, _quad_frame(shape)))]
         elif isinstance(shape, Box) and textured is None:
             local = np.diag([*(np.array(shape.size) / 2.0), 1.0])
             local[:3, 3] = shape.center
-            kind, inside = "cube", [transform(product(product(matrix, local), MIRROR if mirrors else np.eye(4)))]
+            kind, inside = "cube", [transform(product(product(matrix, local), MIRROR if reflected else np.eye(4)))]
         else:
             if isinstance(shape, Curves):
                 tell_of_curves(self._target, shape, at)
             if isinstance(shape, Disk):
                 self._target.leave_out(f"the roundness of disks with textures, which have {DISK_EDGES} edges", *at)
             mesh = triangles_of(self._target.scene, at, shape)
-            if mirrors:
+            if reflected:
                 mesh, matrix = mirrored(mesh), product(matrix, MIRROR)
             kind, inside = "ply", self._file(shape.type, mesh, textured)
             if not (matrix == np.eye(4)).all():
                 inside.append(transform(matrix))
         if flip:
             inside.append(value("boolean", "flip_normals", True))
-        return element("shape", *inside, *self._surface(at, shape, grouped), type=kind, **named)
+        turned = False
+        if maps_normals(self._target.scene, shape):
+            turned = turns_green(self._target, at, shape, world_mesh(self._target.scene, at, shape)) != bool(of_group)
+        surface = self._surface(at, shape, turned, grouped=of_group is not None)
+        return element("shape", *inside, *surface, type=kind, **named)
 
     def _merged(self, shapes: Sequence[tuple[At, AnyShape]]) -> Element:
         """Flat shapes of one surface as one mesh in world space."""
         at, first = shapes[0]
         whole = merged(self._target.scene, shapes)
+        turned = maps_normals(self._target.scene, first) and turns_green(self._target, at, first, whole)
         inside = self._file(first.material or "flat", whole, texture_set(self._target, at, first))
-        return element("shape", *inside, *self._surface(at, first), type="ply")
+        return element("shape", *inside, *self._surface(at, first, turned), type="ply")
 
     def _strands(self, at: At, shape: Curves, matrix: _Floats) -> list[Element]:
         """A file of curves after their transform, which in Mitsuba would not scale radii."""

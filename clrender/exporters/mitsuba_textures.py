@@ -71,9 +71,9 @@ class TextureWriter:
             return self._texture(name, given, at, True, 1.0, curve)
         return value("float", name, given if curve is None else float(curve(np.array(given, np.float64))))
 
-    def normal_map(self, given: NormalMap, at: tuple[str | int, ...]) -> Element:
-        """A map of normals, with the middle value at 0.5."""
-        picture, curve = normal_picture(given)
+    def normal_map(self, given: NormalMap, at: tuple[str | int, ...], signs: tuple[float, float]) -> Element:
+        """A map of normals, with the middle value at 0.5; for `signs` see `normal_picture`."""
+        picture, curve = normal_picture(given, signs)
         return self._texture("normalmap", picture, at, False, 1.0, curve)
 
     def bump_map(self, given: BumpMap, at: tuple[str | int, ...]) -> Element:

@@ -27,6 +27,7 @@ from clrender.wording import place
 __all__ = [
     "Bitmap",
     "Curve",
+    "Inverted",
     "PictureFiles",
     "Squares",
     "height_picture",
@@ -38,6 +39,24 @@ __all__ = [
 _Floats: TypeAlias = NDArray[np.float64]
 Curve: TypeAlias = Callable[[NDArray[np.floating]], NDArray[np.floating]]
 """What is done to texels."""
+
+
+@dataclass(frozen=True)
+class Inverted:
+    """A curve: 1 minus some of the channels of a colour, which pictures of 8 bits have exactly.
+
+    Attributes
+    ----------
+    channels : tuple of int
+    """
+
+    channels: tuple[int, ...]
+
+    def __call__(self, pixels: NDArray[np.floating]) -> NDArray[np.floating]:
+        """The texels."""
+        made = np.array(pixels)
+        made[..., self.channels] = 1 - made[..., self.channels]
+        return made
 
 
 @dataclass(frozen=True)
@@ -151,6 +170,8 @@ class PictureFiles:
             if plain and picture.coding == "unorm8" and picture.channels > 1 and channel not in (None, "luminance"):
                 return self._channel(given.texture, channel, picture), not srgb or channel == "a"
             stem = Path(given.texture).stem or given.texture
+            if isinstance(curve, Inverted) and picture.coding == "unorm8" and not srgb and channel is None:
+                return self._inverted(stem, curve, picture), True
             pixels = _values(picture, srgb, channel)
         pixels = pixels * np.asarray(np.array(given.scale)[: 1 if number else 3] * factor, np.float32)
         return self.made(stem, np.asarray(pixels if curve is None else curve(pixels), np.float32)), True
@@ -171,29 +192,52 @@ class PictureFiles:
 
     def _channel(self, name: str, channel: str, picture: Picture) -> str:
         """One channel of 8 bits as a grey picture of the same numbers."""
+        grey = np.concatenate([band[..., "rgba".index(channel)] for band in picture.bands()])
+        return self._of_bytes(f"{Path(name).stem or name}-{channel}", grey)
+
+    def _inverted(self, stem: str, curve: Inverted, picture: Picture) -> str:
+        """A picture of 8 bits with some of its channels inverted."""
+        bands = [np.broadcast_to(band, (*band.shape[:2], max(3, band.shape[2])))[..., :3] for band in picture.bands()]
+        pixels = np.concatenate(bands)
+        pixels[..., curve.channels] = 255 - pixels[..., curve.channels]
+        return self._of_bytes(f"{stem}-inverted", pixels)
+
+    def _of_bytes(self, stem: str, pixels: NDArray[np.uint8]) -> str:
+        """The name of a new picture of 8 bits, (H, W) or (H, W, 3)."""
         from PIL import Image
 
-        grey = np.concatenate([band[..., "rgba".index(channel)] for band in picture.bands()])
-        digest = hashlib.sha256(json.dumps(grey.shape).encode() + grey.tobytes()).hexdigest()
+        digest = hashlib.sha256(json.dumps(pixels.shape).encode() + pixels.tobytes()).hexdigest()
 
         def write(into: IO[bytes]) -> None:
-            Image.fromarray(grey).save(into, "png")
+            Image.fromarray(pixels).save(into, "png")
 
-        stem = f"{Path(name).stem or name}-{channel}"
         return self._target.files.add(self._target.folder, stem, ".png", digest, write)
 
 
-def normal_picture(given: NormalMap) -> tuple[ImageTexture, Curve | None]:
-    """A normal map as a picture whose middle value is 0.5, and what is done to its texels."""
+def normal_picture(given: NormalMap, signs: tuple[float, float] = (1.0, 1.0)) -> tuple[ImageTexture, Curve | None]:
+    """A normal map as a picture whose middle value is 0.5, and what is done to its texels.
+
+    Parameters
+    ----------
+    given : NormalMap
+    signs : two floats
+        Factors, 1 or -1, for red and green.
+    """
+    scales = given.scale * np.array(signs)
 
     def steeper(pixels: NDArray[np.floating]) -> NDArray[np.floating]:
         made = pixels.copy()
-        made[..., :2] = (pixels[..., :2] - 0.5) * given.scale + 0.5
+        made[..., :2] = (pixels[..., :2] - 0.5) * scales.astype(pixels.dtype) + 0.5
         return made
+
+    curve: Curve | None = steeper
+    if (np.abs(scales) == 1.0).all():
+        against = tuple(np.flatnonzero(scales < 0.0).tolist())
+        curve = Inverted(against) if against else None
 
     picture = ImageTexture(texture=given.texture, color_space="linear", wrap=given.wrap, filter=given.filter)
     picture = picture.with_checked(uv_set=given.uv_set, transform=given.transform)
-    return picture, None if given.scale == 1.0 else steeper
+    return picture, curve
 
 
 def height_picture(given: BumpMap) -> ImageTexture:

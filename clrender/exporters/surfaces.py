@@ -13,6 +13,7 @@ from clrender.flatten.measured import measured_color
 from clrender.flatten.media import absorption_coefficients
 from clrender.flatten.subsurface import single_scattering
 from clrender.flatten.tubes import AROUND
+from clrender.meshes.data import MeshData
 from clrender.scene import Curves, Disk, Mesh, Scene, Sphere
 from clrender.scene.materials import (
     SMOOTH_BELOW,
@@ -24,6 +25,7 @@ from clrender.scene.materials import (
     Measured,
     Principled,
     Subsurface,
+    material_parts,
 )
 from clrender.scene.medium import Grids
 from clrender.scene.shapes import AnyShape
@@ -42,6 +44,7 @@ __all__ = [
     "is_boundary",
     "is_brushed",
     "is_rough",
+    "maps_normals",
     "passes",
     "radiance_of",
     "tell_of_film",
@@ -50,6 +53,7 @@ __all__ = [
     "tell_of_meshes",
     "tell_of_round",
     "texture_set",
+    "turns_green",
     "without_measured",
 ]
 
@@ -197,6 +201,35 @@ def texture_set(target: Target, at: At, shape: AnyShape) -> int | None:
     if len(sets) > 1:
         target.leave_out("the second set of texture coordinates, where both are used", *at)
     return sets[0] if sets else None
+
+
+def maps_normals(scene: Scene, shape: AnyShape) -> bool:
+    """Whether a shape's material has normal maps."""
+    return any(getattr(part, "normal_map", None) for part in material_parts(scene.materials, shape.material))
+
+
+def turns_green(target: Target, at: At, shape: AnyShape, mesh: MeshData) -> bool:
+    """Whether green of normal maps points against front × red, where most programs look for it.
+
+    Parameters
+    ----------
+    target : Target
+    at : tuple of str or int
+        Place of the shape.
+    shape : AnyShape
+        One with normal maps.
+    mesh : MeshData
+        Its triangles, counter-clockwise seen from the front.
+    """
+    uvs = mesh.uvs if texture_set(target, at, shape) == 0 else mesh.uvs_1
+    assert uvs is not None  # which normal maps need
+    u, v = np.moveaxis(uvs[:, 1:] - uvs[:, :1], 2, 0).astype(np.float64)
+    areas = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    forward, backward = int(np.count_nonzero(areas > 0.0)), int(np.count_nonzero(areas < 0.0))
+    if forward and backward:
+        sentence = "normal maps where a part of the texture coordinates is mirrored: green is that of most triangles"
+        target.leave_out(sentence, *at)
+    return backward > forward
 
 
 def tell_of_meshes(target: Target, at: At, shape: AnyShape) -> None:

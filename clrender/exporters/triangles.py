@@ -220,14 +220,13 @@ def merged(scene: Scene, shapes: Sequence[tuple[At, AnyShape]]) -> MeshData:
     """Flat shapes as one mesh, after their transforms."""
     vertices, triangles, uvs, count = [], [], [], 0
     for at, shape in shapes:
-        mesh = triangles_of(scene, at, shape)
-        points, corners = world(shape, mesh)
-        vertices.append(points)
-        triangles.append(corners + count)
+        mesh = world_mesh(scene, at, shape)
+        vertices.append(mesh.vertices)
+        triangles.append(mesh.triangles + count)
         uvs.append(mesh.uvs)
-        count += len(points)
+        count += len(mesh.vertices)
     return MeshData(
-        np.concatenate(vertices).astype(np.float32),
+        np.concatenate(vertices),
         np.concatenate(triangles).astype(np.uint32),
         uvs=np.concatenate(uvs),  # type: ignore[arg-type]
     )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cases import for_each
-from export_support import BALL, CAMERA, GREY, QUAD, described, near
+from export_support import BALL, CAMERA, GREY, MIRRORED_MAPS, QUAD, described, near, texels
 from PIL import Image
 
 import clrender
@@ -301,6 +301,16 @@ def test_maps(picture: Path) -> None:
     found, one = textured(picture, {"texture": "a.png", "scale": 0.5}, "bump_map")
     grey = np.asarray(Image.open(picture / "a.png"))[..., :1] / 255.0
     assert found["scene.materials.m.bumptex"] == "picture" and near(read_image(picture / one["file"]), 0.5 * grey)
+
+
+@for_each(("shape", "turned"), MIRRORED_MAPS)
+def test_green_of_normal_maps_is_where_luxcore_looks_for_it(picture: Path, shape: dict[str, Any], turned: bool) -> None:
+    material = {**GREY, "normal_map": {"texture": "a.png"}}
+    found = written(picture, materials={"m": material}, shapes=[{**shape, "material": "m"}])
+    pixels = texels(picture / found["scene.textures.picture.file"])
+    expected = np.array(texels(picture / "a.png"))
+    expected[..., 1] = 1.0 - expected[..., 1] if turned else expected[..., 1]
+    assert near(pixels, expected)
 
 
 # --- what is left out

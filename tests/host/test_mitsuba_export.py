@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from cases import for_each
-from export_support import BALL, CAMERA, GREY, QUAD, described, near
+from export_support import BALL, CAMERA, GREY, MIRRORED_MAPS, QUAD, described, near, texels
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -186,6 +186,80 @@ def test_maps(pictures: Path) -> None:
     expected[..., :2] = (expected[..., :2] - 0.5) * 2.0 + 0.5
     assert near(values(pictures, other.normal_map), expected)
     assert other.bump_map.scale == 0.02 and other.bump_map.texture.endswith(".png")
+
+
+def relief(folder: Path) -> list[tuple[Any, ...]]:
+    """Texels of the normal maps and factors of the bump maps of each BSDF, the front before the back."""
+    found = []
+    for bsdf in xml(folder).findall("bsdf"):
+        maps = bsdf.iterfind(".//texture[@name='normalmap']/string[@name='filename']")
+        scales = bsdf.iterfind(".//bsdf[@type='bumpmap']/float[@name='scale']")
+        pixels = [texels(folder / each.get("value")) for each in maps]
+        found.append((*pixels, *(float(each.get("value")) for each in scales)))
+    return found
+
+
+@for_each(("shape", "turned"), MIRRORED_MAPS)
+def test_green_of_normal_maps_is_where_mitsuba_looks_for_it(
+    pictures: Path, shape: dict[str, Any], turned: bool
+) -> None:
+    pixels = texels(pictures / "a.png")
+    wide = {"texture": "a.png", "scale": 2.0}
+    for given, factor in (({"texture": "a.png"}, 1.0), (wide, 2.0)):
+        maps = {"normal_map": given, "bump_map": {"texture": "grey.png", "scale": 0.5}}
+        scene = described(materials={"m": {**GREY, **maps}}, shapes=[{**shape, "material": "m"}])
+        _, notes = written(scene, pictures)
+        ((front, back, *scales),) = relief(pictures)
+        assert scales == [0.5, -0.5] and notes == ()
+        signs = factor * np.array([1.0, -1.0 if turned else 1.0])
+        expected = np.array(pixels)
+        expected[..., :2] = (pixels[..., :2] - 0.5) * signs + 0.5
+        assert near(front, expected)
+        # Behind, the same surface; Mitsuba mirrors the front
+        expected[..., :2] = 1.0 - expected[..., :2]
+        assert near(back, expected)
+
+
+def test_green_of_normal_maps_in_mirrored_instances(pictures: Path) -> None:
+    maps = {"normal_map": {"texture": "a.png"}, "two_sided": False}
+    scene = described(
+        materials={"m": {**GREY, **maps}},
+        groups={"g": {"shapes": [{**QUAD, "material": "m"}]}},
+        shapes=[{"type": "instance", "group": "g", "transform": {"scale": [sign, 1.0, 1.0]}} for sign in (1.0, -1.0)],
+    )
+    _, notes = written(scene, pictures)
+    (one,), (other,) = relief(pictures)
+    assert near(other[..., 1], 1.0 - one[..., 1]) and near(other[..., 0], one[..., 0]) and notes == ()
+    assert [each.get("type") for each in xml(pictures).findall("shape")] == ["shapegroup", "instance"] * 2
+
+
+def test_normal_maps_where_some_texture_coordinates_are_mirrored(pictures: Path) -> None:
+    points, faces = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0]], [[0, 1, 2], [0, 2, 3], [1, 4, 2]]
+    uvs = [[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]
+    mesh = {"type": "mesh", "vertices": points, "faces": faces, "uvs": uvs, "material": "m"}
+    scene = described(materials={"m": {**GREY, "normal_map": {"texture": "a.png"}}}, shapes=[mesh])
+    _, notes = written(scene, pictures)
+    assert len(notes) == 1 and "a part of the texture coordinates is mirrored" in notes[0] and "shapes[0]" in notes[0]
+
+
+@for_each("more", [{"flip_normals": True}, {"transform": {"scale": [-1.0, 1.0, 1.0]}}])
+def test_textures_of_merged_shapes_stay(pictures: Path, more: dict[str, Any]) -> None:
+    scene = described(
+        materials={"m": {**GREY, "reflectance": {"texture": "a.png"}}}, shapes=[{**QUAD, "material": "m", **more}]
+    )
+    again, _ = written(scene, pictures, merge=True)
+    mesh = again.mesh(0)
+    of_corners = {
+        tuple(np.round(point, 5)): tuple(uv) for point, uv in zip(corners(mesh), mesh.uvs.reshape(-1, 2), strict=True)
+    }
+    whole = world_mesh(scene, ("shapes", 0), scene.shapes[0])
+    assert whole.uvs is not None
+    for point, uv in zip(corners(whole), whole.uvs.reshape(-1, 2), strict=True):
+        assert of_corners[tuple(np.round(point, 5))] == tuple(uv)
+
+
+def corners(mesh: MeshData) -> NDArray[np.floating]:
+    return mesh.vertices[mesh.triangles].reshape(-1, 3)
 
 
 def test_vertices_are_split_where_textures_are_cut(pictures: Path) -> None:
