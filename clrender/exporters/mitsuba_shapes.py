@@ -48,7 +48,7 @@ from clrender.flatten.emission import emits
 from clrender.meshes.data import MeshData
 from clrender.scene import Curves, Disk, Mesh, Sphere
 from clrender.scene.groups import Instance
-from clrender.scene.materials import material_parts
+from clrender.scene.materials import Hair, material_parts
 from clrender.scene.resting import placements
 from clrender.scene.shapes import AnyShape, Box, Quad
 from clrender.scene.textures import Texture
@@ -162,7 +162,7 @@ class ShapeWriter:
             inside = self._media.inside(shape)
             made += [] if inside is None else [element("ref", name="interior", id=inside)]
             made += [] if around is None else [element("ref", name="exterior", id=around)]
-        self._tell(at, shape)
+        self._tell(at, shape, grouped)
         return made
 
     def _shining_share(self, at: At, shape: AnyShape) -> float:
@@ -175,12 +175,23 @@ class ShapeWriter:
             return 1.0
         return material.opacity if material.opacity_cutoff is None else 0.0
 
-    def _tell(self, at: At, shape: AnyShape) -> None:
+    def _tell(self, at: At, shape: AnyShape, grouped: bool) -> None:
         """Note what Mitsuba's shapes lack."""
         tell_of_meshes(self._target, at, shape)
         parts = material_parts(self._target.scene.materials, shape.material)
-        if not isinstance(shape, Sphere) and any(is_brushed(each) for each in parts):
+        if not any(is_brushed(each) for each in parts):
+            return
+        if not isinstance(shape, Sphere):
             self._target.leave_out("the direction of anisotropy on shapes other than spheres", *at)
+        elif any(_turns_poles(product(each, matrix_of(shape))) for each in self._outer(at, grouped)):
+            self._target.leave_out("the direction of anisotropy on spheres whose y axis is turned", *at)
+
+    def _outer(self, at: At, grouped: bool) -> Sequence[_Floats]:
+        """Maps of a shape after its transform: (3, 4) those of its group's instances, or the identity."""
+        if not grouped:
+            return [np.eye(4)]
+        own = (index for index, each in self._target.scene.instances() if each.group == at[1])
+        return [each for index in own for each in placements(self._target.scene, index)]
 
     # --- kinds
 
@@ -198,7 +209,7 @@ class ShapeWriter:
             whole = product(matrix, product(local, _POLES))
             flip = flip != (determinant(whole[:3, :3]) < 0.0)  # mirroring turns Mitsuba's spheres inside out
             kind, inside = "sphere", [transform(whole)]
-        elif isinstance(shape, Curves) and shape.profile == "round" and shape.basis in _CURVES:
+        elif isinstance(shape, Curves) and self._round(shape, textured is not None):
             kind, inside = _CURVES[shape.basis], self._strands(at, shape, matrix)
         elif isinstance(shape, Disk) and textured is None:
             kind, inside = "disk", [transform(product(matrix, disk_frame(shape)))]
@@ -235,6 +246,12 @@ class ShapeWriter:
         inside = self._file(first.material or "flat", whole, texture_set(self._target, at, first))
         return element("shape", *inside, *self._surface(at, first, turned), type="ply")
 
+    def _round(self, shape: Curves, textured: bool) -> bool:
+        """Whether curves are Mitsuba's. Textures of those run along all strands of a file, as if they were one."""
+        if textured and not isinstance(self._target.scene.materials.get(shape.material or ""), Hair):
+            return False
+        return shape.profile == "round" and shape.basis in _CURVES
+
     def _strands(self, at: At, shape: Curves, matrix: _Floats) -> list[Element]:
         """A file of curves after their transform, which in Mitsuba would not scale radii."""
         strands = self._target.scene.strands(at, shape)
@@ -261,6 +278,12 @@ def _write_strands(file: IO[bytes], rows: _Floats, counts: NDArray[np.int64]) ->
     ends = set(np.cumsum(counts).tolist())
     for number, row in enumerate(rows.tolist(), start=1):
         file.write((" ".join(map(repr, row)) + ("\n\n" if number in ends else "\n")).encode())
+
+
+def _turns_poles(matrix: _Floats) -> bool:
+    """Whether a map has the y axis point elsewhere than along itself: around that, anisotropy lies here."""
+    axis = matrix[:3, 1]
+    return bool(np.abs(axis[[0, 2]]).max() > 1e-6 * abs(axis[1]))
 
 
 def _quad_frame(shape: Quad) -> _Floats:

@@ -270,6 +270,17 @@ def test_exporters_tell_of_curves() -> None:
     assert any("roundness of curves" in note for note in exported_to_cycles(scene, "f").notes)
 
 
+@for_each(("material", "kind"), [("lambert", "ply"), ("hair", "bsplinecurve")])
+def test_textures_along_curves_of_mitsuba(material: str, kind: str) -> None:
+    """Mitsuba's run along all strands of a file, so that they are triangles."""
+    reflectance = {"ramp": [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]}
+    scene = clrender.Scene(
+        materials={"m": {"type": material, "reflectance": reflectance}}, **described(material="m", basis="bspline")
+    )
+    export = exported_to_mitsuba(scene, "files")
+    assert f'<shape type="{kind}"'.encode() in export.text
+
+
 def test_tubes_are_closed_and_as_large_as_strands() -> None:
     shape = scene_of(points=[[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 2.0, 0.0]], basis="linear", radius=0.1).shapes[0]
     assert isinstance(shape, Curves)

@@ -381,6 +381,27 @@ def test_anisotropy(tmp_path: Path) -> None:
             assert near((found["alpha_u"], found["alpha_v"]), (least, most) if turned else (most, least))
 
 
+@for_each(
+    ("degrees", "outer", "told"),
+    [
+        ([0.0, 40.0, 0.0], None, False),
+        ([180.0, 0.0, 0.0], None, False),
+        ([30.0, 0.0, 0.0], None, True),
+        ([30.0, 0.0, 0.0], [-30.0, 0.0, 0.0], False),
+        ([0.0, 0.0, 0.0], [0.0, 0.0, 20.0], True),
+    ],
+)
+def test_anisotropy_of_turned_spheres(tmp_path: Path, degrees: list[float], outer: Any, told: bool) -> None:
+    metal = {"type": "conductor", "metal": "Cu", "roughness": 0.3, "anisotropy": 0.5, "multiple_scattering": False}
+    shapes: list[dict[str, Any]] = [{**BALL, "material": "x", "transform": {"rotate_degrees": degrees}}]
+    groups = {}
+    if outer is not None:
+        groups = {"g": {"shapes": shapes}}
+        shapes = [{"type": "instance", "group": "g", "transform": {"rotate_degrees": outer}}]
+    _, notes = written(described(materials={"x": metal}, groups=groups, shapes=shapes), tmp_path)
+    assert any("whose y axis is turned" in each for each in notes) == told
+
+
 @pytest.mark.parametrize("roughness", [0.0, 1e-170])
 def test_smooth_metals_have_no_direction(tmp_path: Path, roughness: float) -> None:
     made = {"type": "conductor", "f0": [0.9, 0.6, 0.3], "roughness": roughness, "anisotropy": 0.9}
