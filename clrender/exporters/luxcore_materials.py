@@ -38,6 +38,7 @@ from clrender.scene.materials import (
     OrenNayar,
     Principled,
     Subsurface,
+    material_parts,
 )
 from clrender.scene.shapes import AnyShape
 from clrender.scene.textures import ImageTexture, Texture
@@ -78,6 +79,8 @@ class MaterialWriter:
         if key not in self._names:
             more: Properties = {}
             if emits(scene, shape):
+                if any(map(_is_thin_glass, material_parts(scene.materials, shape.material))):
+                    self._target.leave_out("most of the light that thin glass emits", *at)
                 more |= {"emission": self._textures.color(*radiance_of(scene, at, shape)), "emission.power": 0.0}
                 more |= {"emission.efficency": 0.0, "emission.gain": [1.0] * 3}
             if through:
@@ -304,3 +307,9 @@ class MaterialWriter:
         else:
             tint = self._textures.color(color, (*at, "specular_color"), specular)
         return {"type": "glossy2", "kd": base, "ks": tint, "index": material.ior, **self._roughness(material, at)}
+
+
+def _is_thin_glass(material: Material) -> bool:
+    """Whether it is LuxCore's ``archglass``, or a mixture with it."""
+    glass = isinstance(material, Dielectric) or getattr(material, "transmission", 0.0) != 0.0
+    return glass and bool(getattr(material, "thin", False))

@@ -324,6 +324,13 @@ def test_green_of_normal_maps_is_where_luxcore_looks_for_it(picture: Path, shape
         ("the roundness of disks", {"shapes": [{"type": "disk", "normal": [0.0, 1.0, 0.0], "radius": 1.0}]}),
         ("oren_nayar", {"materials": {"m": {"type": "oren_nayar", "reflectance": [0.5] * 3}}}),
         ("sheen", {"materials": {"m": {"type": "principled", "sheen_color": [1.0] * 3}}}),
+        (
+            "most of the light that thin glass emits",
+            {
+                "materials": {"m": {"type": "dielectric", "ior": 1.5, "thin": True}},
+                "shapes": [{**QUAD, "material": "m", "emission": [1.0] * 3}],
+            },
+        ),
         ("grazing angles", {"materials": {"m": METAL}}),
         ("thin films", {"materials": {"m": {**METAL, "iridescence": 1.0}}}),
         ("the exposure", {"camera": {**CAMERA, "f_stop": 8.0, "shutter": 0.01}}),
