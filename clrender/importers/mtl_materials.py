@@ -76,11 +76,7 @@ class _Converter:
             if key not in _READ:
                 self._tell(f"{self._source.label}: {quoted(key)} of materials is not read")
         material = self._body()
-        solid = (material["type"] in ("dielectric", "principled")) and (
-            material["type"] == "dielectric" or material.get("transmission", 0.0) != 0.0
-        )
-        if not solid:
-            self._add_opacity(material)
+        self._add_opacity(material)
         for key in ("bump", "norm"):
             picture = self._source.picture(key)
             found = None if picture is None else self._pictures.relief(picture, key == "norm")
@@ -194,6 +190,9 @@ class _Converter:
 
     def _glass(self, filtered: _Color) -> dict[str, Any]:
         """Glass: thin for illum 4 and 9, which do not refract; else solid."""
+        for key in ("map_kd", "map_ks"):
+            if key in self._source:
+                self._note(f"has a picture of {key[4:].capitalize()}, which is not read of glass: left out")
         table: dict[str, Any] = {"ior": self._index(1.5), "roughness": 0.0}
         if self._illum in (4, 9):
             table["thin"] = True
@@ -228,11 +227,20 @@ class _Converter:
         return self._pictures.share(picture, value, "r") or value
 
     def _add_opacity(self, material: dict[str, Any]) -> None:
-        """Add opacity: d times the alpha of its image, if that is the image of Kd, else times its luminance."""
+        """Add opacity: d times the alpha of its image, if that is the image of Kd, else times its luminance.
+
+        Of glass d is the share of light that it lets through, and the image where thin glass is.
+        """
+        glass = material["type"] == "dielectric" or material.get("transmission", 0.0) != 0.0
+        if glass and not material.get("thin", False):
+            if "map_d" in self._source:
+                self._note("has a picture of d, which glass with an inside cannot have: left out")
+            return
         picture, base = self._source.picture("map_d"), self._source.picture("map_kd")
         channel = "a" if picture is not None and base is not None and picture.name == base.name else "luminance"
-        opacity = self._pictures.share(picture, self._d, channel) or self._d
-        if self._d == 0.0:
+        whole = 1.0 if glass else self._d
+        opacity = self._pictures.share(picture, whole, channel) or whole
+        if whole == 0.0:
             self._note("has d 0 and is not seen at all")
         if opacity != 1.0:
             material["opacity"] = opacity

@@ -85,13 +85,15 @@ class MtlPictures:
         table = self._table(picture)
         if table is None:
             return None
-        (strength,) = picture.numbers("-bm", (1.0,))
+        (strength,), (base, gain) = picture.numbers("-bm", (1.0,)), picture.numbers("-mm", (0.0, 1.0))
         if not normals and self._holds_normals(table["texture"]):
             self._note(f"{picture.place}: {quoted(picture.name)} holds normals, not heights: taken as a normal map")
             normals = True
         if normals:
+            if (base, gain) != (0.0, 1.0):
+                self._note(f"{picture.place}: -mm is not read of normal maps")
             return "normal_map", {**table, "scale": _bounded(strength, 100.0)}
-        scale = strength * BUMP_SHARE * self._diagonal
+        scale = strength * gain * BUMP_SHARE * self._diagonal  # the base of -mm moves all heights alike
         self._note(f"heights of bump maps have no unit: -bm 1 is {BUMP_SHARE:g} of the model's diagonal")
         table["channel"] = _CHANNELS.get(picture.word("-imfchan"), "luminance")
         return "bump_map", {**table, "scale": _bounded(scale, 1e6)}

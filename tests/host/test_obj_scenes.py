@@ -163,6 +163,21 @@ def pictures(folder: Path) -> None:
             "bump_map",
             {"texture": "grey.png", "scale": 0.02 * math.sqrt(2), "channel": "luminance"},
         ),
+        (
+            "bump -bm 2 -mm .3 1.5 grey.png",
+            "bump_map",
+            {"texture": "grey.png", "scale": 0.03 * math.sqrt(2), "channel": "luminance"},
+        ),
+        (
+            "illum 4\nd .5\nmap_d grey.png",
+            "opacity",
+            {"texture": "grey.png", "scale": (1.0, 1.0, 1.0), "channel": "luminance"},
+        ),
+        (
+            "Pr .5\nillum 4\nd .5\nmap_d grey.png",
+            "opacity",
+            {"texture": "grey.png", "scale": (1.0, 1.0, 1.0), "channel": "luminance"},
+        ),
         ("Pr .5\nmap_Pr grey.png", "roughness", {"texture": "grey.png", "scale": (0.5,) * 3, "channel": "r"}),
         ("map_Pm grey.png", "metallic", {"texture": "grey.png", "scale": (1.0,) * 3, "channel": "r"}),
         (
@@ -217,6 +232,9 @@ def test_faces_without_texture_coordinates(tmp_path: Path) -> None:
         ("mtllib m.mtl\nusemtl a\n", "newmtl a\nTf 1 0 0\n", "has Tf, which is read of glass"),
         ("mtllib m.mtl\nusemtl a\n", "newmtl a\nmap_Kd -boost 2 g.png\n", "the option -boost of pictures is not read"),
         ("mtllib m.mtl\nusemtl a\n", "newmtl a\nmap_Kd -mm .5 1 g.png\n", "the base 0.5 of -mm is not added"),
+        ("mtllib m.mtl\nusemtl a\n", "newmtl a\nnorm -mm 0 .5 g.png\n", "-mm is not read of normal maps"),
+        ("mtllib m.mtl\nusemtl a\n", "newmtl a\nillum 7\nmap_d g.png\n", "has a picture of d, which glass"),
+        ("mtllib m.mtl\nusemtl a\n", "newmtl a\nillum 7\nmap_Kd g.png\n", "has a picture of Kd, which is not read"),
         ("l 1 2\nl 2 3\n", None, '2 lines with "l", lines, not read'),
         ("curv 0 1\n", None, '1 line with "curv", curves, not read'),
         ("v 0 0 0 1 1 1\n", None, "some vertices have colours and others have none"),
