@@ -10,6 +10,7 @@ import numpy as np
 from clrender.exporters.luxcore_text import Properties
 from clrender.exporters.luxcore_textures import TextureWriter
 from clrender.exporters.surfaces import (
+    BUMP_BESIDE,
     GLOSS_OF_SHEETS,
     ONCE,
     Inside,
@@ -154,7 +155,7 @@ class MaterialWriter:
             return {}
         if material.normal_map is not None:
             if material.bump_map is not None:
-                self._target.leave_out("the bump map beside a normal map", *at, "bump_map")
+                self._target.leave_out(BUMP_BESIDE, *at, "bump_map")
             sentence = "the balance of normal maps, with which LuxCore's images are 1 to 2 % darker"
             self._target.leave_out(sentence, *at, "normal_map")
             signs = (1.0, -1.0 if self._turned else 1.0)

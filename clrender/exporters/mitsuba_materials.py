@@ -12,7 +12,15 @@ import numpy as np
 from clrender.exporters.files import write_bytes
 from clrender.exporters.mitsuba_textures import TextureWriter
 from clrender.exporters.mitsuba_xml import Element, element, spectral, value
-from clrender.exporters.surfaces import GLOSS_OF_SHEETS, ONCE, alphas_of, is_rough, tell_of_film, without_measured
+from clrender.exporters.surfaces import (
+    BUMP_BESIDE,
+    GLOSS_OF_SHEETS,
+    ONCE,
+    alphas_of,
+    is_rough,
+    tell_of_film,
+    without_measured,
+)
 from clrender.exporters.target import Target
 from clrender.flatten.hair import hair_absorption
 from clrender.flatten.measured import is_anisotropic
@@ -123,22 +131,25 @@ class MaterialWriter:
         return front
 
     def _bumpy(self, surface: Element, material: Material, at: _At, turned: bool, behind: bool = False) -> Element:
-        """A surface with its normal map and bump map."""
-        made = surface
+        """A surface with its normal map or bump map."""
         if isinstance(material, Mix | Hair):
-            return made
+            return surface
         side = -1.0 if behind else 1.0
+        if material.solid and (material.normal_map is not None or material.bump_map is not None):
+            self._target.leave_out("some light that passes glass with a normal map or bump map", *at)
         if material.normal_map is not None:
+            if material.bump_map is not None:  # Mitsuba turns the one below the other with the surface
+                self._target.leave_out(BUMP_BESIDE, *at, "bump_map")
             signs = (side, -side if turned else side)
             picture = self._textures.normal_map(material.normal_map, (*at, "normal_map"), signs)
             # Else Mitsuba models a microsurface of two facets, which clrender does not
             plain = value("boolean", "use_shadowing_function", False)
-            made = element("bsdf", picture, plain, made, type="normalmap")
+            return element("bsdf", picture, plain, surface, type="normalmap")
         if material.bump_map is not None:
             picture = self._textures.bump_map(material.bump_map, (*at, "bump_map"))
             scale = value("float", "scale", side * material.bump_map.scale)
-            made = element("bsdf", picture, scale, made, type="bumpmap")
-        return made
+            return element("bsdf", picture, scale, surface, type="bumpmap")
+        return surface
 
     def _surface(self, material: Material, at: _At, around: float | None, turned: bool) -> Element:
         if isinstance(material, Measured):

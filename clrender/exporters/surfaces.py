@@ -33,6 +33,7 @@ from clrender.scene.textures import Texture
 from clrender.scene.values import Vector
 
 __all__ = [
+    "BUMP_BESIDE",
     "GLOSS_OF_SHEETS",
     "ONCE",
     "Inside",
@@ -57,6 +58,7 @@ __all__ = [
     "without_measured",
 ]
 
+BUMP_BESIDE: Final = "the bump map beside a normal map"
 GLOSS_OF_SHEETS: Final = "the gloss of sheets with diffuse transmission"
 ONCE: Final = "multiple scattering between microfacets, so that rough surfaces are darker"
 """What most programs leave out."""

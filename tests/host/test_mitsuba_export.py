@@ -178,14 +178,24 @@ def test_ramps_end_at_the_edges(pictures: Path) -> None:
 
 
 def test_maps(pictures: Path) -> None:
-    maps = {"normal_map": {"texture": "a.exr", "scale": 2.0}, "bump_map": {"texture": "grey.png", "scale": 0.02}}
-    scene = described(materials={"m": {**GREY, **maps}}, shapes=[{**QUAD, "material": "m"}])
-    again, _ = written(scene, pictures)
-    other = again.materials["m"]
+    maps = {"normal_map": {"texture": "a.exr", "scale": 2.0}}
+    heights = {"bump_map": {"texture": "grey.png", "scale": 0.02}}
+    scene = described(
+        materials={"m": {**GREY, **maps}, "h": {**GREY, **heights}},
+        shapes=[{**QUAD, "material": "m"}, {**QUAD, "material": "h"}],
+    )
+    again, notes = written(scene, pictures)
+    assert notes == ()
     expected = read_image(pictures / "a.exr")
     expected[..., :2] = (expected[..., :2] - 0.5) * 2.0 + 0.5
-    assert near(values(pictures, other.normal_map), expected)
+    assert near(values(pictures, again.materials["m"].normal_map), expected)
+    other = again.materials["h"]
     assert other.bump_map.scale == 0.02 and other.bump_map.texture.endswith(".png")
+    _, notes = written(described(materials={"m": {**GREY, **maps, **heights}}, shapes=scene.shapes[:1]), pictures)
+    assert len(notes) == 1 and "the bump map beside a normal map" in notes[0]
+    glass = {"type": "dielectric", "ior": 1.5, **heights}
+    _, notes = written(described(materials={"m": glass}, shapes=[{**BALL, "material": "m"}]), pictures)
+    assert len(notes) == 1 and "some light that passes glass" in notes[0]
 
 
 def relief(folder: Path) -> list[tuple[Any, ...]]:
@@ -206,11 +216,10 @@ def test_green_of_normal_maps_is_where_mitsuba_looks_for_it(
     pixels = texels(pictures / "a.png")
     wide = {"texture": "a.png", "scale": 2.0}
     for given, factor in (({"texture": "a.png"}, 1.0), (wide, 2.0)):
-        maps = {"normal_map": given, "bump_map": {"texture": "grey.png", "scale": 0.5}}
-        scene = described(materials={"m": {**GREY, **maps}}, shapes=[{**shape, "material": "m"}])
+        scene = described(materials={"m": {**GREY, "normal_map": given}}, shapes=[{**shape, "material": "m"}])
         _, notes = written(scene, pictures)
-        ((front, back, *scales),) = relief(pictures)
-        assert scales == [0.5, -0.5] and notes == ()
+        ((front, back),) = relief(pictures)
+        assert notes == ()
         signs = factor * np.array([1.0, -1.0 if turned else 1.0])
         expected = np.array(pixels)
         expected[..., :2] = (pixels[..., :2] - 0.5) * signs + 0.5
@@ -218,6 +227,12 @@ def test_green_of_normal_maps_is_where_mitsuba_looks_for_it(
         # Behind, the same surface; Mitsuba mirrors the front
         expected[..., :2] = 1.0 - expected[..., :2]
         assert near(back, expected)
+
+
+def test_bump_maps_from_behind(pictures: Path) -> None:
+    heights = {**GREY, "bump_map": {"texture": "grey.png", "scale": 0.5}}
+    _, notes = written(described(materials={"m": heights}, shapes=[{**QUAD, "material": "m"}]), pictures)
+    assert relief(pictures) == [(0.5, -0.5)] and notes == ()
 
 
 def test_green_of_normal_maps_in_mirrored_instances(pictures: Path) -> None:
