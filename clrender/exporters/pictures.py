@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from clrender.exact.angles import sin_cos_degrees
 from clrender.exact.elementary import degrees_of
-from clrender.exact.matrices import length, product
+from clrender.exact.matrices import length, product, times
 from clrender.exporters.target import Target
 from clrender.image.exr_write import write_exr
 from clrender.image.pictures import CODED_ENDINGS, Picture, open_picture
@@ -33,6 +33,7 @@ __all__ = [
     "height_picture",
     "normal_picture",
     "scale_turn_offset",
+    "turns_slopes",
     "write_picture",
 ]
 
@@ -223,18 +224,17 @@ def normal_picture(given: NormalMap, signs: tuple[float, float] = (1.0, 1.0)) ->
     signs : two floats
         Factors, 1 or -1, for red and green.
     """
-    scales = given.scale * np.array(signs)
+    slopes = given.scale * np.array(signs)[:, None] * _slopes(given.transform)
 
-    def steeper(pixels: NDArray[np.floating]) -> NDArray[np.floating]:
+    def turned(pixels: NDArray[np.floating]) -> NDArray[np.floating]:
         made = pixels.copy()
-        made[..., :2] = (pixels[..., :2] - 0.5) * scales.astype(pixels.dtype) + 0.5
+        made[..., :2] = times(slopes, pixels[..., :2] - 0.5) + 0.5
         return made
 
-    curve: Curve | None = steeper
-    if (np.abs(scales) == 1.0).all():
-        against = tuple(np.flatnonzero(scales < 0.0).tolist())
+    curve: Curve | None = turned
+    if (np.abs(slopes) == np.eye(2)).all():
+        against = tuple(np.flatnonzero(np.diag(slopes) < 0.0).tolist())
         curve = Inverted(against) if against else None
-
     picture = ImageTexture(texture=given.texture, color_space="linear", wrap=given.wrap, filter=given.filter)
     picture = picture.with_checked(uv_set=given.uv_set, transform=given.transform)
     return picture, curve
@@ -267,6 +267,23 @@ def _values(picture: Picture, srgb: bool, channel: str | None) -> NDArray[np.flo
     if channel is None:
         return np.concatenate([texel_colors(picture, band, srgb) for band in picture.bands()])
     return np.concatenate([texel_numbers(picture, band, srgb, channel) for band in picture.bands()])
+
+
+def turns_slopes(given: NormalMap) -> bool:
+    """Whether the transform of a normal map's texture coordinates turns or mirrors its slopes."""
+    return bool((_slopes(given.transform) != np.eye(2)).any())
+
+
+def _slopes(given: TextureTransform) -> _Floats:
+    """From slopes along a picture's right and upper side to those along u and v, (2, 2).
+
+    Other programs take red and green along u and v, whatever the transform of the texture coordinates.
+    """
+    (a, b), (c, d) = _plane(given)[:, :2].tolist()
+    side = -1.0 if a * d - b * c < 0.0 else 1.0
+    size = length([c, d])
+    right, up = (side * d / size, -side * c / size) if size > 0.0 else (1.0, 0.0)
+    return np.array([[right, -side * up], [up, side * right]]) + 0.0
 
 
 def _plane(given: TextureTransform) -> _Floats:

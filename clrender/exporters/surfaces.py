@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from clrender.exporters.pictures import turns_slopes
 from clrender.exporters.target import Target
 from clrender.exporters.triangles import DISK_EDGES, SPHERE_STEPS, At, texture_sets
 from clrender.flatten.measured import measured_color
@@ -228,6 +229,10 @@ def turns_green(target: Target, at: At, shape: AnyShape, mesh: MeshData) -> bool
     u, v = np.moveaxis(uvs[:, 1:] - uvs[:, :1], 2, 0).astype(np.float64)
     areas = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
     forward, backward = int(np.count_nonzero(areas > 0.0)), int(np.count_nonzero(areas < 0.0))
+    maps = (getattr(part, "normal_map", None) for part in material_parts(target.scene.materials, shape.material))
+    turned = any(each is not None and turns_slopes(each) for each in maps)
+    if turned and isinstance(shape, Mesh) and target.scene.mesh_of(at, shape).tangents is not None:
+        target.leave_out("tangents of meshes with normal maps that are turned, which turn with the picture", *at)
     if forward and backward:
         sentence = "normal maps where a part of the texture coordinates is mirrored: green is that of most triangles"
         target.leave_out(sentence, *at)

@@ -229,6 +229,23 @@ def test_green_of_normal_maps_is_where_mitsuba_looks_for_it(
         assert near(back, expected)
 
 
+@for_each(
+    ("transform", "red", "green"),
+    [({"rotate_degrees": 90.0}, 2, -1), ({"scale": [-2.0, 3.0]}, -1, 2), ({"scale": [2.0, -3.0]}, 1, -2)],
+)
+def test_slopes_of_normal_maps_turn_with_the_picture(
+    pictures: Path, transform: dict[str, Any], red: int, green: int
+) -> None:
+    """The channel, counted from 1, that red and green become; below 0 inverted."""
+    given = {"texture": "a.png", "transform": transform}
+    written(described(materials={"m": {**GREY, "normal_map": given}}, shapes=[{**QUAD, "material": "m"}]), pictures)
+    ((front, _),) = relief(pictures)
+    pixels = texels(pictures / "a.png")
+    for made, channel in ((0, red), (1, green)):
+        plain = pixels[..., abs(channel) - 1]
+        assert near(front[..., made], plain if channel > 0 else 1.0 - plain)
+
+
 def test_bump_maps_from_behind(pictures: Path) -> None:
     heights = {**GREY, "bump_map": {"texture": "grey.png", "scale": 0.5}}
     _, notes = written(described(materials={"m": heights}, shapes=[{**QUAD, "material": "m"}]), pictures)
