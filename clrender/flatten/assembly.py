@@ -92,6 +92,11 @@ class Assembly:
     deformations: Mapping[int, Deformation] = field(default_factory=dict)
 
     @property
+    def forms(self) -> dict[int, Deformation]:
+        """Of meshes that change their form: how, by their index in `scene`."""
+        return {self.groups[group].start: how for group, how in self.deformations.items()}
+
+    @property
     def at_rest(self) -> Assembly:
         """The same without what moves."""
         if not self.motions:
