@@ -147,9 +147,8 @@ def test_tangents_move_with_morph_targets_and_skins(tmp_path: Path) -> None:
     np.testing.assert_allclose(rows(scene)[0], (-1, 0, 0) * 3 + (1,), atol=1e-6)
     model.root["nodes"][1]["scale"] = [1, -1, 1]
     scene = clrender.load(model.write(tmp_path / "m.glb"))
-    # Mirrored, its triangles run the other way round: the normal is turned to -z there, and -z x (1, 0, 0) is down, as
-    # the mirrored bitangent is
-    np.testing.assert_allclose(rows(scene)[0], (1, 0, 0) * 3 + (1,), atol=1e-6)
+    # Mirrored, its front stays its front: against z x (1, 0, 0) is down, as the mirrored bitangent is
+    np.testing.assert_allclose(rows(scene)[0], (1, 0, 0) * 3 + (-1,), atol=1e-6)
 
 
 def test_unsound_tangents(tmp_path: Path) -> None:
