@@ -446,6 +446,18 @@ def test_what_is_scaled_to_zero_on_its_way_still_moves(tmp_path: Path) -> None:
         assert scene.camera.motion[-1].position == pytest.approx((4.0, 0.0, 0.0))
 
 
+def test_what_grows_from_a_point_is_not_left_out(tmp_path: Path) -> None:
+    model = Model()
+    mesh = model.quad(POSITION=[(0, 0, 0)] * 4)
+    model.root["meshes"][mesh]["primitives"][0]["targets"] = [{"POSITION": model.accessor(QUAD)}]
+    node = model.node(mesh=mesh, weights=[0.0])
+    model.node(mesh=model.quad())
+    animated(model, node, "weights", [0.0, 1.0], [0, 1])
+    scene = loaded(tmp_path, model, shutter=(0.0, 1.0))
+    assert flatten(scene, 8, 8).triangle_count == 4 and not any("area" in note for note in scene.notes)
+    assert any("no triangle with an area" in note for note in loaded(tmp_path, model, time_at=0.0).notes)
+
+
 def test_what_becomes_its_mirror_image_on_its_way_rests_and_it_is_said(tmp_path: Path) -> None:
     model = Model()
     node = model.node(mesh=model.quad(), scale=[1, 1, 1])

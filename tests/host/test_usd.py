@@ -199,7 +199,12 @@ def test_subsets_do_not_crease_what_is_smooth(load_stage: Load) -> None:
         rel material:binding = </N>
     }
     """
-    more = {"counts": (4, 4), "indices": (0, 1, 2, 3, 1, 4, 5, 2), "points": points, "scheme": "catmullClark"}
+    more: dict[str, Any] = {
+        "counts": (4, 4),
+        "indices": (0, 1, 2, 3, 1, 4, 5, 2),
+        "points": points,
+        "scheme": "catmullClark",
+    }
     other = surface("").replace("/M", "/N").replace('"M"', '"N"')
     whole = load_stage(mesh(**more)).mesh(0)
     parted = load_stage(surface("") + other + mesh(subset, **more))

@@ -17,6 +17,7 @@ from usd_files import BOUND, QUAD, Load, light_of, load_stage, mesh, refusal, sh
 import clrender
 from clrender.errors import SceneError
 from clrender.flatten.bounds import scene_bounds
+from clrender.flatten.flat_scene import flatten
 from clrender.image.files import write_image
 from clrender.scene import Scene
 from clrender.scene.portable import scene_from_portable, scene_to_portable
@@ -320,6 +321,20 @@ def test_what_is_scaled_to_zero_on_its_way_still_moves(load_stage: Load) -> None
             first, *_, last = (np.array(key.matrix) for key in shape_of(scene, number).motion)
             np.testing.assert_array_equal(first, np.eye(4))
             assert last[0, 3] == 5.0 and 0.0 < last[0, 0] < 1e-3
+
+
+def test_what_is_hidden_at_the_time_of_the_image_grows(load_stage: Load) -> None:
+    """A mesh whose points are one point then, and a light that is as bright as at its largest."""
+    shutter: dict[str, Any] = {"head": _HEAD, "time_at": 1.0, "shutter": (0.0, 1.0)}
+    samples = f"point3f[] points.timeSamples = {{ 10: [{', '.join(['(0, 0, 0)'] * 4)}], 20: [{QUAD}] }}"
+    grown = load_stage(mesh().replace(f"point3f[] points = [{QUAD}]", samples), **shutter)
+    assert len(shape_of(grown).poses) == 9 and flatten(grown, 8, 8).triangle_count == 2
+    scaled = "float3 xformOp:scale.timeSamples = { 10: (0, 0, 0), 20: (2, 2, 2) }\n"
+    order = 'uniform token[] xformOpOrder = ["xformOp:scale"]'
+    light = f'def RectLight "l" {{\nbool inputs:normalize = 1\n{scaled}{order}\n}}'
+    scene = load_stage(mesh() + light, **shutter)
+    assert shape_of(scene, 1).emission == pytest.approx((0.25,) * 3)
+    assert any("as bright as at its largest" in note for note in scene.notes)
 
 
 def test_normals_follow_while_the_shutter_is_open(load_stage: Load) -> None:

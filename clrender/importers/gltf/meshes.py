@@ -65,7 +65,9 @@ class Meshes:
         self._document, self._accessors, self._materials = document, accessors, materials
         self._made: dict[tuple[Any, ...], Part | None] = {}
 
-    def parts(self, index: int, weights: list[float], joints: list[Matrix] | None, node: int) -> list[Part]:
+    def parts(
+        self, index: int, weights: list[float], joints: list[Matrix] | None, node: int, *, deforms: bool = False
+    ) -> list[Part]:
         """The meshes of a mesh's primitives.
 
         Parameters
@@ -78,6 +80,8 @@ class Meshes:
             Joint transforms of the node's skin; the meshes are then in world space.
         node : int
             Index of the node that has the mesh.
+        deforms : bool
+            Whether it has other forms, so that it may be without area in this one.
 
         Raises
         ------
@@ -87,12 +91,12 @@ class Meshes:
         found: list[Part] = []
         for number, primitive in enumerate(self._document.items("meshes")[index]["primitives"]):
             own: tuple[Any, ...] = (node,) if joints else tuple(weights) if any(weights) else ()
-            key = (index, number, *own)
+            key = (index, number, deforms, *own)
             if key not in self._made:
                 name = at = f"/meshes/{index}/primitives/{number}"
                 if own:
                     name += f" of /nodes/{node}"
-                self._made[key] = self._part(primitive, at, name, number, weights, joints)
+                self._made[key] = self._part(primitive, at, name, number, weights, joints, deforms)
             part = self._made[key]
             if part is not None:
                 found.append(part)
@@ -140,6 +144,7 @@ class Meshes:
         number: int,
         weights: list[float],
         joints: list[Matrix] | None,
+        deforms: bool,
     ) -> Part | None:
         mode = primitive.get("mode", 4)
         if mode < 4:
@@ -157,7 +162,7 @@ class Meshes:
             text = f"has a number in element {int(np.argmax(gaps))} that is not finite; export it again"
             self._document.leave_out(f"{at}/attributes/POSITION", text)
             triangles = triangles[~gaps[triangles].any(axis=1)]
-        if triangles is None or without_area(positions, triangles):
+        if triangles is None or (without_area(positions, triangles) and not deforms):
             self._document.note(f"{at} was left out: it has no triangle with an area")
             return None
         sides = _sides(surface, triangles)

@@ -91,14 +91,14 @@ def _add_shapes(
     node, shapes = document.items("nodes")[index], document.draft.description["shapes"]
     joints = skins[node["skin"]] if "skin" in node else None
     weights = nodes.weights(index, document.items("meshes")[node["mesh"]])
-    parts = meshes.parts(node["mesh"], weights, joints, index)
+    changes = bool(motion.times) and _deforms(node, motion, joints, weights, document, index)
+    parts = meshes.parts(node["mesh"], weights, joints, index, deforms=changes)
     # Skinned vertices are already in world space, independent of their node
     keys = [] if joints else motion.keys(index)
     world = IDENTITY if joints or keys else nodes.world[index]
     moves = {"motion": keys} if keys else {}
     maps = instance_maps(document, accessors, index)
     made = [_shape(part) for part in parts]
-    changes = bool(motion.times) and _deforms(node, motion, joints, weights, document, index)
     if changes and (maps is not None or not _add_poses(document, accessors, motion, meshes, index, parts, made)):
         document.note(f"/nodes/{index}: its mesh changes its form, and is rendered as it is at the time of the image")
     name = (node.get("name") or document.items("meshes")[node["mesh"]].get("name") or "")[:NAME_LIMIT]

@@ -13,7 +13,7 @@ import numpy as np
 
 from clrender.errors import SceneError, UsageError
 from clrender.exact.angles import power_of_two, root, sin_cos_degrees
-from clrender.exact.matrices import length, product
+from clrender.exact.matrices import determinant, length, product
 from clrender.files.named import allowed_file
 from clrender.image.files import read_open_image
 from clrender.importers.asset_files import AssetFiles
@@ -34,6 +34,8 @@ _MOST: Final = 1e12
 _PIXEL_LIMIT: Final = 2**28
 _ALL_AROUND: Final = {"SphereLight": 180.0, "CylinderLight": 180.0}
 """Cone angles that shape nothing, degrees; of others 90."""
+_CHANGED: Final = 1.0 + 1e-6
+"""Ratio of volumes above which a light changes its size."""
 _MAPS: Final = ("automatic", "latlong", None)
 
 
@@ -85,6 +87,10 @@ class Lights:
         kind = light["type"]
         lights, shapes = self._draft.description["lights"], self._draft.description["shapes"]
         before = len(lights), len(shapes)
+        # How bright it is follows from its size, which may be nothing at the time of the image
+        largest = max([matrix, *(each for _, each in keys)], key=_volume)
+        changes = _volume(largest) > _CHANGED * min(_volume(each) for each in (matrix, *(each for _, each in keys)))
+        matrix = largest if changes else matrix
         if kind.startswith("DomeLight"):
             self._dome(light, matrix, color)
         elif kind == "DistantLight":
@@ -93,6 +99,9 @@ class Lights:
             self._area(light, matrix, color)
         if keys:
             self._move(light, matrix, keys, lights[before[0] :], shapes[before[1] :])
+        sized = kind != "DistantLight" and not kind.startswith("DomeLight")
+        if changes and sized and (light.get("normalize") or len(lights) > before[0]):
+            self._draft.note(f"{place} changes its size while the shutter is open, and is as bright as at its largest")
 
     def _move(
         self,
@@ -310,6 +319,10 @@ class Lights:
         if name not in self._draft.meshes:
             self._draft.meshes[name] = make()
         return {"type": "mesh", "file": name}
+
+
+def _volume(matrix: Matrix) -> float:
+    return abs(determinant(matrix[:3, :3]))
 
 
 def _disk_towards_minus_z() -> MeshData:

@@ -255,12 +255,12 @@ class Surfaces:
         else:
             number, triangles = _compact(faces.points)
             normals = [each[number] for each in smooth]
+        if all(without_area(each[number], triangles) for each in points):
+            self._draft.note(f"{quoted(name)} was left out: it has no area")
+            return None
         made: list[str] = []
         for time, each in enumerate(points):
             data = MeshData(each[number], triangles, normals[min(time, len(normals) - 1)] if normals else None)
-            if time == 0 and without_area(data.vertices, data.triangles):
-                self._draft.note(f"{quoted(name)} was left out: it has no area")
-                return None
             if time == 0:  # poses have vertices and normals only
                 data = replace(data, uvs=uvs[0] if uvs else None, uvs_1=uvs[1] if len(uvs) > 1 else None, colors=colors)
             made.append(name if time == 0 else f"{name} at time {time}")
