@@ -162,7 +162,7 @@ class Meshes:
             text = f"has a number in element {int(np.argmax(gaps))} that is not finite; export it again"
             self._document.leave_out(f"{at}/attributes/POSITION", text)
             triangles = triangles[~gaps[triangles].any(axis=1)]
-        if triangles is None or (without_area(positions, triangles) and not deforms):
+        if triangles is None or not len(triangles) or (without_area(positions, triangles) and not deforms):
             self._document.note(f"{at} was left out: it has no triangle with an area")
             return None
         sides = _sides(surface, triangles)
