@@ -893,7 +893,7 @@ ROWS: Final[Mapping[str, tuple[tuple[str, int, int, str], ...]]] = {
         ("NORMAL", 3, 3, "of the surface, on the side that the photon came from; in a medium, its unit direction"),
         ("FLUX", 6, 3, "watts"),
         ("EVENTS", 9, 1, "scattering events before it; with a minus where all were at deltas: a caustic"),
-        ("MEDIUM", 10, 1, "bits: the medium that it scattered in, plus 1; 0: it is on a surface"),
+        ("KIND", 10, 1, "bits: the medium that it scattered in, plus 1; on a surface 0, or from where it came"),
     ),
 }
 

@@ -684,6 +684,6 @@ typedef struct {
 #define DEPOSIT_ROW_NORMAL 3            // of the surface, on the side that the photon came from; in a medium, its unit direction
 #define DEPOSIT_ROW_FLUX 6              // watts
 #define DEPOSIT_ROW_EVENTS 9            // scattering events before it; with a minus where all were at deltas: a caustic
-#define DEPOSIT_ROW_MEDIUM 10           // bits: the medium that it scattered in, plus 1; 0: it is on a surface
+#define DEPOSIT_ROW_KIND 10             // bits: the medium that it scattered in, plus 1; on a surface 0, or from where it came
 
 #endif

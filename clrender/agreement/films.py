@@ -80,7 +80,7 @@ def compare_films(first: Film, second: Film, names: tuple[str, str] = ("one film
     differs = holm(p.ravel(), LEVEL / 2.0).reshape(p.shape).any(axis=2)
     row, column = np.unravel_index(int(p.min(axis=2).argmin()), differs.shape)
 
-    shared = [INTEGRATORS[film.request["integrator"]].shares for film in films]
+    shared = [film.request.get("shares", INTEGRATORS[film.request["integrator"]].shares) for film in films]
     errors = [image_error(np.sqrt(each), shares) for each, shares in zip(variances, shared, strict=True)]
     of_mean, error = difference.mean(axis=(0, 1)), np.sqrt(errors[0] ** 2 + errors[1] ** 2)
     allowed = _ROUNDING * np.maximum(np.abs(means[0]), np.abs(means[1])).mean(axis=(0, 1))

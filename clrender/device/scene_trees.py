@@ -232,8 +232,13 @@ class SceneTrees:
             points = here["vertices"][first:last], there["vertices"][begin : begin + last - first]
             if not (_same(old, new, begin - first) and _same_bytes(*points)):
                 return False
-        analytic = own.analytic(self._scene.triangle_count), group.analytic(scene.triangle_count)
-        return _same_bytes(here["analytic_shapes"][analytic[0]], there["analytic_shapes"][analytic[1]])
+        a, b = own.analytic(self._scene.triangle_count), group.analytic(scene.triangle_count)
+        if not _same_bytes(here["analytic_shapes"][a], there["analytic_shapes"][b]):
+            return False
+        if not (here["analytic_shapes"]["normal"][a, 3] >= layout.ANALYTIC_SHAPE_CURVE).any():
+            return True
+        # Its leaves have the numbers of curves among all analytic shapes, which are not changed where they are copied
+        return a.start == b.start and _same_bytes(here["curve_rows"][a], there["curve_rows"][b])
 
     def shares(self, scene: FlatScene) -> bool:
         """Whether another scene may go on with one of the BVHs, and there is memory to keep them for it."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender.errors import SceneError
+from clrender.exact.matrices import product
 from clrender.flatten.emission import emits
 from clrender.flatten.motion import NO_MOTION, Knots, knots_of, placed_knots
 from clrender.flatten.placed_shapes import (
@@ -97,21 +98,20 @@ class Assembly:
         return {self.groups[group].start: how for group, how in self.deformations.items()}
 
     @property
-    def at_rest(self) -> Assembly:
-        """The same without what moves."""
+    def opened(self) -> Assembly:
+        """The same with everything where it is when the shutter opens, at rest."""
         if not self.motions:
             return self
-        still = self.motion_of < 0
-        return replace(
-            self,
-            group_of=self.group_of[still],
-            maps=self.maps[still],
-            seen_begin=self.seen_begin[still],
-            placed=self.placed[still],
-            motion_of=self.motion_of[still],
-            motions=(),
-            deformations={},
-        )
+        maps = self.maps.copy()
+        for instance in np.flatnonzero(self.motion_of >= 0).tolist():
+            motion = self.motions[int(self.motion_of[instance])]
+            for linear, offset in (
+                (motion.before[0, :, :3], motion.before[0, :, 3]),
+                (motion.linear[0], motion.offsets[0]),
+            ):
+                maps[instance] = product(linear, maps[instance])
+                maps[instance, :, 3] += offset
+        return replace(self, maps=maps, motion_of=np.full_like(self.motion_of, -1), motions=(), deformations={})
 
 
 def assemble(scene: Scene) -> Assembly:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, TypeAlias
 
@@ -212,37 +213,78 @@ def _of_rgl(tables: RglTables) -> _Tables:
 
 
 def _warped_albedo(tables: RglTables) -> _Doubles:
-    """Over the warped square light is reflected as the values are: all else is the density of visible normals."""
+    """Over the warped square light is reflected as the values are: all else is the density of visible normals.
+
+    Of that square the share is left out that stands for directions below the surface.
+    """
     weights = _trapezoid(tables.values.shape[2])
     albedo = np.zeros((*tables.values.shape[:2], 3))
     for y, x in np.ndindex(len(weights), len(weights)):
         albedo += tables.values[:, :, y, x] * (weights[y] * weights[x])
+    density = tables.normals.astype(np.float64)
+    for p, t, half in _half_vectors(tables):
+        light = half.values * density[p, t][..., None]
+        whole, left = _integral(light), _integral(light * half.above[..., None])
+        albedo[p, t] *= np.divide(left, whole, out=np.ones(3), where=whole > 0.0)
     return albedo
 
 
 def _plain_albedo(tables: RglTables) -> _Doubles:
     """The integral of values that are the reflectance times the cosine, over the half vectors of `normals`."""
+    albedo = np.zeros((*tables.values.shape[:2], 3))
+    for p, t, half in _half_vectors(tables):
+        area = np.where(half.above, 4.0 * half.toward * (2.0 * _PI * _PI) * half.u * half.sine, 0.0)
+        albedo[p, t] = _integral(half.values * area[..., None])
+    return albedo
+
+
+@dataclass(frozen=True)
+class _HalfVectors:
+    """The half vectors of a table's `normals`, (height, width) each, for one direction of the viewer.
+
+    Attributes
+    ----------
+    u, sine : (width,) float64
+        Their coordinate along the table, and the sine of their polar angle.
+    toward : (height, width) float64
+        Cosine of the angle to the viewer, at least 0.
+    above : (height, width) bool
+        Whether light comes from above the surface.
+    values : (height, width, 3) float64
+        Where the table's map has put each.
+    """
+
+    u: _Doubles
+    sine: _Doubles
+    toward: _Doubles
+    above: NDArray[np.bool_]
+    values: _Doubles
+
+
+def _half_vectors(tables: RglTables) -> Iterator[tuple[int, int, _HalfVectors]]:
+    """Those of each direction of the viewer, with its indices."""
     _, rows, column = _integrated(tables.normals.astype(np.float64))
     height, width = rows.shape[2:]
     u, v = np.arange(width) / (width - 1.0), np.arange(height) / (height - 1.0)
     tilted = np.array([sin_cos(each) for each in (u * u * _HALF_PI).tolist()])
-    across, down = _trapezoid(width), _trapezoid(height)
     side = tables.values.shape[2]
-    albedo = np.zeros((*tables.values.shape[:2], 3))
-    for p, t in np.ndindex(*albedo.shape[:2]):
+    for p, t in np.ndindex(*tables.values.shape[:2]):
         so, co = sin_cos(float(tables.theta[t]))
         azimuth = 0.0 if tables.isotropic else float(tables.phi[p])
         turned = np.array([sin_cos(each - azimuth)[1] for each in ((2.0 * v - 1.0) * _PI).tolist()])
         toward = np.maximum(so * turned[:, None] * tilted[:, 0] + co * tilted[:, 1], 0.0)
         above = 2.0 * toward * tilted[:, 1] > co  # where the light comes from
-        area = np.where(above, 4.0 * toward * (2.0 * _PI * _PI) * u * tilted[:, 0], 0.0)
-        # Where the map has taken each half vector from
         ends = rows[p, t, :, -1:]
         x = np.rint(rows[p, t] / np.where(ends > 0.0, ends, 1.0) * (side - 1)).astype(np.int64)
         y = np.rint(column[p, t] * (side - 1)).astype(np.int64)
-        light = tables.values[p, t, y[:, None], x] * area[..., None]
-        albedo[p, t] = ((light * across[:, None]).cumsum(axis=1)[:, -1] * down[:, None]).cumsum(axis=0)[-1]
-    return albedo
+        yield p, t, _HalfVectors(u, tilted[:, 0], toward, above, tables.values[p, t, y[:, None], x].astype(np.float64))
+
+
+def _integral(light: _Doubles) -> _Doubles:
+    """The integral over the unit square of what is linear between (height, width) places, (channels,)."""
+    down, across = (_trapezoid(count) for count in light.shape[:2])
+    total: _Doubles = ((light * across[:, None]).cumsum(axis=1)[:, -1] * down[:, None]).cumsum(axis=0)[-1]
+    return total
 
 
 def _trapezoid(count: int) -> _Doubles:

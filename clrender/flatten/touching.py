@@ -73,6 +73,8 @@ _FEW: Final = 2**12
 
 _PLACED: Final = 4.0
 """Rounding of planes in instances: the way into a group's space and back rounds so many times as much."""
+_MOVING: Final = 4.0 * _PLACED
+"""The same where something moves: its maps are computed by the kernels (kernels/geometry/instance.h)."""
 _NONE: Final = np.zeros(0, np.int64)
 
 _Floats = NDArray[np.float64]
@@ -139,7 +141,8 @@ def moves(scene: Scene, surfaces: FlatSurfaces, own: int, assembly: Assembly | N
     kinds = np.array([_kind(scene, index) for index in range(len(surfaces.shapes))], np.int64)
     kinds[surfaces.count == 0] = 0
     groups = assembly.groups if assembly is not None else ()
-    assembly = assembly.at_rest if assembly is not None else None
+    slack = _PLACED if assembly is None or not assembly.motions else _MOVING
+    assembly = None if assembly is None else assembly.opened
     for space in groups:
         here = (space.start <= np.arange(len(kinds))) & (np.arange(len(kinds)) < space.stop)
         if np.count_nonzero(kinds[here]) > 1:
@@ -152,7 +155,7 @@ def moves(scene: Scene, surfaces: FlatSurfaces, own: int, assembly: Assembly | N
     camera = camera_reach(scene.camera, surfaces.origin)
     outer = None
     if placed is not None:
-        outer = _Space(scene, surfaces, world, result, placed, kinds[placed.shape], camera)
+        outer = _Space(scene, surfaces, world, result, placed, kinds[placed.shape], camera, slack)
     elif np.count_nonzero(world) > 1:
         outer = _Space(scene, surfaces, world, result, camera=camera)
     if outer is not None:
@@ -241,12 +244,13 @@ class _Space:
         placed: Placed | None = None,
         placed_kinds: NDArray[np.int64] = _NONE,
         camera: float = 0.0,
+        slack: float = _PLACED,
     ) -> None:
         self._scene, self._surfaces, self._result = scene, surfaces, result
         self._faces = shape_faces(surfaces, kinds, None if placed is None else placed.faces)
         self._slack, self._shape = 1.0, np.arange(len(kinds))
         if placed is not None:
-            self._slack, self._shape = _PLACED, np.concatenate([self._shape, placed.shape])
+            self._slack, self._shape = slack, np.concatenate([self._shape, placed.shape])
             self._faces = joined([self._faces, placed.faces])
             kinds = np.concatenate([kinds, placed_kinds])
         self._kinds = kinds

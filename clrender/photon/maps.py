@@ -32,7 +32,7 @@ DEPOSITS: Final = 8
 DEPOSIT_WORDS: Final = 12
 
 _MAP_WORDS: Final = 10
-_MAP_WORDS_IN_MEDIA: Final = 11
+_MAP_WORDS_WITH_KIND: Final = 11
 _MOST_CELLS: Final = 1 << 22
 
 
@@ -88,6 +88,7 @@ class PhotonMaps:
         more: dict[str, int | str] = {"LIGHTS_IN_MEDIA": 1} if has_volumes(flat.arrays) else {}
         self._trace = worker.program("photon/photons.cl", more)
         self._media = flat.features.media
+        self._has_kinds = flat.features.media or flat.features.textures
         self._grid = worker.device.program("photon/grid.cl", {"LANES": 1})
         self._dark = flat.light_count == 0
         self._held: list[Buffer] = []
@@ -119,7 +120,7 @@ class PhotonMaps:
         starts = device.empty(4 * (cells + 1))
         launch_each(device, self._grid, "grid_starts", places + 1, [keys, np.uint32(places), np.uint32(cells), starts])
         stride = np.uint32(-(-places // 16) * 16 + 16)
-        words = np.uint32(_MAP_WORDS_IN_MEDIA if self._media else _MAP_WORDS)
+        words = np.uint32(_MAP_WORDS_WITH_KIND if self._has_kinds else _MAP_WORDS)
         photon_map = device.empty(4 * int(words) * int(stride))
         arguments = [deposits, counts, values, starts, np.uint32(cells), stride, words, photon_map]
         launch_each(device, self._grid, "grid_place", int(stride), arguments)
@@ -128,7 +129,7 @@ class PhotonMaps:
             device.release(buffer)
         self._held = [photon_map, starts]
         area = math.pi * (float(radius) * float(radius))
-        return [photon_map, starts, stride, low, size, radius, np.float32(1.0 / (self._photons * area))]
+        return [photon_map, starts, stride, words, low, size, radius, np.float32(1.0 / (self._photons * area))]
 
     def _deposits(self, number: int) -> tuple[Buffer, Buffer]:
         """Trace the photons; returns their deposits, and the number of deposits of each photon."""

@@ -282,6 +282,17 @@ class RenderJob:
         begin, stop = (parts * part // count * whole for part in (number - 1, number))
         return dataclasses.replace(self, first_sample=self.first_sample + begin, sample_count=stop - begin)
 
+    @property
+    def shares(self) -> str:
+        """Which pixels share light, as `Integrator.shares` says.
+
+        Those that share the light of a block also share the wavelengths and the time of each sample, with all pixels.
+        """
+        begin, end = self.scene.camera.interval
+        moves = begin < end and (self.scene.has_motion or bool(self.scene.camera.motion))
+        shares = self.integrator.shares
+        return "image" if shares and self.integrator.times == "image" and (self.settings.spectral or moves) else shares
+
     def request(self) -> dict[str, Any]:
         """Everything that determines the image, as JSON values: equal for all parts of one image, and only for these.
 
@@ -294,6 +305,7 @@ class RenderJob:
             **self.settings.request(),
             **field,
             **({"plugins": plugins} if plugins else {}),
+            **({"shares": self.shares} if self.shares != self.integrator.shares else {}),
             "scene_sha256": self.scene.sha256(),
             "kernel_sha256": kernels_sha256(),
             "sampler_sha256": _sampler_sha256(),

@@ -167,7 +167,7 @@ def error_stats(
     complete : bool
         Whether the render met the error criterion or took all samples.
     """
-    of_mean = image_error(errors, job.integrator.shares) if np.isfinite(errors).all() else None
+    of_mean = image_error(errors, job.shares) if np.isfinite(errors).all() else None
     replicates = int(replicate_counts(film).min())
     stats: dict[str, Any] = {"replicates": replicates, "mean_stderr": None if of_mean is None else of_mean.tolist()}
     if found is None:

@@ -311,7 +311,7 @@ class Camera(Part):
         return Rectilinear(-principal[0] / focal[0], -principal[1] / focal[1], 1.0 / focal[0], 1.0 / focal[1])
 
     def project(self, points: npt.ArrayLike, size: tuple[int, int] | None = None) -> _Floats:
-        """Pixel coordinates at which the camera sees points.
+        """Pixel coordinates at which the camera sees points, as the shutter opens.
 
         Parameters
         ----------
@@ -334,14 +334,15 @@ class Camera(Part):
         """
         width, height = self._size(size)
         given = _vectors(points, 3, "points")
-        right, upward, forward = self.axes
-        away = given.reshape(-1, 3) - np.array(self.position)
+        camera = self.opened
+        right, upward, forward = camera.axes
+        away = given.reshape(-1, 3) - np.array(camera.position)
         frame = np.stack([inner(away, np.array(axis)) for axis in (right, _scaled(upward, -1.0), forward)], axis=1)
         places = self.projection(width, height).places(frame) * np.array([width, height], np.float64)
         return np.asarray((places - self._pixel_offset).reshape(*given.shape[:-1], 2))
 
     def unproject(self, pixels: npt.ArrayLike, size: tuple[int, int] | None = None) -> tuple[_Floats, _Floats]:
-        """Rays along which the camera sees points of its image: the inverse of `project`.
+        """Rays along which the camera sees points of its image as the shutter opens: the inverse of `project`.
 
         Parameters
         ----------
@@ -365,7 +366,8 @@ class Camera(Part):
         width, height = self._size(size)
         given = _vectors(pixels, 2, "pixels")
         places = (given.reshape(-1, 2) + self._pixel_offset) / np.array([width, height], np.float64)
-        right, upward, forward = self.axes
+        camera = self.opened
+        right, upward, forward = camera.axes
         axes = np.array([right, _scaled(upward, -1.0), forward])
         origins, directions = self.projection(width, height).rays(places)
         origins, directions = (
@@ -373,7 +375,7 @@ class Camera(Part):
         )
         directions = directions / lengths(directions)[:, None]
         shape = (*given.shape[:-1], 3)
-        return np.asarray((origins + np.array(self.position)).reshape(shape)), directions.reshape(shape)
+        return np.asarray((origins + np.array(camera.position)).reshape(shape)), directions.reshape(shape)
 
     @property
     def _pixel_offset(self) -> float:
@@ -388,7 +390,7 @@ class Camera(Part):
         return width, height
 
     def stereo_pair(self, baseline: float) -> tuple[Camera, Camera]:
-        """Cameras of a left and a right eye, with parallel axes, at equal distances from this camera.
+        """Cameras of a left and a right eye, with parallel axes, at equal distances from this camera at each key.
 
         Parameters
         ----------
@@ -399,16 +401,18 @@ class Camera(Part):
         -------
         left, right : Camera
         """
-        eyes = []
-        right = self.axes[0]
-        for side in (-0.5 * baseline, 0.5 * baseline):
-            step = _scaled(right, side)
-            moved = {
-                key: tuple(a + b for a, b in zip(getattr(self, key), step, strict=True))
-                for key in ("position", "target")
-            }
-            eyes.append(self.changed(moved))
-        return eyes[0], eyes[1]
+
+        def beside(camera: Camera, side: float) -> dict[str, Any]:
+            step = _scaled(camera.axes[0], side)
+            places = {"position": camera.position, "target": camera.target}
+            return {key: tuple(a + b for a, b in zip(place, step, strict=True)) for key, place in places.items()}
+
+        def eye(side: float) -> Camera:
+            stops = zip(self.motion, self._stop_cameras, strict=True)
+            keys = [{"time": key.time, "up": at.up, **beside(at, side)} for key, at in stops]
+            return self.changed({**beside(self, side), **({"motion": keys} if keys else {})})
+
+        return eye(-0.5 * baseline), eye(0.5 * baseline)
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -443,9 +447,14 @@ class Camera(Part):
         return [(key.position or self.position, key.target or self.target, key.up or self.up) for key in self.motion]
 
     @property
-    def _whole_track(self) -> CameraTrack:
+    def _stop_cameras(self) -> list[Camera]:
+        """The camera at each key, resting."""
         resting = self.with_checked(motion=())
-        cameras = [resting.changed(dict(zip(_FRAME, stop, strict=True))) for stop in self._stops]
+        return [resting.changed(dict(zip(_FRAME, stop, strict=True))) for stop in self._stops]
+
+    @property
+    def _whole_track(self) -> CameraTrack:
+        cameras = self._stop_cameras
         frames = [camera.with_checked(mirrored=False).axes for camera in cameras]
         distances = [camera.with_checked(focus_distance=None).focus for camera in cameras]
         times = [key.time for key in self.motion]

@@ -287,7 +287,9 @@ def _job(path: Path, claim: Claim, scene: Scene, field: GuidingField | str | Pat
         raise UsageError(f"{path}: cannot be rendered again here ({error})") from None
 
 
-_NOT_SETTINGS: Final = ("scene_sha256", "kernel_sha256", "sampler_sha256", "arrays_sha256", "version", "plugins")
+_NOT_SETTINGS: Final = (
+    *("scene_sha256", "kernel_sha256", "sampler_sha256", "arrays_sha256", "version", "plugins", "shares"),
+)
 
 
 def _check(path: Path, claim: Claim, here: Mapping[str, Any]) -> None:

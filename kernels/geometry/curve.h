@@ -18,6 +18,7 @@ typedef struct {
     vec3 error;                      // of the point, as in Surface, in the space of its group
     vfloat along;                    // where it is from the beginning of the curve, 0, to its end, 1
     vfloat radius;                   // in the world
+    vfloat pace;                     // so far it runs along the tangent from beginning to end, metres, were it as straight as here
 } CurvePoint;
 
 // What is a curve has a number of its own in the row of its primitive.
@@ -65,7 +66,9 @@ static CurvePoint curve_point(const Scene* scene, const Ray* ray, const Placed* 
     const vec3 any = frame_around(p.normal).tangent;
     const vmask runs = inner(flat, flat) > 1.0e-12f * inner(p.tangent, p.tangent);
     const vec3 chosen = choose(runs & (inner(flat, flat) > 0.0f), flat, any);
+    const vec3 slope_there = p.tangent;
     p.tangent = unit(chosen);
+    p.pace = runs ? inner(slope_there, p.tangent) : splat(1.0f);
     return p;
 }
 

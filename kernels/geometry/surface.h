@@ -56,6 +56,7 @@ typedef struct {
 #ifdef CURVES
     vmask curve;
     vec3 tangent;        // of a curve: unit, along it, square to the normal
+    vfloat along;        // of a curve: from its beginning, 0, to its end, 1
     vfloat radius;       // of a curve
 #endif
 } Surface;
@@ -115,11 +116,12 @@ static void surface_curve(const Scene* scene, const Ray* ray, const Placed* plac
     s->shading = choose(s->curve, p.normal, s->shading);
     s->radius = p.radius;
     s->tangent = p.tangent;
+    s->along = p.along;
     s->from = s->curve ? splat_uint(NONE) : s->from;     // a curve that bends can be hit again
 #ifdef TEXTURES
     s->attributes.weight_b = s->curve ? p.along : s->attributes.weight_b;
     s->attributes.weight_c = s->curve ? splat(0.5f) : s->attributes.weight_c;
-    s->attributes.ab = choose(s->curve, p.tangent, s->attributes.ab);
+    s->attributes.ab = choose(s->curve, scale(p.tangent, p.pace), s->attributes.ab);
     s->attributes.ac = choose(s->curve, outer(p.normal, p.tangent), s->attributes.ac);
 #endif
 }
@@ -210,7 +212,11 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
 #endif
 #ifdef TEXTURES
     s.attributes = mapping_attributes(scene, placed.row, active & ((kind_and_flags & (SHAPE_TEXTURED << ROW_FLAGS)) != 0u));
+#ifdef CURVES
+    placed_axes(&placed, round & !curve_is(row, round), s.attributes.row);      // that of a curve has coordinates, as a triangle's
+#else
     placed_axes(&placed, round, s.attributes.row);
+#endif
 #if defined(TANGENTS) && defined(INSTANCES)
     s.attributes.placed = placed;
 #endif
@@ -219,6 +225,7 @@ static Surface surface_at(const Scene* scene, const Ray* ray, Hit hit, vmask act
 #ifdef CURVES
     s.curve = active & curve_is(row, round);
     s.tangent = vec3_all(0.0f);
+    s.along = splat(0.0f);
     const vmask plain = round & !s.curve;
 #else
     const vmask plain = round;

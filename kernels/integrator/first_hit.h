@@ -28,12 +28,19 @@ static Attributes first_hit_attributes(const Scene* scene, __global const float*
     const Placed placed = placed_at(scene, found ? s->primitive : splat_uint(0u), surface_time(s));
     lane_rows(scene->primitive_rows, placed.row, row);
     Attributes a = mapping_attributes_of(coordinates, placed.row, found);
-    const vmask round = found & (placed.row >= scene->settings->triangle_count);
+    vmask round = found & (placed.row >= scene->settings->triangle_count);
     placed_geometry(&placed, round, row);
+#ifdef CURVES
+    round = round & !s->curve;
+#endif
     placed_axes(&placed, round, a.row);
     const vec3 corner = vec3_row(row, PRIMITIVE_ROW_A);
     a.ab = sub(vec3_row(row, PRIMITIVE_ROW_B), corner), a.ac = sub(vec3_row(row, PRIMITIVE_ROW_C), corner);
     surface_weights(s, row, &a.weight_b, &a.weight_c);
+#ifdef CURVES
+    a.ab = choose(s->curve, s->tangent, a.ab), a.ac = choose(s->curve, outer(s->normal, s->tangent), a.ac);
+    a.weight_b = s->curve ? s->along : a.weight_b, a.weight_c = s->curve ? splat(0.5f) : a.weight_c;
+#endif
     if (!lane_any(round)) return a;
     const vec3 from_center = sub(s->point, vec3_row(row, PRIMITIVE_ROW_CENTER)), normal = vec3_row(row, PRIMITIVE_ROW_NORMAL);
     a.disk = round & ((normal.x != 0.0f) | (normal.y != 0.0f) | (normal.z != 0.0f));

@@ -5,7 +5,7 @@
 __kernel GROUPED void integrator_photon(SCENE_PARAMETERS uint first_slot, uint slot_count, uint first_sample, uint sample_count,
                                         __global float* restrict samples, __global uint4* restrict stats,
                                         __global const float* restrict map, __global const uint* restrict starts, uint stride,
-                                        float4 low, uint4 size, float radius, float per_photon) {
+                                        uint words, float4 low, uint4 size, float radius, float per_photon) {
     SCENE_COLLECT(scene);
     Pool pool = pool_open(settings, samples, first_slot, slot_count, first_sample, sample_count);
     PoolStats counted = {0, 0, splat_uint(0u)};
@@ -13,6 +13,7 @@ __kernel GROUPED void integrator_photon(SCENE_PARAMETERS uint first_slot, uint s
     photons.map = map;
     photons.starts = starts;
     photons.stride = stride;
+    photons.words = words;
     photons.grid.low = low;
     photons.grid.size = size;
     photons.radius = radius;

@@ -17,9 +17,9 @@
 #include "photon/grid.h"
 
 typedef struct {
-    __global const float* map;       // [10][stride], with media [11][stride]: DEPOSIT_ROW_* (photon/grid.cl)
+    __global const float* map;       // [words][stride]: DEPOSIT_ROW_* (photon/grid.cl)
     __global const uint* starts;
-    uint stride;
+    uint stride, words;              // 10, and 11 in scenes with media or textures
     Grid grid;
     float radius;
     float scale;                     // one over number of photons and area of the disk
@@ -36,8 +36,29 @@ static float photon_sum(float8 x) {
     return quarter.x + quarter.y;
 }
 
-// On the side of `side`, from photons with at most `depth` scattering events, eight at a time; `flat` is disk_flat.
-static PhotonFlux photon_gather_one(const PhotonMap* m, float4 point, float4 side, float flat, float depth) {
+#ifdef TEXTURES
+// Of eight deposits those with directions count by the normal that is seen, over the cosine by which they were spread over their own surface.
+static float8 photon_bent(const PhotonMap* m, uint first, float4 seen, int8 near, float8 cosine) {
+    const uint8 kinds = as_uint8(vload8(0, m->map + first + DEPOSIT_ROW_KIND * (size_t)m->stride));
+    if (!any(near & as_int8(kinds))) return cosine;
+    float weight[8];
+    uint kind[8];
+    vstore8(cosine, 0, weight);
+    vstore8(kinds, 0, kind);
+    __global const float* normal = m->map + first + DEPOSIT_ROW_NORMAL * (size_t)m->stride;
+    for (uint k = 0; k < 8u; ++k) {
+        if (!(kind[k] & DEPOSIT_FROM)) continue;
+        const float4 d = deposit_direction(kind[k]);
+        const float own = fabs(fma(d.x, normal[k], fma(d.y, normal[k + m->stride], d.z * normal[k + 2u * m->stride])));
+        const float there = -fma(d.x, seen.x, fma(d.y, seen.y, d.z * seen.z));
+        weight[k] = there > 0.0f ? weight[k] * quotient_one(there, fmax(own, 1.0e-6f)) : 0.0f;
+    }
+    return vload8(0, weight);
+}
+#endif
+
+// On the side of `side`, from photons with at most `depth` scattering events, eight at a time; `flat` is disk_flat, and `seen` the shading normal.
+static PhotonFlux photon_gather_one(const PhotonMap* m, float4 point, float4 side, float4 seen, float flat, float depth) {
     const float r = m->radius, r2 = r * r, caustic_r2 = r2 * (CAUSTIC_RADIUS * CAUSTIC_RADIUS);
     const float off = disk_off_plane(r), caustic_off = disk_off_plane(r * CAUSTIC_RADIUS);
     const float4 low = m->grid.low;
@@ -60,13 +81,16 @@ static PhotonFlux photon_gather_one(const PhotonMap* m, float4 point, float4 sid
                 const float8 above = fma(dx, (float8)(side.x), fma(dy, (float8)(side.y), dz * side.z));
                 const float8 nx = vload8(0, at + DEPOSIT_ROW_NORMAL * n), ny = vload8(0, at + (DEPOSIT_ROW_NORMAL + 1) * n);
                 const float8 nz = vload8(0, at + (DEPOSIT_ROW_NORMAL + 2) * n);
-                const float8 cosine = fma(nx, (float8)(side.x), fma(ny, (float8)(side.y), nz * side.z));
+                float8 cosine = fma(nx, (float8)(side.x), fma(ny, (float8)(side.y), nz * side.z));
                 const float8 before = fma(dx, nx, fma(dy, ny, dz * nz));
                 const float8 events = vload8(0, at + DEPOSIT_ROW_EVENTS * n), within = events < 0.0f ? (float8)(caustic_r2) : (float8)(r2);
                 const float8 beside = events < 0.0f ? (float8)(caustic_off) : (float8)(off);
                 const int8 behind = (above < -flat) & (before < -flat);
                 const int8 near = (distance2 <= within) & (above <= beside) & (above >= -beside) & (cosine > 0.0f) & !behind &
                                   (events <= depth) & (events >= -depth) & (i + step < end);
+#ifdef TEXTURES
+                if (m->words > 10u) cosine = photon_bent(m, i, seen, near, cosine);
+#endif
                 const int8 other = near & (events >= 0.0f), caustic = near & (events < 0.0f);
                 const float8 r8 = vload8(0, at + DEPOSIT_ROW_FLUX * n), g8 = vload8(0, at + (DEPOSIT_ROW_FLUX + 1) * n);
                 const float8 b8 = vload8(0, at + (DEPOSIT_ROW_FLUX + 2) * n);
@@ -106,7 +130,7 @@ static PhotonFlux photon_gather_in_medium(const PhotonMap* m, float4 point, floa
                 const float dx = at[0] - point.x, dy = at[n] - point.y, dz = at[2 * n] - point.z, distance2 = fma(dx, dx, fma(dy, dy, dz * dz));
                 const float events = at[DEPOSIT_ROW_EVENTS * n];
                 const int caustic = events < 0.0f, near = distance2 <= (caustic ? caustic_r2 : r2) && (caustic ? -events : events) <= depth;
-                if (!near || as_uint(at[DEPOSIT_ROW_MEDIUM * n]) != medium) continue;
+                if (!near || as_uint(at[DEPOSIT_ROW_KIND * n]) != medium) continue;
                 const float nx = at[DEPOSIT_ROW_NORMAL * n], ny = at[(DEPOSIT_ROW_NORMAL + 1) * n], nz = at[(DEPOSIT_ROW_NORMAL + 2) * n];
                 const float cosine = fma(nx, onwards.x, fma(ny, onwards.y, nz * onwards.z));
                 const float spread = fmax(fma(g, fma(cosine, -2.0f, g), 1.0f), 1.0e-5f);
@@ -156,7 +180,7 @@ static vec3 photon_in_medium(const Scene* scene, const PhotonMap* m, const Verte
         if (!lane_any(asked)) continue;
         const vuint set = BALL_SET + (path->depth * 2u + kind) * (2u * BALL_MOST_TRIES);
         const float radius = kind == 0u ? m->radius : m->radius * CAUSTIC_BALL;
-        sum = add(sum, scale(flux, per_volume * ball_tries(scene, point, ray_time(&path->ray), path->sample.sampler, set, radius, asked, stats)));
+        sum = add(sum, scale(flux, per_volume * ball_tries(scene, &path->interior, point, ray_time(&path->ray), path->sample.sampler, set, radius, asked, stats)));
     }
     // Deposits are of what is scattered
     vfloat row[16];
@@ -167,10 +191,10 @@ static vec3 photon_in_medium(const Scene* scene, const PhotonMap* m, const Verte
 #endif
 
 // The flux in each lane's disk, over the whole disk's area.
-static void photon_gather(const Scene* scene, const PhotonMap* m, const Surface* surface, vec3 side, vuint depth, vmask where,
+static void photon_gather(const Scene* scene, const PhotonMap* m, const Surface* surface, vec3 side, vec3 seen, vuint depth, vmask where,
                           vec3* others, vec3* caustics) {
     int is_there[LANES];
-    float x[LANES], y[LANES], z[LANES], nx[LANES], ny[LANES], nz[LANES], flat[LANES];
+    float x[LANES], y[LANES], z[LANES], nx[LANES], ny[LANES], nz[LANES], sx[LANES], sy[LANES], sz[LANES], flat[LANES];
     uint events[LANES];
     lane_store(where, is_there);
     lane_store(surface->point.x, x);
@@ -179,6 +203,9 @@ static void photon_gather(const Scene* scene, const PhotonMap* m, const Surface*
     lane_store(side.x, nx);
     lane_store(side.y, ny);
     lane_store(side.z, nz);
+    lane_store(seen.x, sx);
+    lane_store(seen.y, sy);
+    lane_store(seen.z, sz);
     lane_store(disk_flat(surface, side, m->radius), flat);
     lane_store(depth, events);
     const uint most = scene->settings->max_depth;
@@ -188,7 +215,7 @@ static void photon_gather(const Scene* scene, const PhotonMap* m, const Surface*
         if (is_there[lane]) {
             const float left = most == NONE ? FAR : (float)(most - events[lane] - 1u);
             const float4 point = (float4)(x[lane], y[lane], z[lane], 0.0f), normal = (float4)(nx[lane], ny[lane], nz[lane], 0.0f);
-            flux = photon_gather_one(m, point, normal, flat[lane], left);
+            flux = photon_gather_one(m, point, normal, (float4)(sx[lane], sy[lane], sz[lane], 0.0f), flat[lane], left);
         }
         x[lane] = flux.others.x;
         y[lane] = flux.others.y;
@@ -202,13 +229,12 @@ static void photon_gather(const Scene* scene, const PhotonMap* m, const Surface*
 }
 
 // Radiant exitance that photons bring to each lane's surface, per reflectance: the flux around it over the area that it is on.
-static vec3 photon_irradiance(const Scene* scene, const PhotonMap* m, const Surface* surface, const Path* path, vmask where,
-                              PoolStats* stats) {
+static vec3 photon_irradiance(const Scene* scene, const PhotonMap* m, const Vertex* v, const Path* path, vmask where, PoolStats* stats) {
     vec3 others, caustics;
     // Photons lie on the triangles themselves
-    const Surface mesh = terminator_mesh(surface);
+    const Surface mesh = terminator_mesh(&v->surface);
     const vec3 side = choose(mesh.front, mesh.normal, negate(mesh.normal));
-    photon_gather(scene, m, &mesh, side, path->depth, where, &others, &caustics);
+    photon_gather(scene, m, &mesh, side, v->bsdf.frame.normal, path->depth, where, &others, &caustics);
     vec3 sum = vec3_all(0.0f);
     for (uint kind = 0; kind < 2u; ++kind) {
         const vec3 flux = kind == 0u ? others : caustics;
@@ -252,7 +278,7 @@ static void photon_look(const Scene* given, const PhotonMap* map, Pool* pool, Po
 #endif
         const vmask gathers = vertex->samples_lights & disk_receives(&vertex->surface);
         if (lane_any(gathers)) {
-            const vec3 arriving = photon_irradiance(scene, map, &vertex->surface, path, gathers, stats);
+            const vec3 arriving = photon_irradiance(scene, map, vertex, path, gathers, stats);
             const vec3 leaving = scale(mul(mul(path->throughput, vertex->bsdf.color), arriving), splat(INV_PI));
             path->radiance = choose(gathers, add(path->radiance, leaving), path->radiance);
         }

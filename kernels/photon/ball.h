@@ -2,7 +2,8 @@
 // where a path scatters in a medium it gathers those within a ball that scattered in the same medium, by its phase function.
 //
 // Near the medium's surface, or another one, only a part of the ball is in the medium. Points of the ball, drawn until a ray from its centre reaches one,
-// are in the mean as many as one over that part, as for the disks of surfaces (photon/disk.h).
+// are in the mean as many as one over that part, as for the disks of surfaces (photon/disk.h). Panes of glass, and surfaces that are no boundary, are
+// passed by the ray as they are by photons.
 //
 // Built only where media scatter (-D MEDIA).
 #ifndef PHOTON_BALL_H
@@ -17,6 +18,7 @@
 #include "material/interior.h"
 #include "medium/homogeneous.h"
 #include "medium/walk.h"
+#include "photon/clear.h"
 
 // The number of a medium as deposits have it; 0: it is of a surface.
 #define BALL_FIRST_MEDIUM 1u
@@ -30,8 +32,30 @@
 static vmask ball_receives(const Scene* scene, const Interior* in, const Bsdf* b, vmask dark) { return bsdf_in_medium(b) & !dark; }
 static vuint ball_medium(const Interior* in) { return interior_top(in) + BALL_FIRST_MEDIUM; }
 
+// Whether the end of a ray that something stands in the way of is in the same medium, behind nothing but what is clear.
+static vmask ball_reaches(const Scene* scene, const Interior* own, Ray ray, Sampler sampler, vmask asked) {
+    const vec3 way = ray.direction, end = add(ray.origin, way);
+    Interior in = *own;
+    vmask there = mask_none();
+    for (uint n = 0; n < CLEAR_MOST_SURFACES && lane_any(asked); ++n) {
+        const Hit hit = find_nearest(scene, &ray, sampler, splat_uint(n), mask_none(), asked);
+        there = there | (asked & (hit.primitive == NONE) & (interior_top(&in) == interior_top(own)));
+        asked = asked & (hit.primitive != NONE);
+        Surface surface = surface_at(scene, &ray, hit, asked);
+        const Crossing crossing = interior_meet(scene, &in, &surface, asked);
+        asked = asked & (interior_straight(&crossing) | surface_is_clear(scene, &surface));
+        interior_replace(&in, crossing.beyond, asked);
+        Ray behind = surface_leave(&surface, way);
+        behind.direction = sub(end, behind.origin);
+        behind.limit = splat(1.0f);
+        asked = asked & (inner(behind.direction, way) > 0.0f);
+        ray_replace(&ray, behind, asked);
+    }
+    return there;
+}
+
 // One over the part of the ball that is in reach, in the mean; 0 where it is not asked for.
-static vfloat ball_tries(const Scene* scene, vec3 center, vfloat time, Sampler sampler, vuint set, float radius, vmask asked, PoolStats* stats) {
+static vfloat ball_tries(const Scene* scene, const Interior* in, vec3 center, vfloat time, Sampler sampler, vuint set, float radius, vmask asked, PoolStats* stats) {
     vfloat tries = splat(0.0f);
     for (uint n = 0; n < BALL_MOST_TRIES && lane_any(asked); ++n) {
         vuint bits_u, bits_v, bits_w, unused;
@@ -44,7 +68,10 @@ static vfloat ball_tries(const Scene* scene, vec3 center, vfloat time, Sampler s
         ray.limit = splat(1.0f);
         tries = asked ? tries + 1.0f : tries;
         stats->shadow_rays += lane_count(asked);
-        asked = asked & (passage_of(scene, &ray, asked) <= 0.0f);   // what is masked counts where nothing gets through
+        const vmask blocked = asked & (passage_of(scene, &ray, asked) <= 0.0f);   // what is masked counts where nothing gets through
+        asked = blocked;
+        stats->rays += lane_count(blocked);
+        if (lane_any(blocked)) asked = asked & !ball_reaches(scene, in, ray, sampler, blocked);
     }
     return tries;
 }

@@ -14,6 +14,7 @@
 #include "geometry/find.h"
 #include "geometry/surface.h"
 #include "light/light.h"
+#include "photon/clear.h"
 #include "types.h"
 
 // Of a photon within the radius at most this far above or below the tangent plane, in radii: around a corner lies another surface.
@@ -32,41 +33,58 @@ static vfloat disk_flat(const Surface* surface, vec3 side, float radius) {
 // Whether photons count on a surface at all: nothing is seen of those on a black one, and such are the lamps.
 static vmask disk_receives(const Surface* s) { return (s->kind == MATERIAL_LAMBERT) & (largest(s->color) > 0.0f); }
 
-// Whether rays meet the back of a surface: they are inside of something.
-static vmask disk_inside(const Scene* scene, vec3 origin, vec3 direction, Sampler sampler, vmask asked, vfloat time) {
-    const Ray ray = ray_in_time(ray_make(origin, direction), time);
+// Whether what lies below a point of the disk is not where photons of the disk arrive. Where the ray up from there meets the back of a surface that is
+// opaque, it is inside of something. Where its other side is up than at the disk's centre, it is that only if it sees the centre.
+static vmask disk_hides(const Scene* scene, const Surface* below, vec3 centre, vec3 side, vmask other_side, Sampler sampler, vmask asked) {
+    Ray ray = surface_leave(below, side);
+    ray.direction = choose(other_side, sub(centre, ray.origin), side);
+    ray.limit = other_side ? splat(1.0f) : ray.limit;
     const Hit hit = find_nearest(scene, &ray, sampler, splat_uint(0u), mask_none(), asked);
     const vmask found = asked & (hit.primitive != NONE);
     const Surface s = surface_at(scene, &ray, hit, found);
-    return found & !s.front;
+    const vmask back = found & !s.front & !other_side;
+    return (found & other_side) | (lane_any(back) ? back & !surface_is_clear(scene, &s) : back);
 }
 
 // Whether a photon could be below the point `to` away from the disk's centre. From above the centre a ray goes to above that point,
-// and from there down. What lies under something closed that stands on the surface is not reached: the first ray meets it from
-// outside, and above the point is its inside. `sampler`: of where surfaces with holes are.
+// and from there down through all that lies there: a glass ball and one of steel touch the floor in a point, and around it photons arrive between
+// them. What lies inside of something closed and opaque that stands on the surface is not reached: the first ray meets that from outside, and above
+// the point is its inside. `sampler`: of where surfaces with holes are.
 static vmask disk_has_surface(const Scene* scene, const Surface* surface, vec3 side, vec3 to, float radius, Sampler sampler, vmask asked,
                               PoolStats* stats) {
     const float off = disk_off_plane(radius);
-    Ray ray = ray_in_time(ray_make(along(surface_leave(surface, side).origin, side, splat(off)), to), surface_time(surface));
+    const vec3 centre = surface_leave(surface, side).origin;
+    Ray ray = ray_in_time(ray_make(along(centre, side, splat(off)), to), surface_time(surface));
     ray.limit = splat(1.0f);
     const vmask blocked = passage_of(scene, &ray, asked) <= 0.0f;
+    stats->shadow_rays += lane_count(asked);
     ray.origin = add(ray.origin, to);
     ray.direction = negate(side);
     ray.limit = splat(2.0f * off);
-    const Hit hit = find_nearest(scene, &ray, sampler, splat_uint(0u), mask_none(), asked);
-    vmask found = asked & (hit.primitive != NONE);
-    const Surface below = surface_at(scene, &ray, hit, found);
-    const vec3 away = sub(below.point, surface->point);
     const vfloat flat = disk_flat(surface, side, radius);
-    const vec3 below_side = choose(below.front, below.normal, negate(below.normal));
-    const vmask behind = (inner(away, side) < -flat) & (inner(away, below_side) < -flat);
-    found = found & disk_receives(&below) & (inner(away, away) <= radius * radius) & !behind;
-    const vmask unsure = found & blocked;
-    stats->shadow_rays += lane_count(asked);
-    stats->rays += lane_count(asked);
-    if (!lane_any(unsure)) return found;
-    stats->rays += lane_count(unsure);
-    return found & !disk_inside(scene, ray.origin, side, sampler, unsure, surface_time(surface));
+    vmask found = mask_none();
+    for (uint n = 0; n < CLEAR_MOST_SURFACES && lane_any(asked); ++n) {
+        stats->rays += lane_count(asked);
+        const Hit hit = find_nearest(scene, &ray, sampler, splat_uint(n), mask_none(), asked);
+        asked = asked & (hit.primitive != NONE);
+        const Surface below = surface_at(scene, &ray, hit, asked);
+        const vec3 away = sub(below.point, surface->point);
+        const vec3 below_side = choose(below.front, below.normal, negate(below.normal));
+        const vmask behind = (inner(away, side) < -flat) & (inner(away, below_side) < -flat);
+        vmask here = asked & disk_receives(&below) & (inner(away, away) <= radius * radius) & !behind;
+        const vmask other_side = below.front ? !surface->front : surface->front;
+        const vmask unsure = here & (blocked | other_side | (n > 0u ? mask_all() : mask_none()));
+        stats->rays += lane_count(unsure);
+        if (lane_any(unsure)) here = here & !disk_hides(scene, &below, centre, side, other_side, sampler, unsure);
+        found = found | here;
+
+        // Go on behind it
+        Ray behind_it = surface_leave(&below, ray.direction);
+        behind_it.limit = inner(sub(behind_it.origin, surface->point), side) + off;
+        asked = asked & !here & (behind_it.limit > 0.0f);
+        ray_replace(&ray, behind_it, asked);
+    }
+    return found;
 }
 
 // One over the share of the disk that is surface, in the mean; 0 where it is not asked for. `set`: of random numbers.

@@ -16,7 +16,8 @@ __kernel void grid_keys(__global const float* deposits, __global const uint* dep
         __global const float* point = deposit + DEPOSIT_ROW_POINT;
         const uint x = grid_along(point[0], low.x, low.w, size.x), y = grid_along(point[1], low.y, low.w, size.y);
         cell = (grid_along(point[2], low.z, low.w, size.z) * size.y + y) * size.x + x;
-        if (media && as_uint(deposit[DEPOSIT_ROW_MEDIUM]) != 0u) cell += size.w;
+        const uint kind = as_uint(deposit[DEPOSIT_ROW_KIND]);
+        if (media && kind != 0u && (kind & DEPOSIT_FROM) == 0u) cell += size.w;
     }
     keys[i] = cell;
     values[i] = i;

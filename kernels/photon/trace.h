@@ -62,8 +62,8 @@ static void photon_start(const Scene* scene, float4 bounds, uint pass, vuint num
 }
 
 // Keep the deposit in the next free place of its photon; when all are taken, in a random one or nowhere, so that at any time each
-// deposit so far is as likely to be there (Vitter 1985).
-static void photon_deposit(const Photon* p, const Surface* s, vec3 flux, vuint medium, vmask where, __global float* deposits) {
+// deposit so far is as likely to be there (Vitter 1985). `kind`: DEPOSIT_ROW_KIND.
+static void photon_deposit(const Photon* p, const Surface* s, vec3 flux, vuint kind, vmask where, __global float* deposits) {
     vuint random, unused;
     sampler_hash_bits(p->sampler, sampler_set(p->depth, SET_LIGHT), &random, &unused);
     const vuint drawn = mul_hi(random, p->deposits + 1u), place = p->deposits < PHOTON_DEPOSITS ? p->deposits : drawn;
@@ -72,10 +72,10 @@ static void photon_deposit(const Photon* p, const Surface* s, vec3 flux, vuint m
     const vec3 side = choose(s->front, s->normal, negate(s->normal));
     vfloat words[11];
     vec3_row_put(words, DEPOSIT_ROW_POINT, s->point);
-    vec3_row_put(words, DEPOSIT_ROW_NORMAL, choose(medium != 0u, p->ray.direction, side));
+    vec3_row_put(words, DEPOSIT_ROW_NORMAL, choose(deposit_is_in_medium(kind), p->ray.direction, side));
     vec3_row_put(words, DEPOSIT_ROW_FLUX, flux);
     words[DEPOSIT_ROW_EVENTS] = p->specular ? -events : events;
-    words[DEPOSIT_ROW_MEDIUM] = vfloat_from_bits(medium);
+    words[DEPOSIT_ROW_KIND] = vfloat_from_bits(kind);
     int is_kept[LANES];
     uint at[LANES];
     float word[LANES];
@@ -88,19 +88,13 @@ static void photon_deposit(const Photon* p, const Surface* s, vec3 flux, vuint m
     }
 }
 
-// What the flux that arrives counts for who gathers it, as bsdf_shaded has it for who comes along the photon's ray.
-static vfloat photon_shaded(const Scene* scene, const Surface* surface, const Bsdf* bsdf, vec3 direction, vmask where) {
-    vfloat shaded = bsdf_shaded(bsdf, direction);
+// Where the flux counts for who gathers it by the normal that is seen there, which a map bends towards who looks.
+static vmask photon_is_bent(const Surface* surface, const Bsdf* bsdf) {
 #ifdef TEXTURES
-    const vmask bent = where & bsdf_is_bent(surface, bsdf);
-    if (lane_any(bent)) {
-        // The normal of a map is bent towards who looks, but who will is not known: so as it is from above, whose density is the cosine over pi
-        vfloat density;
-        bsdf_made_again(scene, surface, negate(direction), bsdf->side, &density);
-        shaded = bent ? quotient(density * PI, greater(absolute(inner(direction, bsdf->side)), splat(1.0e-6f))) : shaded;
-    }
+    return bsdf_is_bent(surface, bsdf);
+#else
+    return mask_none();
 #endif
-    return shaded;
 }
 
 #if defined(HAIR) && defined(CURVES)
@@ -215,8 +209,11 @@ static uint photon_trace(const Scene* scene, float4 bounds, uint pass, uint firs
         rays += lane_count(photon.alive);
         if (lane_any(arrives)) {
             const vec3 scattered = ball_flux(scene, &photon.interior, surface.point, photon.flux, in_medium);
-            const vec3 flux = choose(in_medium, scattered, scale(photon.flux, photon_shaded(scene, &surface, &bsdf, photon.ray.direction, arrives)));
-            photon_deposit(&photon, &surface, flux, in_medium ? ball_medium(&photon.interior) : splat_uint(0u), arrives, deposits);
+            const vmask bent = photon_is_bent(&surface, &bsdf);
+            const vfloat shaded = bent ? splat(1.0f) : bsdf_shaded(&bsdf, photon.ray.direction);
+            const vec3 flux = choose(in_medium, scattered, scale(photon.flux, shaded));
+            const vuint kind = bent ? deposit_from(photon.ray.direction) : splat_uint(0u);
+            photon_deposit(&photon, &surface, flux, in_medium ? ball_medium(&photon.interior) : kind, arrives, deposits);
             photon.deposits = arrives ? photon.deposits + 1u : photon.deposits;
         }
 

@@ -29,7 +29,16 @@ static vmask normal_map_tangent(const Scene* scene, const Attributes* a, vmask a
 }
 #endif
 
-// The normal that a normal map shows, around `normal`: red along u, green along v, blue outward.
+// From derivatives of the point by texture coordinates to those by the picture's own, to the right and up, whose sizes say nothing: the texture's
+// transform turns and mirrors the slopes of a map as it does its picture.
+static void normal_map_turned(const Texture* t, vec3* along_u, vec3* along_v) {
+    const vfloat a = t->row[TEXTURE_ROW_U], b = t->row[TEXTURE_ROW_U + 1], c = t->row[TEXTURE_ROW_V], d = t->row[TEXTURE_ROW_V + 1];
+    const vfloat sign = a * d - b * c < 0.0f ? splat(-1.0f) : splat(1.0f);
+    const vec3 right = sub(scale(*along_u, d), scale(*along_v, c)), up = sub(scale(*along_u, b), scale(*along_v, a));
+    *along_u = scale(right, sign), *along_v = scale(up, sign);
+}
+
+// The normal that a normal map shows, around `normal`: red to the picture's right, or along a tangent that is given, green up, blue outward.
 static vec3 normal_map_normal(const Scene* scene, const Attributes* a, vuint texture, vmask has, vec3 normal, vmask* tilted) {
     const Texture t = texture_at(scene, has ? texture : splat_uint(0u));
     vfloat x, y;
@@ -40,6 +49,7 @@ static vec3 normal_map_normal(const Scene* scene, const Attributes* a, vuint tex
     *tilted = has & ((absolute(red) > NORMAL_MAP_FLAT) | (absolute(green) > NORMAL_MAP_FLAT));
     vec3 along_u, along_v;
     mapping_tangents(a, (t.format >> 14) & 1u, &along_u, &along_v);
+    normal_map_turned(&t, &along_u, &along_v);
 #ifdef TANGENTS
     vec3 tangent_there = along_u;
     vfloat side = splat(1.0f);

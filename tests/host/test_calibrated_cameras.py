@@ -132,6 +132,25 @@ def test_eyes_are_a_baseline_apart() -> None:
     np.testing.assert_allclose(disparity, [focal * 0.1 / 2.0, 0.0], atol=1e-9)
 
 
+def test_eyes_and_pixels_of_a_moving_camera() -> None:
+    """Each key is moved along its own axis; points are seen from where the camera is as the shutter opens."""
+    keys = [
+        {"time": 0.0, "position": (0, 0, 4), "target": (0, 0, 0)},
+        {"time": 2.0, "position": (4, 0, 0), "target": (0, 0, 0)},
+    ]
+    camera = Camera(position=(9, 9, 9), target=(0, 0, 0), motion=keys, time=2.0)
+    left, right = camera.stereo_pair(0.4)
+    np.testing.assert_allclose(left.opened.position, (4.0, 0.0, 0.2), atol=1e-12)
+    np.testing.assert_allclose(right.opened.position, (4.0, 0.0, -0.2), atol=1e-12)
+    np.testing.assert_allclose(left.changed(time=0.0).opened.position, (-0.2, 0.0, 4.0), atol=1e-12)
+    still = Camera(position=(4, 0, 0), target=(0, 0, 0))
+    points = [[0.5, 0.2, 0.1], [-1.0, 0.3, 0.4]]
+    pixels = still.project(points, size=(80, 60))
+    np.testing.assert_allclose(camera.project(points, size=(80, 60)), pixels, atol=1e-9)
+    for mine, wanted in zip(camera.unproject(pixels, (80, 60)), still.unproject(pixels, (80, 60)), strict=True):
+        np.testing.assert_allclose(mine, wanted, atol=1e-9)
+
+
 def test_the_end_of_the_field() -> None:
     assert BrownConrady().limit == np.inf
     # r - r³/3 grows to r = 1

@@ -181,7 +181,7 @@ def test_the_colour_of_a_material(paint: Path) -> None:
     scene = scene_in(paint.parent)
     ((name, material),) = scene.measured_materials()
     red, green, blue = measured_color(scene, name, material)
-    assert 0.2 < blue < green < red < 0.6, "warm"
+    assert 0.15 < blue < green < red < 0.45, "warm"
 
 
 def test_scenes_are_known_by_the_content_of_the_file(tmp_path: Path, paint: Path) -> None:

@@ -40,6 +40,7 @@ def rendered(tmp_path: Path, device: Device) -> Rendered:
     """Renders the text of a scene; returns the mean of each seed's image, (seeds, 3)."""
     Image.new("RGB", (4, 4), (200, 128, 230)).save(tmp_path / "tilted.png")
     Image.new("RGB", (4, 4), (128, 200, 230)).save(tmp_path / "away.png")
+    Image.new("RGB", (4, 4), (56, 128, 230)).save(tmp_path / "left.png")
     np.save(tmp_path / "ones.npy", np.ones((2, 2, 2), np.float32))
 
     def of(text: str, **settings: Any) -> npt.NDArray[np.float64]:
@@ -76,13 +77,14 @@ def test_normal_maps_of_light_paths(rendered: Rendered) -> None:
     agree(rendered(scene, integrator="bdpt", spp=16, light_paths=100_000), path, 2e-3)
 
 
-def test_normal_maps_below_photons(rendered: Rendered) -> None:
-    """From a mirror they come at a grazing angle, and the camera looks from above, from where normals are not bent."""
-    mirrored = """
+@pytest.mark.parametrize("position", [[0.5, 3.0, 0.0], [3.0, 0.3, 0.0]], ids=["from above", "from the side"])
+def test_normal_maps_below_photons(rendered: Rendered, position: list[float]) -> None:
+    """From a mirror they come at a grazing angle; seen from the side the normal is bent towards the camera."""
+    mirrored = f"""
     [camera]
-    position = [0.5, 3.0, 0.0]
+    position = {position}
     target = [0.5, 0.0, 0.0]
-    up = [0.0, 0.0, -1.0]
+    up = {[0.0, 0.0, -1.0] if position[1] > 1.0 else [0.0, 1.0, 0.0]}
     vertical_fov = 2.0
     [materials.mirror]
     type = "mirror"
@@ -100,7 +102,7 @@ def test_normal_maps_below_photons(rendered: Rendered) -> None:
     cone_degrees = 5.0
     intensity = 50.0
     """
-    scene = mirrored + TILTED + FLOOR
+    scene = mirrored + TILTED.replace("tilted", "left" if position[1] < 1.0 else "tilted") + FLOOR
     path = rendered(scene, specular_chains="on", spp=128)
     agree(rendered(scene, integrator="photon", spp=8, photons=100_000, photon_radius=0.03), path, 0.03)
 
@@ -364,3 +366,117 @@ def test_guiding_in_fog_knows_no_first_primitive(rendered: Rendered) -> None:
 
     black, white = (rendered(scene(each), spp=8, guiding="on", guiding_paths=20_000) for each in (0.0, 1.0))
     np.testing.assert_array_equal(black, white)
+
+
+SKY = """
+[[lights]]
+type = "environment"
+radiance = 1.0
+"""
+
+
+def on_a_floor(solid: str, camera: str) -> str:
+    """The text of a scene: a solid of the material `solid` on a floor under a white sky."""
+    floor = """
+    [materials.floor]
+    type = "lambert"
+    reflectance = 0.5
+    [[shapes]]
+    type = "quad"
+    origin = [-2.0, 0.0, 2.0]
+    edge_u = [4.0, 0.0, 0.0]
+    edge_v = [0.0, 0.0, -4.0]
+    material = "floor"
+    """
+    return camera + SKY + solid + floor
+
+
+CLEAR = {
+    "a ball": """
+    [materials.solid]
+    type = "dielectric"
+    ior = 1.001
+    [[shapes]]
+    type = "sphere"
+    center = [0.0, 0.5, 0.0]
+    radius = 0.5
+    material = "solid"
+    """,
+    "a box": """
+    [materials.solid]
+    type = "principled"
+    roughness = 0.0
+    specular = 0.0
+    transmission = 1.0
+    ior = 1.001
+    [[shapes]]
+    type = "box"
+    center = [0.0, 0.41, 0.0]
+    size = [0.8, 0.8, 0.8]
+    material = "solid"
+    """,
+}
+
+
+@pytest.mark.parametrize("solid", CLEAR)
+def test_photons_below_clear_solids(rendered: Rendered, solid: str) -> None:
+    """They arrive there, and the disk's points were taken for covered: five times too bright where glass stands."""
+    above = """
+    [camera]
+    position = [0.0, 3.0, 0.01]
+    target = [0.0, 0.0, 0.0]
+    vertical_fov = 10.0
+    """
+    settings = {"integrator": "photon", "photons": 100_000, "photon_radius": 0.1, "spp": 8}
+    np.testing.assert_allclose(rendered(on_a_floor(CLEAR[solid], above), **settings).mean(axis=0), 0.5, rtol=0.03)
+
+
+def test_photons_around_the_foot_of_a_mirror(rendered: Rendered) -> None:
+    """A floor below a ball that reflects has photons up to where it touches; around there it was twice too bright."""
+    beside = """
+    [camera]
+    position = [0.0, 0.12, 2.0]
+    target = [0.0, 0.015, 0.0]
+    vertical_fov = 2.0
+    """
+    mirror = CLEAR["a ball"].replace('"dielectric"\n    ior = 1.001', '"mirror"\n    reflectance = 1.0')
+    scene = on_a_floor(mirror, beside)
+    photons = rendered(scene, integrator="photon", photons=100_000, photon_radius=0.05, spp=8)
+    agree(photons, rendered(scene, spp=512), 0.05)
+
+
+def test_photons_behind_panes_in_smoke(rendered: Rendered) -> None:
+    """They were gathered, and their part of the ball was out of reach: 15 % too bright."""
+    panes = "".join(
+        f"""
+        [[shapes]]
+        type = "box"
+        center = [{x}, 0.0, 0.0]
+        size = [0.02, 1.2, 1.2]
+        material = "glass"
+        """
+        for x in (-0.3, -0.15, 0.0, 0.15, 0.3)
+    )
+    scene = (
+        SKY
+        + panes
+        + """
+    [camera]
+    position = [0.0, 0.0, 3.0]
+    target = [0.0, 0.0, 0.0]
+    vertical_fov = 15.0
+    [materials.glass]
+    type = "dielectric"
+    ior = 1.001
+    [media.smoke]
+    scattering = 3.0
+    absorption = 0.0
+    [[shapes]]
+    type = "box"
+    center = [0.0, 0.0, 0.0]
+    size = [1.4, 1.4, 1.4]
+    interior = "smoke"
+    """
+    )
+    smoke = rendered(scene, integrator="photon", photons=50_000, photon_radius=0.1, spp=16)
+    np.testing.assert_allclose(smoke.mean(axis=0), 1.0, rtol=0.02)

@@ -283,6 +283,82 @@ def test_textures_run_along_strands(studio: Studio, kind: str) -> None:
     assert (np.diff(at[at > 0.0]) < 0.05).all(), "and does not jump where a curve is cut"
 
 
+def blade(material: dict[str, Any], place: str, length: float = 1.0) -> Scene:
+    """One straight strand that leans to the left, as a shape of its own or in an instance that turns it."""
+    half = 0.5 * length
+    points = [[0.0, n * 0.5 * half, 0.0] for n in range(-2, 3)]
+    strand: dict[str, Any] = {"type": "curves", "points": points, "basis": "linear"}
+    strand |= {"radius": 0.1 * length, "material": "blade"}
+    turned = {"rotate_degrees": [0.0, 0.0, 90.0]}
+    shapes: dict[str, list[dict[str, Any]]] = {
+        "upright": [strand],
+        "turned": [{**strand, "transform": turned}],
+        "in an instance": [
+            {"type": "instance", "group": "blade", "transform": each}
+            for each in (turned, {**turned, "translate": [0.0, 0.0, -50.0]})
+        ],
+    }
+    groups = {"blade": {"shapes": [strand]}} if place == "in an instance" else {}
+    camera = {"type": "orthographic", "position": [0.0, 0.0, 5.0], "target": [0.0, 0.0, 0.0], "height": 1.5 * length}
+    return clrender.Scene(
+        camera=camera, shapes=shapes[place], groups=groups, lights=[SKY], materials={"blade": material}
+    )
+
+
+@pytest.mark.long
+def test_textures_along_strands_of_instances(studio: Studio) -> None:
+    """The coordinates of a strand were turned by the instance, as if they had been the axes of a sphere."""
+    ramp = {"type": "lambert", "reflectance": {"ramp": [[0.05, 0.05, 0.05], [0.85, 0.85, 0.85]]}}
+    own, placed = (studio.layer(blade(ramp, place), 24, "albedo") for place in ("turned", "in an instance"))
+    assert own[12].max() > 0.7
+    np.testing.assert_allclose(placed, own, atol=1e-3)
+
+
+@pytest.mark.long
+def test_layers_of_strands(studio: Studio) -> None:
+    """Coordinates and tangents of a strand in layers were those of a disk."""
+    scene = blade(CLAY, "upright")
+    uv, tangent = (studio.layer(scene, 24, name) for name in ("uv", "tangent"))
+    heights = 1.25 - (np.arange(5, 19) + 0.5) / 16.0
+    np.testing.assert_allclose(uv[5:19, 12, 0], heights, atol=0.02)
+    np.testing.assert_allclose(uv[5:19, 12, 1], 0.5, atol=1e-6)
+    np.testing.assert_allclose(tangent[5:19, 12], [[0.0, 1.0, 0.0]] * 14, atol=1e-5)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("length", [0.1, 1.0])
+def test_bumps_on_strands_are_in_metres(studio: Studio, length: float) -> None:
+    """A height that grows by a tenth of the length along it has a slope of a tenth, however long the strand is."""
+    material = {**CLAY, "bump_map": {"texture": "ramp", "scale": 0.1 * length}}
+    ramp = np.linspace(0.0, 1.0, 64, dtype=np.float32)[None, :, None].repeat(2, 0).repeat(3, 2)
+    scene = blade(material, "upright", length).with_arrays(textures={"ramp": ramp})
+    normal = studio.layer(scene, 24, "normal")[12, 12]
+    assert abs(normal[1] + 0.1 / np.sqrt(1.01)) < 0.01
+
+
+@pytest.mark.parametrize("change", ["another course", "one sphere more"])
+def test_trees_of_strands_are_kept_only_for_the_same(device: Device, change: str) -> None:
+    """In a session the BVH of a group was taken for that of other curves, and of the same with other numbers."""
+
+    def scene(turned: bool, spheres: int) -> Scene:
+        side = -0.6 if turned else 0.6
+        strand = {"type": "curves", "points": [[-0.8, -side, 0.0], [0.8, side, 0.0]], "basis": "linear"}
+        balls = [{"type": "sphere", "center": [0.0, 0.0, -3.0 - n], "radius": 0.1} for n in range(spheres)]
+        return clrender.Scene(
+            camera={"position": [0.0, 0.0, 4.0], "target": [0.0, 0.0, 0.0], "vertical_fov": 30.0},
+            groups={"strand": {"shapes": [{**strand, "radius": 0.1}]}},
+            shapes=[*balls, {"type": "instance", "group": "strand", "transform": {"translate": [0.01, 0.0, 0.0]}}],
+            lights=[SKY],
+        )
+
+    second = scene(change == "another course", 2 if change == "one sphere more" else 1)
+    with clrender.Session(device) as session:
+        session.render(scene(False, 1), size=(16, 16), spp=1)
+        image = session.render(second, size=(16, 16), spp=1)
+    with clrender.Session(device) as session:
+        np.testing.assert_array_equal(session.render(second, size=(16, 16), spp=1).linear, image.linear)
+
+
 @pytest.mark.parametrize("integrator", ["path", pytest.param("bdpt", marks=pytest.mark.long)])
 def test_ribbons_are_lit_like_the_quads_that_they_are(evidence: Evidence, studio: Studio, integrator: str) -> None:
     """A straight one, also in a group that is placed, against two quads."""

@@ -16,6 +16,7 @@ import clrender
 from clrender.image.files import write_image
 
 if TYPE_CHECKING:
+    from clrender.device import Device
     from clrender.scene import Scene
 
 # Everything that decides which pixels may share: how paths end, how far they go, how many share.
@@ -201,3 +202,25 @@ def test_sharing_lessens_noise_where_light_is_diffuse(studio: Studio) -> None:
     assert 0.8 < errors[1] / errors[0] < 1.25  # alone, a pixel gains nothing
     assert errors[2] < errors[1] / 1.5
     assert errors[3] < errors[2] / 1.5
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("shared", ["wavelengths", "time"])
+def test_errors_of_means_where_all_pixels_share(device: Device, shared: str) -> None:
+    """Wavelengths and times are those of a sample of the whole image; errors were those of independent blocks."""
+    room = scene(
+        [sphere((0.0, 0.8, 0.0), 5.0, material="wall", flip_normals=True)],
+        lights=[{"type": "point", "position": [0.0, 1.2, -1.0], "intensity": {"illuminant": "FL2", "scale": 10.0}}],
+        camera={"position": [0.0, 1.0, -3.0], "target": [0.0, 0.8, 0.0], "vertical_fov": 40.0},
+        wall=lambert(0.5),
+    )
+    if shared == "time":
+        lamp = {"type": "point", "position": [0.0, 1.2, -1.0], "intensity": [10.0, 10.0, 10.0]}
+        keys = [{"time": 0.0}, {"time": 1.0, "translate": [0.0, 0.0, 3.5]}]
+        room = room.changed({"camera.shutter": [0.0, 1.0], "lights": [{**lamp, "motion": keys}]})
+    settings: dict[str, Any] = {"size": (16, 16), "spp": 32, "replicate_spp": 4, "spectral": shared == "wavelengths"}
+    with clrender.Session(device) as session:
+        images = [session.render(room, integrator="reuse", seed=seed, **settings) for seed in range(20)]
+    spread = np.std([image.linear.mean(axis=(0, 1), dtype=np.float64) for image in images], axis=0, ddof=1)
+    told = np.sqrt(np.mean([np.square(image.stats["mean_stderr"]) for image in images], axis=0))
+    assert (told > 0.7 * spread).all()

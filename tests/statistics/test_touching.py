@@ -320,3 +320,29 @@ def test_a_camera_that_moves_far_away_leaves_no_bit_of_before(device: Device) ->
         one.render(near, **how)
         moved, new = one.render(far, **how), other.render(far, **how)
     assert moved.stats["image_sha256"] == new.stats["image_sha256"] and (moved.linear > 0.9).any()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("moving", ["the lamp", "both"])
+def test_lamps_in_the_plane_of_what_they_lie_on_may_move(device: Device, moving: str) -> None:
+    """A lamp that slides in its ceiling, or moves with its board, was dark: only what rests was compared."""
+
+    def mean(height: float) -> float:
+        rise = 0.05 if moving == "both" else 0.0
+        keys = [{"time": 0.0, "translate": [-0.2, 0.0, 0.0]}, {"time": 1.0, "translate": [0.2, rise, 0.0]}]
+        lamp = {"type": "quad", "origin": [-0.3, height, -0.3], "edge_u": [0.6, 0.0, 0.0], "edge_v": [0.0, 0.0, 0.6]}
+        board = {"type": "quad", "origin": [-1.0, 1.0, -1.0], "edge_u": [2.0, 0.0, 0.0], "edge_v": [0.0, 0.0, 2.0]}
+        floor = {"type": "quad", "origin": [-1.0, -1.0, 1.0], "edge_u": [2.0, 0.0, 0.0], "edge_v": [0.0, 0.0, -2.0]}
+        shapes = [
+            {**floor, "material": "white"},
+            {**board, "material": "white", **({"motion": keys} if moving == "both" else {})},
+            {**lamp, "emission": [5.0, 5.0, 5.0], "motion": keys},
+        ]
+        scene = clrender.Scene(
+            camera={"position": [0, -0.5, 4], "target": [0, 0, 0], "vertical_fov": 40.0, "shutter": [0.0, 1.0]},
+            materials={"white": {"type": "lambert", "reflectance": [0.5, 0.5, 0.5]}},
+            shapes=shapes,
+        )
+        return float(clrender.render(scene, device=device, size=(16, 16), spp=64).linear.mean(dtype=np.float64))
+
+    assert mean(1.0) == pytest.approx(mean(0.999), rel=0.03)
