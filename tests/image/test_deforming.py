@@ -189,9 +189,9 @@ def test_an_edge_sweeps_as_it_must(device: Device) -> None:
 def grown(flat: float) -> Scene:
     """A quad that grows upward from a line in a second, seen from above, beside a triangle that rests."""
     rest = [[3.0, 3.0, 0.0], [4.0, 3.0, 0.0], [3.0, 4.0, 0.0]]
-    forms = [[[-1, -1, 0], [1, -1, 0], [1, top, 0], [-1, top, 0], *rest] for top in (-1.0 + flat, 1.0)]
+    forms: list[Any] = [[[-1, -1, 0], [1, -1, 0], [1, top, 0], [-1, top, 0], *rest] for top in (-1.0 + flat, 1.0)]
     poses = [{"time": float(time), "vertices": form} for time, form in enumerate(forms)]
-    quad = {"type": "mesh", "vertices": forms[0], "faces": [[4, 5, 6], [0, 1, 2], [0, 2, 3]], "poses": poses}
+    quad: _Table = {"type": "mesh", "vertices": forms[0], "faces": [[4, 5, 6], [0, 1, 2], [0, 2, 3]], "poses": poses}
     quad["uvs"] = [[x / 2 + 0.5, y / 2 + 0.5] for x, y, _ in forms[1]]
     camera = {"type": "orthographic", "position": [0, 0, 2], "target": [0, 0, 0], "height": 2.0, "shutter": [0.0, 1.0]}
     lights = [{"type": "environment", "radiance": [1.0, 1.0, 1.0]}]
