@@ -240,7 +240,8 @@ def first_hits(
     coordinates = None
     if needed:
         assembly = assemble(scene)
-        coordinates = flat_surfaces(assembly.scene, flat.origin, assembly.own_shapes, all_attributes=True).attributes
+        origin, own = flat.origin, assembly.own_shapes
+        coordinates = flat_surfaces(assembly.scene, origin, own, assembly, all_attributes=True).attributes
     if coordinates is not None and not len(coordinates):
         coordinates = None
     on_device = partial(LayerArguments, asked=asked, coordinates=coordinates)

@@ -93,6 +93,11 @@ class Assembly:
     deformations: Mapping[int, Deformation] = field(default_factory=dict)
 
     @property
+    def forms(self) -> dict[int, Deformation]:
+        """Of meshes that change their form: how, by their index in `scene`."""
+        return {self.groups[group].start: how for group, how in self.deformations.items()}
+
+    @property
     def opened(self) -> Assembly:
         """The same with everything where it is when the shutter opens, at rest."""
         if not self.motions:

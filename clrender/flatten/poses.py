@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clrender import layout
-from clrender.flatten.surfaces import placed_normals, turned_away
+from clrender.flatten.surfaces import placed_normals, turned_away, with_area
 from clrender.scene.transforms import affine
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def flat_poses(scene: Scene, surfaces: FlatSurfaces, index: int, deformation: De
     corners = np.stack([points[triangles].reshape(count, 9) for points in vertices])
     blocks = [corners]
     if normals:
-        turned = turned_away(vertices[0], triangles.astype(np.uint32), normals[0])
+        turned = _turned(vertices, triangles.astype(np.uint32), normals)
         signs = np.where(turned, np.float32(-1.0), np.float32(1.0))[:, None]
         blocks.append(np.stack([some[triangles].reshape(count, 9) * signs for some in normals]))
     rows = np.zeros((len(blocks), len(vertices), count, 16), np.float32)
@@ -82,3 +82,16 @@ def flat_poses(scene: Scene, surfaces: FlatSurfaces, index: int, deformation: De
     low, high = (edge + sign * (room + 8.0 * _ROUNDING * np.abs(edge)) for edge, sign in ((low, -1.0), (high, 1.0)))
     boxes = np.concatenate([low, high], axis=1).astype(np.float32)
     return FlatPoses(rows.reshape(-1, 16), len(vertices), boxes)
+
+
+def _turned(
+    vertices: list[NDArray[np.float32]], triangles: NDArray[np.uint32], normals: list[NDArray[np.float32]]
+) -> NDArray[np.bool_]:
+    """Which triangles have normals that point to their back, at the first time at which each has an area."""
+    turned, open_ = np.zeros(len(triangles), bool), np.arange(len(triangles))
+    for points, some in zip(vertices, normals, strict=True):
+        turned[open_] = turned_away(points, triangles[open_], some)
+        open_ = open_[~with_area(points, triangles[open_])]
+        if not len(open_):
+            break
+    return turned

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
@@ -39,8 +41,9 @@ from clrender.wording import place as place_in_file
 
 if TYPE_CHECKING:
     from clrender.flatten.assembly import Assembly
+    from clrender.scene.posed import Deformation
 
-__all__ = ["SMALLEST", "flat_surfaces", "placed_normals", "triangle_areas", "turned_away"]
+__all__ = ["SMALLEST", "flat_surfaces", "placed_normals", "triangle_areas", "turned_away", "with_area"]
 
 _Rows: TypeAlias = NDArray[np.void]
 _CHUNK: Final = 2**18
@@ -109,6 +112,7 @@ def flat_surfaces(
     first = np.zeros(len(shapes), dtype=np.int64)
     count = np.zeros(len(shapes), dtype=np.int64)
     first_vertex = np.zeros(len(shapes), dtype=np.int64)
+    forms = {} if assembly is None else assembly.forms
     warnings: list[str] = []
     textured = [all_attributes or is_textured(scene, index) for index in range(len(scene.plain_shapes))]
     attributes = np.zeros((triangle_total if any(textured) else 0, 16), np.float32)
@@ -130,7 +134,8 @@ def flat_surfaces(
         there = triangles[t : t + len(mesh.triangles)]
         transform = _relative(affine(shape.transform), origin if index < own else (0.0, 0.0, 0.0))
         _place_mesh(mesh, transform, shape.flip_normals, here, there, place=place)
-        sound = _sound(here, there, place=place, warnings=warnings if isinstance(shape, Mesh) else None)
+        later = _later_forms(forms[index], transform) if index in forms else ()
+        sound = _sound(here, there, later, place=place, warnings=warnings if isinstance(shape, Mesh) else None)
         kept = len(there) if sound is None else int(np.count_nonzero(sound))
         flipped = shape.flip_normals != (transform.determinant < 0.0)
         turned: NDArray[np.bool_] | None = None
@@ -265,21 +270,35 @@ def _in_range(largest: float, place: str) -> None:
         raise SceneError(f"{place} {text}; make it or its transform smaller")
 
 
+def _later_forms(deformation: Deformation, transform: Affine) -> Iterator[NDArray[np.float32]]:
+    """The placed vertices of a mesh at its poses after the first, and midway before each.
+
+    The normal of a triangle is quadratic in time between two poses: where it is zero at three times, it always is.
+    """
+    for one, other in pairwise(deformation.meshes):
+        for points in (other.vertices, (one.vertices.astype(np.float64) + other.vertices) / 2.0):
+            placed = np.empty(points.shape, np.float32)
+            transform.points_into(points, placed)
+            yield placed
+
+
 def _sound(
     vertices: NDArray[np.float32],
     triangles: NDArray[np.uint32],
+    later: Iterable[NDArray[np.float32]] = (),
     *,
     place: str,
     warnings: list[str] | None,
 ) -> NDArray[np.bool_] | None:
-    """Move triangles with an area to the front.
+    """Move triangles with an area, with these vertices or with later ones, to the front.
 
     Returns which ones have an area, or None for all. Without a list of warnings, all must have one.
     """
-    sound = np.empty(len(triangles), dtype=bool)
-    for start in range(0, len(triangles), _CHUNK):
-        x, y, z = (np.abs(part) for part in _normals_of(vertices, triangles[start : start + _CHUNK], np.float32))
-        sound[start : start + _CHUNK] = np.maximum(np.maximum(x, y), z) >= SMALLEST
+    sound = with_area(vertices, triangles)
+    for points in later:
+        if sound.all():
+            break
+        sound |= with_area(points, triangles)
     kept = int(np.count_nonzero(sound))
     if kept == len(triangles):
         return None
@@ -296,6 +315,15 @@ def _sound(
     warnings.append(f"{place}: {lost} of {len(triangles)} {noun} left out, without area in single precision{cure}")
     triangles[:kept] = triangles[sound]
     return sound
+
+
+def with_area(vertices: NDArray[np.float32], triangles: NDArray[np.uint32]) -> NDArray[np.bool_]:
+    """Which triangles have an area in single precision, (T,) bool."""
+    found = np.empty(len(triangles), dtype=bool)
+    for start in range(0, len(triangles), _CHUNK):
+        x, y, z = (np.abs(part) for part in _normals_of(vertices, triangles[start : start + _CHUNK], np.float32))
+        found[start : start + _CHUNK] = np.maximum(np.maximum(x, y), z) >= SMALLEST
+    return found
 
 
 def placed_normals(

@@ -132,16 +132,20 @@ def _faults_of_meshes(scene: Scene, files: AssetFiles) -> tuple[int, int]:
 
 
 def _leave_out_flat(draft: Draft, files: AssetFiles) -> None:
-    """Take out shapes whose mesh, in the draft, has no triangle with an area."""
+    """Take out shapes whose mesh, in the draft, has no triangle with an area, nor has that of a pose."""
     flat = {name for name, mesh in draft.meshes.items() if without_area(mesh.vertices, mesh.triangles)}
     if not flat:
         return
+
+    def is_flat(shape: dict[str, Any]) -> bool:
+        return all(each.get("file") in flat for each in (shape, *shape.get("poses", ())))
+
     description = draft.description
     for shapes in (description["shapes"], *(group["shapes"] for group in description.get("groups", {}).values())):
-        for name in [each["file"] for each in shapes if each.get("file") in flat]:
+        for name in [each["file"] for each in shapes if is_flat(each)]:
             text = f"the mesh {quoted(name)} has no triangle with an area; give it some"
             draft.leave_out(SceneError(f"{files.source}: {text}"), files.source, files.strict)
-        shapes[:] = [each for each in shapes if each.get("file") not in flat]
+        shapes[:] = [each for each in shapes if not is_flat(each)]
 
 
 def _shines(description: dict[str, Any]) -> bool:

@@ -48,12 +48,14 @@ def share_meshes(draft: Draft) -> None:
             named = _places(shapes, indices)
         except SceneError:  # of a scale that instances do not take
             continue
+        # What follows the transform of a shape follows those of instances
+        after = {"motion": shared.pop("motion")} if "motion" in shared else {}
         group = _named(groups, [shared])
         placed |= dict.fromkeys(indices)
         for first, name, array in named:
             places = f"places of {group} {first}"
             draft.places[places] = array
-            instance = {"type": "instance", "group": group, "transforms": places}
+            instance = {"type": "instance", "group": group, "transforms": places, **after}
             placed[first] = instance if name is None else {**instance, "name": name}
     if groups:
         every = [placed.get(index, shape) for index, shape in enumerate(shapes)]

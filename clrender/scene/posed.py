@@ -41,7 +41,9 @@ class Deformation:
 
 
 def pose_meshes(scene: SceneContents, at: _Place, shape: Mesh) -> list[MeshData]:
-    """The meshes of a shape's poses: its own, with the vertices and normals of each.
+    """The meshes of a shape's poses: its own, with the vertices, normals and tangents of each.
+
+    Where a pose moves vertices and brings no tangents, they follow from the texture coordinates, if there are any.
 
     Parameters
     ----------
@@ -74,7 +76,10 @@ def pose_meshes(scene: SceneContents, at: _Place, shape: Mesh) -> list[MeshData]
         if (posed.normals is None) != (own.normals is None):
             has, lacks = ("the mesh", "this pose") if posed.normals is None else ("this pose", "the mesh")
             raise SceneError(f"{where}: {has} has vertex normals, and {lacks} has none; export both alike")
-        found.append(dataclasses.replace(own, vertices=posed.vertices, normals=posed.normals))
+        tangents = posed.tangents
+        if tangents is None and (own.uvs is None or np.array_equal(posed.vertices, own.vertices)):
+            tangents = own.tangents
+        found.append(dataclasses.replace(own, vertices=posed.vertices, normals=posed.normals, tangents=tangents))
     return found
 
 
@@ -91,15 +96,20 @@ def _at(meshes: Sequence[MeshData], times: npt.NDArray[np.float64], time: float)
         return meshes[max(after - 1, 0)]
     one, other = meshes[after - 1], meshes[after]
     share = (time - float(times[after - 1])) / float(times[after] - times[after - 1])
+    if share == 0.0:
+        return one
 
     def between(a: npt.NDArray[np.floating], b: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
         first, second = a.astype(np.float64), b.astype(np.float64)
         return np.asarray((1.0 - share) * first + share * second)
 
-    normals = None
+    normals = tangents = None
     if one.normals is not None and other.normals is not None:
         normals = between(one.normals, other.normals)
-    return dataclasses.replace(one, vertices=between(one.vertices, other.vertices), normals=normals)
+    if one.tangents is not None and other.tangents is not None:
+        tangents = between(one.tangents, other.tangents).astype(np.float32)
+        tangents[..., 3] = one.tangents[..., 3]
+    return dataclasses.replace(one, vertices=between(one.vertices, other.vertices), normals=normals, tangents=tangents)
 
 
 def deformation_of(scene: Scene, at: _Place, shape: Mesh) -> Deformation:

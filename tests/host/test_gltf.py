@@ -17,6 +17,8 @@ from gltf_files import QUAD, Model, picture_uri
 
 import clrender
 from clrender.errors import SceneError
+from clrender.exporters import exported
+from clrender.exporters.own import scene_text
 from clrender.flatten.bounds import scene_bounds
 from clrender.flatten.flat_scene import flatten
 from clrender.flatten.surfaces import flat_surfaces
@@ -355,11 +357,131 @@ def test_a_skin_carries_vertices_by_its_joints_not_by_its_node(tmp_path: Path) -
     np.testing.assert_allclose(normals, [(0, 0, 1)] * 2 + [(0, -1, 0)] * 2, atol=1e-6)
 
 
+def test_morph_targets_of_colours_and_coordinates(tmp_path: Path) -> None:
+    model = Model()
+    texture = model.texture([[[255, 0, 0], [0, 255, 0]]])
+    material = model.add("materials", {"pbrMetallicRoughness": {"baseColorTexture": {"index": texture}}})
+    mesh = model.quad(material, COLOR_0=[(1, 0, 0, 1)] * 4)
+    more = {"COLOR_0": model.accessor([(-2, 1, 0)] * 4), "TEXCOORD_0": model.accessor([(0.5, 0.25)] * 4)}
+    model.root["meshes"][mesh] |= {"weights": [0.5]}
+    model.root["meshes"][mesh]["primitives"][0]["targets"] = [more]
+    moved = model.node(mesh=mesh)
+    found = loaded(tmp_path, model).mesh(0)
+    assert found.colors is not None and found.uvs is not None
+    np.testing.assert_allclose(found.colors, np.broadcast_to([0.0, 0.5, 0.0], (2, 3, 3)))
+    np.testing.assert_allclose(found.uvs[0], [(0.25, -0.125), (1.25, -0.125), (1.25, 0.875)])
+    animated(model, moved, "weights", [0.0, 1.0], [0, 1])
+    assert any("colours and texture coordinates" in each for each in loaded(tmp_path, model, shutter=(0.0, 1.0)).notes)
+
+
+def hung(model: Model, mesh: int, **bone: Any) -> int:
+    """A node with a mesh that hangs on one joint; the joint."""
+    joint = model.node(**bone)
+    primitive = model.root["meshes"][mesh]["primitives"][0]
+    primitive["attributes"] |= {
+        "JOINTS_0": model.accessor(np.zeros((4, 4)), "uint8"),
+        "WEIGHTS_0": model.accessor([(1, 0, 0, 0)] * 4),
+    }
+    model.node(mesh=mesh, skin=model.add("skins", {"joints": [joint]}))
+    return joint
+
+
+def fronts(mesh: Any) -> Any:
+    """z of the normals of triangles."""
+    a, b, c = (mesh.vertices[mesh.triangles[:, corner]] for corner in range(3))
+    return np.cross(b - a, c - a)[:, 2]
+
+
+def test_a_joint_that_mirrors_leaves_fronts_in_front(tmp_path: Path) -> None:
+    """As a node that mirrors does; colours stay with their vertices, and poses have the same triangles."""
+    model = Model()
+    joint = hung(model, model.quad(COLOR_0=[(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]), scale=[-1, 1, 1])
+    found = loaded(tmp_path, model).mesh(0)
+    assert (fronts(found) > 0.0).all() and found.colors is not None
+    corners = found.vertices[found.triangles]
+    np.testing.assert_allclose(found.colors[..., :2], (corners[..., :2] * [-1.0, 1.0] + 1.0) / 2.0)
+    animated(model, joint, "scale", [0.0, 1.0], [(-1, 1, 1), (-2, 1, 1)])
+    scene = loaded(tmp_path, model, shutter=(0.0, 1.0))
+    shape = scene.shapes[0]
+    assert isinstance(shape, Mesh) and shape.poses
+    assert all((fronts(each) > 0.0).all() for each in pose_meshes(scene, ("shapes", 0), shape))
+    turned = Model()
+    joint = hung(turned, turned.quad(), scale=[1, 1, 1])
+    animated(turned, joint, "scale", [0.0, 1.0], [(1, 1, 1), (-1, 1, 1)])
+    scene = loaded(tmp_path, turned, shutter=(0.0, 1.0))
+    assert isinstance(scene.shapes[0], Mesh) and not scene.shapes[0].poses
+    assert any("changes its form" in note for note in scene.notes)
+
+
+def test_what_is_scaled_to_zero_on_its_way_still_moves(tmp_path: Path) -> None:
+    """So animations hide things: a mesh, a skinned one, a camera and a light."""
+    model = Model()
+    model.extend("KHR_lights_punctual")
+    model.root["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "spot"}]}}
+    model.add("cameras", {"type": "perspective", "perspective": {"yfov": 0.6, "znear": 0.01}})
+    parts: list[Any] = [{"mesh": model.quad()}, {"camera": 0}, {"extensions": {"KHR_lights_punctual": {"light": 0}}}]
+    parent = model.node(children=[model.add("nodes", each) for each in parts], scale=[1, 1, 1])
+    joint = hung(model, model.quad(NORMAL=[(0, 0, 1)] * 4))
+    sampler = {"input": model.times([0.0, 0.5, 1.0]), "output": model.accessor([(1, 1, 1), (0, 0, 0), (1, 2, 1)])}
+    steps = {"input": model.times([0.0, 1.0]), "output": model.accessor([(0, 0, 0), (4, 0, 0)])}
+    channels = [
+        {"sampler": sampler, "target": {"node": node, "path": path}}
+        for node in (parent, joint)
+        for sampler, path in enumerate(("scale", "translation"))
+    ]
+    model.add("animations", {"samplers": [sampler, steps], "channels": channels})
+    for time in (0.0, 0.5):  # the second time the image is of the moment at which nothing is seen
+        scene = loaded(tmp_path, model, time_at=time, shutter=(-time, 1.0 - time))
+        assert not [note for note in scene.notes if "candela" not in note and "animation" not in note]
+        moved, skinned = scene.shapes
+        at = next(key for key in moved.motion if key.time == 0.5)
+        assert at.matrix is not None and 0.0 < at.matrix[0][0] < 1e-3 and at.matrix[0][3] == 2.0
+        assert moved.motion[-1].matrix == ((1, 0, 0, 4), (0, 2, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))
+        assert isinstance(skinned, Mesh) and len(skinned.poses) == 17
+        middle = pose_meshes(scene, ("shapes", 1), skinned)[8]
+        np.testing.assert_allclose(middle.vertices, [(2, 0, 0)] * 4, atol=1e-3)
+        assert middle.normals is not None and (middle.normals[:, 2] > 0.0).all()
+        light: Any = scene.lights[0]
+        assert len(scene.camera.motion) == len(light.motion) == len(moved.motion)
+        assert scene.camera.motion[-1].position == pytest.approx((4.0, 0.0, 0.0))
+
+
+def test_what_grows_from_a_point_is_not_left_out(tmp_path: Path) -> None:
+    model = Model()
+    mesh = model.quad(POSITION=[(0, 0, 0)] * 4)
+    model.root["meshes"][mesh]["primitives"][0]["targets"] = [{"POSITION": model.accessor(QUAD)}]
+    node = model.node(mesh=mesh, weights=[0.0])
+    model.node(mesh=model.quad())
+    animated(model, node, "weights", [0.0, 1.0], [0, 1])
+    scene = loaded(tmp_path, model, shutter=(0.0, 1.0))
+    assert flatten(scene, 8, 8).triangle_count == 4 and not any("area" in note for note in scene.notes)
+    assert any("no triangle with an area" in note for note in loaded(tmp_path, model, time_at=0.0).notes)
+
+
+def test_what_becomes_its_mirror_image_on_its_way_rests_and_it_is_said(tmp_path: Path) -> None:
+    model = Model()
+    node = model.node(mesh=model.quad(), scale=[1, 1, 1])
+    animated(model, node, "scale", [0.0, 1.0], [(1, 1, 1), (-0.5, 1, 1)])
+    scene = loaded(tmp_path, model, shutter=(0.0, 1.0))
+    assert not scene.shapes[0].motion
+    assert any("/nodes/0 rests while the shutter is open: on its way it becomes its mirror" in n for n in scene.notes)
+
+
+def test_a_step_is_a_jump_while_the_shutter_is_open(tmp_path: Path) -> None:
+    model = Model()
+    node = model.node(mesh=model.quad(), translation=[0, 0, 0])
+    animated(model, node, "translation", [0.0, 0.5], [(0, 0, 0), (1, 0, 0)], "STEP")
+    keys = loaded(tmp_path, model, shutter=(0.0, 1.0)).shapes[0].motion
+    last = max(key.time for key in keys if key.matrix is not None and key.matrix[0][3] == 0.0)
+    assert 0.499999 < last < 0.5 and min(key.time for key in keys if key.time > last) == 0.5
+
+
 def waving(tmp_path: Path, kind: str) -> Model:
     """A quad that a joint bends, or a morph target lifts, in the first second."""
     model = Model()
     if kind == "skin":
-        mesh = model.quad(WEIGHTS_0=[(1, 0, 0, 0)] * 4, NORMAL=[(0, 0, 1)] * 4)
+        colors = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)]
+        mesh = model.quad(WEIGHTS_0=[(1, 0, 0, 0)] * 4, NORMAL=[(0, 0, 1)] * 4, COLOR_0=colors)
         joints = np.zeros((4, 4))
         joints[2:, 0] = 1
         model.root["meshes"][mesh]["primitives"][0]["attributes"]["JOINTS_0"] = model.accessor(joints, "uint8")
@@ -393,6 +515,10 @@ def test_meshes_change_their_form_while_the_shutter_is_open(tmp_path: Path, kind
     assert isinstance(late, Mesh) and not late.poses
     again = scene_from_portable(*scene_to_portable(scene))
     assert again.sha256() == scene.sha256()
+    files = exported(scene, "s-files")
+    with files.written(tmp_path / "s.json"):
+        (tmp_path / "s.json").write_bytes(scene_text(files.description, ".json", "s"))
+    assert clrender.load(tmp_path / "s.json").sha256() == scene.sha256()
     flat = [flatten(each, 8, 8) for each in (scene, loaded(tmp_path, model))]
     assert [each.features.deformation for each in flat] == [True, False]
 
@@ -449,6 +575,16 @@ def test_a_leaf_lets_diffuse_light_through(tmp_path: Path) -> None:
     assert made.diffuse_transmission == 0.6
     assert made.diffuse_transmission_color == (0.2, 0.4, 0.8)
     assert not made.solid
+
+
+def test_a_leaf_has_no_inside(tmp_path: Path) -> None:
+    model = Model()
+    sheet, volume = "KHR_materials_diffuse_transmission", "KHR_materials_volume"
+    model.extend(sheet, volume)
+    inside = {"thicknessFactor": 1.0, "attenuationColor": [1.0, 0.1, 0.1], "attenuationDistance": 0.5}
+    source = {"extensions": {sheet: {"diffuseTransmissionFactor": 0.5}, volume: inside}}
+    model.node(mesh=model.quad(model.add("materials", source)))
+    assert any(f"{volume} was left out" in note for note in loaded(tmp_path, model).notes)
 
 
 def test_what_has_an_inside_is_no_leaf(tmp_path: Path) -> None:

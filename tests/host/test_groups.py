@@ -340,6 +340,17 @@ def test_meshes_that_stand_there_many_times_are_kept_once() -> None:
     np.testing.assert_array_equal(offsets, np.arange(1.0, 100.0, 2.0))
 
 
+def test_a_motion_follows_the_transforms_of_instances() -> None:
+    """As it follows those of shapes: it is not in the group, where it would be before them."""
+    many = draft(2000, 100)
+    keys = [{"time": 0.0}, {"time": 1.0, "rotate": [0.0, 90.0, 0.0]}]
+    for shape in many.description["shapes"]:
+        shape["motion"] = keys
+    share_meshes(many)
+    assert many.description["groups"] == {"bolt": {"shapes": [{"type": "mesh", "file": "bolt"}]}}
+    assert [shape["motion"] for shape in many.description["shapes"]] == [keys] * 3
+
+
 @pytest.mark.parametrize(("triangles", "count"), [(100, 100), (10**6, 1)])
 def test_what_spares_little_stays_as_it_is(triangles: int, count: int) -> None:
     few = draft(triangles, count)

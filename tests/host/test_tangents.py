@@ -18,6 +18,7 @@ from clrender.flatten.surfaces import flat_surfaces
 from clrender.importers.shared.tangents import mikktspace
 from clrender.meshes.data import MeshData
 from clrender.meshes.read import read_mesh
+from clrender.scene.resting import resting
 
 UP = (0.0, 0.0, 1.0)
 
@@ -146,9 +147,8 @@ def test_tangents_move_with_morph_targets_and_skins(tmp_path: Path) -> None:
     np.testing.assert_allclose(rows(scene)[0], (-1, 0, 0) * 3 + (1,), atol=1e-6)
     model.root["nodes"][1]["scale"] = [1, -1, 1]
     scene = clrender.load(model.write(tmp_path / "m.glb"))
-    # Mirrored, its triangles run the other way round: the normal is turned to -z there, and -z x (1, 0, 0) is down, as
-    # the mirrored bitangent is
-    np.testing.assert_allclose(rows(scene)[0], (1, 0, 0) * 3 + (1,), atol=1e-6)
+    # Mirrored, its front stays its front: against z x (1, 0, 0) is down, as the mirrored bitangent is
+    np.testing.assert_allclose(rows(scene)[0], (1, 0, 0) * 3 + (-1,), atol=1e-6)
 
 
 def test_unsound_tangents(tmp_path: Path) -> None:
@@ -176,3 +176,29 @@ def test_mesh_files_keep_them(tmp_path: Path) -> None:
         write_ply(file, mesh)
     with pytest.raises(SceneError, match=r"a\.ply.*triangle 1 has a tangent that is not finite"):
         read_mesh("a.ply", tmp_path, (), "test")
+
+
+def turned_sheet(*, given: bool, share: float, uvs: bool = True) -> clrender.scene.Scene:
+    """A quad with tangents along x that turns by 90 degrees about z in a second; its poses may bring theirs."""
+    sheet: dict[str, Any] = {"vertices": np.array(QUAD), "faces": [[0, 1, 2], [0, 2, 3]], "normals": np.array([UP] * 4)}
+    sheet |= {"uvs": np.array(QUAD)[:, :2] / 2 + 0.5} if uvs else {}
+    later = {**sheet, "vertices": np.array(QUAD) @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]])}
+    along, across = (np.array([axis] * 4) for axis in ((1.0, 0.0, 0.0, 1.0), (0.0, 1.0, 0.0, 1.0)))
+    own = {**sheet, "tangents": along}
+    poses = {"first": own if given else sheet, "last": {**later, "tangents": across} if given else later}
+    shape = {"type": "mesh", "file": "own", "material": "brushed"}
+    shape["poses"] = [{"time": 0.0, "file": "first"}, {"time": 1.0, "file": "last"}]  # type: ignore[assignment]
+    material = {"type": "principled", "base_color": [0.5] * 3, "anisotropy": 0.5}
+    camera = {"position": (0, 0, 4), "target": (0, 0, 0), "time": share}
+    scene = clrender.Scene.model_validate({"camera": camera, "materials": {"brushed": material}, "shapes": [shape]})
+    return resting(scene.with_arrays(meshes={"own": own, **poses}))
+
+
+def test_tangents_of_a_form_are_those_of_its_moment() -> None:
+    """Poses bring theirs; else they follow from the texture coordinates once vertices move."""
+    np.testing.assert_allclose(rows(turned_sheet(given=True, share=1.0))[0], (0, 1, 0) * 3 + (1,), atol=1e-6)
+    halfway = rows(turned_sheet(given=True, share=0.5))[0]
+    np.testing.assert_allclose(halfway, (math.sqrt(0.5), math.sqrt(0.5), 0) * 3 + (1,), atol=1e-6)
+    np.testing.assert_allclose(rows(turned_sheet(given=False, share=0.0))[0], (1, 0, 0) * 3 + (1,), atol=1e-6)
+    assert turned_sheet(given=False, share=1.0).mesh(0).tangents is None
+    assert turned_sheet(given=False, share=1.0, uvs=False).mesh(0).tangents is not None

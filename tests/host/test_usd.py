@@ -186,6 +186,35 @@ def test_cages_are_drawn_smooth_and_it_is_said(load_stage: Load) -> None:
     assert load_stage(mesh()).mesh(0).normals is None
 
 
+def test_subsets_do_not_crease_what_is_smooth(load_stage: Load) -> None:
+    """Two faces that meet at a right angle: normals at their edge are those of the whole mesh."""
+    points = f"{QUAD}, (2, 0, 1), (2, 1, 1)"
+    subset = """
+    rel material:binding = </M>
+    def GeomSubset "s" (prepend apiSchemas = ["MaterialBindingAPI"])
+    {
+        uniform token elementType = "face"
+        uniform token familyName = "materialBind"
+        int[] indices = [1]
+        rel material:binding = </N>
+    }
+    """
+    more: dict[str, Any] = {
+        "counts": (4, 4),
+        "indices": (0, 1, 2, 3, 1, 4, 5, 2),
+        "points": points,
+        "scheme": "catmullClark",
+    }
+    other = surface("").replace("/M", "/N").replace('"M"', '"N"')
+    whole = load_stage(mesh(**more)).mesh(0)
+    parted = load_stage(surface("") + other + mesh(subset, **more))
+    assert whole.normals is not None and len(parted.shapes) == 2
+    for number, faces in enumerate((slice(0, 2), slice(2, 4))):
+        part = parted.mesh(number)
+        assert part.normals is not None
+        np.testing.assert_array_equal(part.normals[part.triangles], whole.normals[whole.triangles[faces]])
+
+
 @for_each(
     ("more", "text"),
     [

@@ -17,8 +17,12 @@ from usd_files import BOUND, QUAD, Load, light_of, load_stage, mesh, refusal, sh
 import clrender
 from clrender.errors import SceneError
 from clrender.flatten.bounds import scene_bounds
+from clrender.flatten.flat_scene import flatten
 from clrender.image.files import write_image
 from clrender.scene import Scene
+from clrender.scene.portable import scene_from_portable, scene_to_portable
+from clrender.scene.posed import pose_meshes
+from clrender.scene.resting import opened
 
 pytest.importorskip("pxr", reason="usd-core is not installed")
 __all__ = ["load_stage"]  # the fixture
@@ -246,6 +250,111 @@ def test_an_open_shutter_blurs_what_moves(load_stage: Load) -> None:
     assert [each.time for each in (poses[0], poses[-1])] == [1.0, 2.0]
 
 
+_TURN = "xformOp:rotateZ.timeSamples = { 10: 0, 20: 90 }"
+
+
+@for_each(
+    ("kind", "inputs"),
+    [
+        ("SphereLight", "float inputs:radius = 0.5"),
+        ("DiskLight", "float inputs:radius = 0.5"),
+        ("RectLight", "float inputs:width = 2"),
+        ("CylinderLight", "float inputs:length = 3"),
+        ("SphereLight", "bool treatAsPoint = 1"),
+        ("DiskLight", "float inputs:shaping:cone:angle = 20"),
+        ("DistantLight", "float inputs:angle = 0"),
+    ],
+)
+def test_lights_move_while_the_shutter_is_open(load_stage: Load, kind: str, inputs: str) -> None:
+    """At its end they are as an image of that moment has them."""
+    place = "double3 xformOp:translate.timeSamples = { 10: (1, 0, 0), 20: (1, 3, 0) }\nfloat " + _TURN
+    order = 'float xformOp:rotateX = 30\nuniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateZ", '
+    light = f'def {kind} "l" {{\n{inputs}\n{place}\n{order}"xformOp:rotateX"]\n}}'
+    moving = load_stage(mesh() + light, head=_HEAD, time_at=1.0, shutter=(0.0, 1.0))
+    assert not any("rests" in note for note in moving.notes)
+    late = opened(moving.changed({"camera": {"position": (0, 0, 9), "target": (0, 0, 0), "time": 2.0}}))
+    there = load_stage(mesh() + light, head=_HEAD, time_at=2.0)
+    for ours, other in zip(late.lights, there.lights, strict=True):
+        for key in ("position", "direction"):
+            np.testing.assert_allclose(getattr(ours, key, 0.0), getattr(other, key, 0.0), atol=1e-6)
+    np.testing.assert_allclose(scene_bounds(late), scene_bounds(there), atol=1e-6)
+    assert len(there.lights) + len(there.shapes) == 2
+
+
+def test_what_cannot_move_is_said(load_stage: Load) -> None:
+    """What shines while it changes its form, what becomes its mirror image, and what points or curves place."""
+    shutter: dict[str, Any] = {"head": _HEAD, "time_at": 1.0, "shutter": (0.0, 1.0)}
+    points = f"point3f[] points.timeSamples = {{ 10: [{QUAD}], 20: [{QUAD.replace('2, 1', '4, 1')}] }}"
+    shining = mesh("float inputs:intensity = 1").replace('"MaterialBindingAPI"', '"MeshLightAPI"')
+    text = shining.replace(f"point3f[] points = [{QUAD}]", points)
+    assert any("it changes its form, and shines" in note for note in load_stage(text, **shutter).notes)
+    scaled = "float3 xformOp:scale.timeSamples = {{ 10: (1, 1, 1), 20: ({}, 1, 1) }}\n"
+    order = 'uniform token[] xformOpOrder = ["xformOp:scale"]'
+    mirrored = load_stage(mesh(scaled.format(-0.5) + order), **shutter)
+    assert not shape_of(mirrored).motion and any('"/m" rests' in note for note in mirrored.notes)
+    turned = f'def Xform "x" {{\nfloat {_TURN}\nuniform token[] xformOpOrder = ["xformOp:rotateZ"]\n'
+    placed = """
+    def PointInstancer "p"
+    {
+        point3f[] positions = [(0, 0, 0)]
+        int[] protoIndices = [0]
+        rel prototypes = </x/p/m>
+        %s
+    }
+    }
+    """
+    assert any('"/x/p" rests' in note for note in load_stage(turned + placed % mesh(), **shutter).notes)
+    dome = f'def DomeLight "d" {{\nfloat {_TURN}\nuniform token[] xformOpOrder = ["xformOp:rotateZ"]\n}}'
+    assert any('"/d" rests' in note for note in load_stage(mesh() + dome, **shutter).notes)
+
+
+def test_what_is_scaled_to_zero_on_its_way_still_moves(load_stage: Load) -> None:
+    """So animations hide things; also if the image is of the moment at which it is hidden."""
+    scaled = "float3 xformOp:scale.timeSamples = { 10: (1, 1, 1), 20: (0, 0, 0) }\n"
+    placed = "double3 xformOp:translate.timeSamples = { 10: (0, 0, 0), 20: (5, 0, 0) }\n"
+    order = 'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]'
+    text = mesh(scaled + placed + order) + f'def Sphere "s" {{\n{scaled}{placed}{order}\n}}'
+    for time in (1.0, 2.0):
+        scene = load_stage(text, head=_HEAD, time_at=time, shutter=(1.0 - time, 2.0 - time))
+        assert len(scene.shapes) == 2 and not any("rests" in note or "left out" in note for note in scene.notes)
+        for number in range(2):
+            first, *_, last = (np.array(key.matrix) for key in shape_of(scene, number).motion)
+            np.testing.assert_array_equal(first, np.eye(4))
+            assert last[0, 3] == 5.0 and 0.0 < last[0, 0] < 1e-3
+
+
+def test_what_is_hidden_at_the_time_of_the_image_grows(load_stage: Load) -> None:
+    """A mesh whose points are one point then, and a light that is as bright as at its largest."""
+    shutter: dict[str, Any] = {"head": _HEAD, "time_at": 1.0, "shutter": (0.0, 1.0)}
+    samples = f"point3f[] points.timeSamples = {{ 10: [{', '.join(['(0, 0, 0)'] * 4)}], 20: [{QUAD}] }}"
+    grown = load_stage(mesh().replace(f"point3f[] points = [{QUAD}]", samples), **shutter)
+    assert len(shape_of(grown).poses) == 9 and flatten(grown, 8, 8).triangle_count == 2
+    scaled = "float3 xformOp:scale.timeSamples = { 10: (0, 0, 0), 20: (2, 2, 2) }\n"
+    order = 'uniform token[] xformOpOrder = ["xformOp:scale"]'
+    light = f'def RectLight "l" {{\nbool inputs:normalize = 1\n{scaled}{order}\n}}'
+    scene = load_stage(mesh() + light, **shutter)
+    assert shape_of(scene, 1).emission == pytest.approx((0.25,) * 3)
+    assert any("as bright as at its largest" in note for note in scene.notes)
+
+
+def test_normals_follow_while_the_shutter_is_open(load_stage: Load) -> None:
+    """They have samples of their own, as attribute and as primvar; files of poses hold no more than those."""
+    turned = "(0, 0, 0), (2, 0, 0), (2, 0, 1), (0, 0, 1)"
+    points = f"point3f[] points.timeSamples = {{ 10: [{QUAD}], 20: [{turned}] }}"
+    colors = "color3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)] ("
+    colors += '\ninterpolation = "vertex"\n)\n'
+    for name in ("normals", "primvars:normals"):
+        samples = f"normal3f[] {name} (\n" + 'interpolation = "vertex"\n)\n'
+        samples += f"normal3f[] {name}.timeSamples = {{ 10: [{', '.join(['(0, 0, 1)'] * 4)}], "
+        samples += f"20: [{', '.join(['(0, -1, 0)'] * 4)}] }}"
+        text = mesh(colors + samples).replace(f"point3f[] points = [{QUAD}]", points)
+        scene = load_stage(text, head=_HEAD, time_at=1.0, shutter=(0.0, 1.0))
+        first, *_, last = pose_meshes(scene, ("shapes", 0), shape_of(scene))
+        np.testing.assert_array_equal(first.normals, [(0, 0, 1)] * 4)
+        np.testing.assert_array_equal(last.normals, [(0, -1, 0)] * 4)
+        assert scene_from_portable(*scene_to_portable(scene)).sha256() == scene.sha256()
+
+
 _SKELETON = """
 def SkelRoot "r" (prepend apiSchemas = ["SkelBindingAPI"])
 {
@@ -299,6 +408,23 @@ def test_skeletons_and_blend_shapes_deform_meshes(load_stage: Load) -> None:
     moving = load_stage(text, head=_HEAD, time_at=1.5, shutter=(0.0, 0.1))
     assert len(shape_of(moving, 0).poses) == 9
     assert not any("no animation" in note for note in scene.notes)
+
+
+def test_a_joint_that_mirrors_leaves_fronts_in_front(load_stage: Load) -> None:
+    text = _SKELETON % mesh(_SKINNED).replace('["MaterialBindingAPI"]', '["SkelBindingAPI"]')
+
+    def fronts(text: str, **choices: Any) -> Any:
+        found = load_stage(text, head=_HEAD, time_at=1.0, **choices)
+        data = found.mesh(0)
+        a, b, c = (data.vertices[data.triangles[:, corner]] for corner in range(3))
+        return found, np.cross(b - a, c - a)[:, 2]
+
+    assert (fronts(text)[1] > 0.0).all()
+    mirrored = text.replace("[(1, 1, 1)]", "[(-1, 1, 1)]")
+    assert (fronts(mirrored)[1] > 0.0).all()
+    turned = text.replace("scales = [(1, 1, 1)]", "scales.timeSamples = { 10: [(1, 1, 1)], 20: [(-1, 1, 1)] }")
+    scene, _ = fronts(turned, shutter=(0.0, 1.0))
+    assert not shape_of(scene).poses and any("make its mirror image" in note for note in scene.notes)
 
 
 # --- files -----------------------------------------------------------------------------------------------------------

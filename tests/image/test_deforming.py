@@ -186,6 +186,36 @@ def test_an_edge_sweeps_as_it_must(device: Device) -> None:
     np.testing.assert_allclose(image.linear[..., 0].mean(axis=0), (x - 0.001) / 1.999, atol=0.01)
 
 
+def grown(flat: float) -> Scene:
+    """A quad that grows upward from a line in a second, seen from above, beside a triangle that rests."""
+    rest = [[3.0, 3.0, 0.0], [4.0, 3.0, 0.0], [3.0, 4.0, 0.0]]
+    forms: list[Any] = [[[-1, -1, 0], [1, -1, 0], [1, top, 0], [-1, top, 0], *rest] for top in (-1.0 + flat, 1.0)]
+    poses = [{"time": float(time), "vertices": form} for time, form in enumerate(forms)]
+    quad: _Table = {"type": "mesh", "vertices": forms[0], "faces": [[4, 5, 6], [0, 1, 2], [0, 2, 3]], "poses": poses}
+    quad["uvs"] = [[x / 2 + 0.5, y / 2 + 0.5] for x, y, _ in forms[1]]
+    camera = {"type": "orthographic", "position": [0, 0, 2], "target": [0, 0, 0], "height": 2.0, "shutter": [0.0, 1.0]}
+    lights = [{"type": "environment", "radiance": [1.0, 1.0, 1.0]}]
+    return Scene.model_validate({"camera": camera, "shapes": [quad], "lights": lights})
+
+
+def test_triangles_without_area_at_one_time_are_there_at_others() -> None:
+    with np.errstate(divide="raise", invalid="raise"):
+        flat = flatten(grown(0.0), 8, 8)
+    assert flat.triangle_count == 3 and not flat.warnings
+    assert flatten(grown(0.0).changed({"camera.shutter": [-1.0, 0.0]}), 8, 8).triangle_count == 1
+
+
+@pytest.mark.long
+def test_what_grows_from_a_line_is_seen(device: Device) -> None:
+    """It is black, and covers half of the picture in the mean of the time."""
+    for flat in (0.0, 1e-3):
+        assert len(hashes(device, grown(flat), *WAYS)) == 1
+        image = clrender.render(grown(flat), device=device, size=(8, 8), spp=64, aov=("uv",))
+        across = image.aovs["uv"][-1, :, 0]
+        np.testing.assert_allclose(across / across.max(), (np.arange(8) + 0.5) / 7.5, atol=0.05)
+        np.testing.assert_allclose(image.linear[::-1].mean(axis=(1, 2)), (np.arange(8) + 0.5) / 8, atol=0.03)
+
+
 def test_a_closed_mesh_has_no_gaps_at_any_time(device: Device) -> None:
     """Seen from within, all is black: every triangle shares its corners with its neighbours, wherever they are."""
     (wide, faces), (narrow, _) = ball(2.0, 1.0), ball(2.0, 0.6)

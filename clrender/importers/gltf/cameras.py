@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -50,7 +51,7 @@ class NodeCamera:
 
 def add_camera(document: Document, nodes: Nodes, motion: NodeMotion) -> None:
     """Add the first camera and the size of its image to the draft's description, if there is a camera."""
-    usable = _cameras(document, nodes)
+    usable = _cameras(document, nodes, motion.start)
     if not usable:
         return
     first = usable[0]
@@ -91,17 +92,18 @@ def read_cameras(path: Path, files: AssetFiles, choices: Choices) -> list[NodeCa
     validate(document)
     accessors = Accessors(document)
     accessors.check()
-    return _cameras(document, Nodes(document, moved_at(document, accessors, choices.time_at)))
+    nodes = Nodes(document, moved_at(document, accessors, choices.time_at))
+    return _cameras(document, nodes, nodes.world.__getitem__)
 
 
-def _cameras(document: Document, nodes: Nodes) -> list[NodeCamera]:
-    """The cameras that can be used, in the order of the nodes."""
+def _cameras(document: Document, nodes: Nodes, world_of: Callable[[int], Matrix]) -> list[NodeCamera]:
+    """The cameras that can be used, in the order of the nodes, whose world transforms `world_of` has."""
     usable = []
     for index in nodes.shown:
         node = document.items("nodes")[index]
         if "camera" not in node:
             continue
-        made = _made(document, node["camera"], nodes.world[index], index)
+        made = _made(document, node["camera"], world_of(index), index)
         if made is not None:
             keys, aspect = made
             name = document.items("cameras")[node["camera"]].get("name") or node.get("name")

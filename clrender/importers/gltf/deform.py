@@ -29,16 +29,21 @@ class Surface:
     normals : (V, 3) float32, or None
     tangents : (V, 4) float32, or None
         Direction and handedness.
+    sides : (V,) float64, or None
+        Of skinned vertices: -1 where their joints mirror, else 1, or 0 where they flatten.
     """
 
     positions: _Points
     normals: _Points | None = None
     tangents: _Points | None = None
+    sides: NDArray[np.float64] | None = None
 
 
 @np.errstate(over="ignore", invalid="ignore")  # mesh validation reports non-finite values
-def morphed(accessors: Accessors, primitive: dict[str, Any], weights: list[float], surface: Surface) -> Surface:
-    """A surface deformed by the morph targets of its primitive.
+def morphed(
+    accessors: Accessors, primitive: dict[str, Any], weights: list[float], key: str
+) -> NDArray[np.float32] | None:
+    """A vertex attribute with what its primitive's morph targets add to it; None if the primitive lacks it.
 
     Parameters
     ----------
@@ -46,24 +51,35 @@ def morphed(accessors: Accessors, primitive: dict[str, Any], weights: list[float
     primitive : dict
     weights : list of float
         Weights of its targets; missing ones are 0.
-    surface : Surface
+    key : str
+        Name of the attribute.
+
+    Returns
+    -------
+    (V, n) float32, or None
     """
-    positions, normals, tangents = surface.positions, surface.normals, surface.tangents
+    if key not in primitive["attributes"]:
+        return None
+    values = accessors.floats(primitive["attributes"][key])
     for target, weight in zip(primitive.get("targets", []), weights, strict=False):
-        if weight == 0.0:
-            continue
-        if "POSITION" in target:
-            positions = positions + np.float32(weight) * accessors.floats(target["POSITION"])
-        if "NORMAL" in target and normals is not None:
-            normals = normals + np.float32(weight) * accessors.floats(target["NORMAL"])
-        if "TANGENT" in target and tangents is not None:
-            moved = tangents[:, :3] + np.float32(weight) * accessors.floats(target["TANGENT"])
-            tangents = np.concatenate([moved, tangents[:, 3:]], axis=1)
-    return Surface(positions, normals, tangents)
+        if weight != 0.0 and key in target:
+            more = accessors.floats(target[key])
+            shared = min(values.shape[1], more.shape[1])  # a target changes no handedness, and perhaps no alpha
+            moved = values[:, :shared] + np.float32(weight) * more[:, :shared]
+            values = np.concatenate([moved, values[:, shared:]], axis=1)
+    return values
 
 
-def joint_transforms(document: Document, accessors: Accessors, index: int, world: list[Matrix]) -> list[Matrix]:
+def joint_transforms(document: Document, accessors: Accessors, index: int, joints: list[Matrix]) -> list[Matrix]:
     """Transforms of a skin's joints, from the bind pose to world space.
+
+    Parameters
+    ----------
+    document, accessors
+    index : int
+        Index of the skin.
+    joints : list of Matrix
+        World transforms of its joints.
 
     Raises
     ------
@@ -71,7 +87,6 @@ def joint_transforms(document: Document, accessors: Accessors, index: int, world
         The inverse bind matrices are invalid.
     """
     skin, at = document.items("skins")[index], f"/skins/{index}/inverseBindMatrices"
-    joints = [world[joint] for joint in skin["joints"]]
     number = skin.get("inverseBindMatrices")
     if number is None:
         return joints
@@ -148,12 +163,12 @@ def skinned(
     if tangents is not None:
         carried = (linear * tangents[:, None, :3]).sum(axis=2)
         tangents = np.concatenate([carried, tangents[:, 3:]], axis=1, dtype=np.float32)
+    # Cofactors transform normals like the inverse transpose; mirroring flips them
+    a, b, c = linear[:, 0], linear[:, 1], linear[:, 2]
+    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    sides = np.sign((a * cofactors[:, 0]).sum(axis=1))
     if normals is not None:
-        # Cofactors transform normals like the inverse transpose; mirroring flips them
-        a, b, c = linear[:, 0], linear[:, 1], linear[:, 2]
-        cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
-        sign = np.sign((a * cofactors[:, 0]).sum(axis=1))[:, None]
-        normals = (sign * (cofactors * normals[:, None, :]).sum(axis=2)).astype(np.float32)
+        normals = (sides[:, None] * (cofactors * normals[:, None, :]).sum(axis=2)).astype(np.float32)
         if tangents is not None:
-            tangents[:, 3:] *= np.where(sign < 0.0, np.float32(-1.0), np.float32(1.0))
-    return Surface(placed.astype(np.float32), normals, tangents)
+            tangents[:, 3] *= np.where(sides < 0.0, np.float32(-1.0), np.float32(1.0))
+    return Surface(placed.astype(np.float32), normals, tangents, sides)

@@ -25,9 +25,9 @@ def add_lights(document: Document, nodes: Nodes, motion: NodeMotion) -> None:
         place = document.extension(document.items("nodes")[index], "KHR_lights_punctual")
         if place is not None:
             at = f"/extensions/KHR_lights_punctual/lights/{place['light']}"
-            made = _made(document, lights[place["light"]], nodes.world[index], at)
+            made = _made(document, lights[place["light"]], motion.start(index), at)
             if made is not None:
-                if keys := motion.rigid_keys(index, nodes.world[index]):
+                if keys := motion.rigid_keys(index):
                     made["motion"] = keys
                 document.draft.description["lights"].append(made)
                 text = "its lights are in candela and lux; 683 of them are 1 W/sr and 1 W/m2"

@@ -239,6 +239,9 @@ class _Material:
         if self.made_of.get("transmission") and not self.made_of.get("thin"):
             self._note(f"{at} was left out: light is transmitted into a solid here (KHR_materials_volume)")
             return
+        if self._extension("volume").get("thicknessFactor"):
+            text = "was left out: what lets diffuse light through is a sheet here (KHR_materials_diffuse_transmission)"
+            self._note(f"/extensions/KHR_materials_volume {text}")
         for name in ("diffuseTransmissionTexture", "diffuseTransmissionColorTexture"):
             if name in sheet:
                 self._note(f"{at}/{name} was left out: its factor counts everywhere")

@@ -38,11 +38,17 @@ class Part:
     material : Used
     colored : bool
         Whether its vertices have colours.
+    number : int
+        Index of the primitive.
+    sides : (T,) float64, or None
+        Of skinned triangles: below 0 if joints mirror most of their vertices; those have their corners reversed.
     """
 
     mesh: str
     material: Used
     colored: bool
+    number: int = 0
+    sides: NDArray[np.float64] | None = None
 
 
 class Meshes:
@@ -60,7 +66,7 @@ class Meshes:
         self._made: dict[tuple[Any, ...], Part | None] = {}
 
     def parts(
-        self, index: int, weights: list[float], joints: list[Matrix] | None, node: int, when: str = ""
+        self, index: int, weights: list[float], joints: list[Matrix] | None, node: int, *, deforms: bool = False
     ) -> list[Part]:
         """The meshes of a mesh's primitives.
 
@@ -74,8 +80,8 @@ class Meshes:
             Joint transforms of the node's skin; the meshes are then in world space.
         node : int
             Index of the node that has the mesh.
-        when : str
-            Of a pose: its time, for names.
+        deforms : bool
+            Whether it has other forms, so that it may be without area in this one.
 
         Raises
         ------
@@ -85,20 +91,60 @@ class Meshes:
         found: list[Part] = []
         for number, primitive in enumerate(self._document.items("meshes")[index]["primitives"]):
             own: tuple[Any, ...] = (node,) if joints else tuple(weights) if any(weights) else ()
-            own = (*own, node, when) if when else own
-            key = (index, number, *own)
+            key = (index, number, deforms, *own)
             if key not in self._made:
-                name = f"/meshes/{index}/primitives/{number}"
+                name = at = f"/meshes/{index}/primitives/{number}"
                 if own:
-                    name += f" of /nodes/{node}{when}"
-                self._made[key] = self._part(primitive, f"/meshes/{index}/primitives/{number}", name, weights, joints)
+                    name += f" of /nodes/{node}"
+                self._made[key] = self._part(primitive, at, name, number, weights, joints, deforms)
             part = self._made[key]
             if part is not None:
                 found.append(part)
         return found
 
+    def posed(
+        self, index: int, parts: list[Part], weights: list[float], joints: list[Matrix] | None, name: str
+    ) -> list[str] | None:
+        """The names of these parts' meshes with other weights and joints.
+
+        Parameters
+        ----------
+        index, weights, joints
+            See `parts`.
+        parts : list of Part
+            Made of the same mesh.
+        name : str
+            What their names end with.
+
+        Returns
+        -------
+        list of str, or None
+            None if joints mirror what they did not mirror before, or the other way round: triangles would turn over.
+        """
+        made: dict[str, MeshData] = {}
+        for part in parts:
+            at = f"/meshes/{index}/primitives/{part.number}"
+            primitive = self._document.items("meshes")[index]["primitives"][part.number]
+            surface = self._surface(primitive, at, weights, joints)
+            positions, _ = self._positions(surface, at)
+            triangles = self._document.draft.meshes[part.mesh].triangles
+            sides = _sides(surface, triangles)
+            if sides is not None and part.sides is not None and (sides * part.sides < 0.0).any():
+                return None
+            tangents = self._corner_tangents(primitive, part.material, surface, triangles, weights)
+            made[f"{at}{name}"] = MeshData(positions, triangles, surface.normals, tangents=tangents)
+        self._document.draft.meshes |= made
+        return list(made)
+
     def _part(
-        self, primitive: dict[str, Any], at: str, name: str, weights: list[float], joints: list[Matrix] | None
+        self,
+        primitive: dict[str, Any],
+        at: str,
+        name: str,
+        number: int,
+        weights: list[float],
+        joints: list[Matrix] | None,
+        deforms: bool,
     ) -> Part | None:
         mode = primitive.get("mode", 4)
         if mode < 4:
@@ -108,46 +154,68 @@ class Meshes:
             self._document.note(f"{at} was left out: it has no POSITION")
             return None
         self._check(primitive, at)
-        positions = self._accessors.floats(primitive["attributes"]["POSITION"])
-        given = Surface(positions, self._attribute(primitive, "NORMAL"), self._tangents(primitive, at))
-        surface = morphed(self._accessors, primitive, weights, given)
-        if joints is not None:
-            surface = skinned(self._document, self._accessors, primitive, at, joints, surface)
-        positions, gaps = filled(surface.positions)
-        if not np.abs(positions).max() <= COORDINATE_LIMIT:
-            raise self._document.fault(
-                f"{at}/attributes/POSITION", f"goes beyond {COORDINATE_LIMIT:g}; make it smaller"
-            )
+        self._note_handedness(primitive, at)
+        surface = self._surface(primitive, at, weights, joints)
+        positions, gaps = self._positions(surface, at)
         triangles = self._triangles(primitive, mode, len(positions), at)
         if triangles is not None and gaps is not None:
             text = f"has a number in element {int(np.argmax(gaps))} that is not finite; export it again"
             self._document.leave_out(f"{at}/attributes/POSITION", text)
             triangles = triangles[~gaps[triangles].any(axis=1)]
-        if triangles is None or without_area(positions, triangles):
+        if triangles is None or not len(triangles) or (without_area(positions, triangles) and not deforms):
             self._document.note(f"{at} was left out: it has no triangle with an area")
             return None
+        sides = _sides(surface, triangles)
+        if sides is not None and (sides < 0.0).any():
+            # Fronts stay fronts where joints mirror
+            triangles = np.where((sides < 0.0)[:, None], triangles[:, ::-1], triangles)
         material = self._materials.of(primitive)
-        colors = self._colors(primitive, material, triangles, at)
-        first, second = (self._uvs(primitive, number, material, triangles, at) for number in (0, 1))
+        colors = self._colors(primitive, material, triangles, at, weights)
+        first, second = (self._uvs(primitive, each, material, triangles, at, weights) for each in (0, 1))
         mesh = MeshData(positions, triangles, surface.normals, "", first, second, colors)
-        tangents = self._corner_tangents(primitive, material, surface, triangles)
+        tangents = self._corner_tangents(primitive, material, surface, triangles, weights)
         if tangents is None and "anisotropy" in self._document.draft.description["materials"][material.name]:
             text = "has no normals or no texture coordinates, from which tangents would follow"
             self._document.note(f"{at} {text}: its anisotropy lies along the direction around the y axis")
         self._document.draft.meshes[name] = replace(mesh, tangents=tangents)
-        return Part(name, material, colors is not None)
+        return Part(name, material, colors is not None, number, sides)
 
-    def _tangents(self, primitive: dict[str, Any], at: str) -> NDArray[np.float32] | None:
-        """Vertex tangents with their handedness, which are used only together with normals."""
-        tangents = self._attribute(primitive, "TANGENT")
-        if tangents is None or "NORMAL" not in primitive["attributes"]:
-            return None
-        if (np.abs(tangents[:, 3]) != 1.0).any():
-            self._document.note(f"{at}/attributes/TANGENT has a w that is neither 1 nor -1; its sign counts")
-        return tangents
+    def _surface(
+        self, primitive: dict[str, Any], at: str, weights: list[float], joints: list[Matrix] | None
+    ) -> Surface:
+        """Positions, normals, and the tangents that are used together with normals."""
+        positions, normals, tangents = (
+            morphed(self._accessors, primitive, weights, key) for key in ("POSITION", "NORMAL", "TANGENT")
+        )
+        assert positions is not None
+        surface = Surface(positions, normals, None if normals is None else tangents)
+        if joints is None:
+            return surface
+        return skinned(self._document, self._accessors, primitive, at, joints, surface)
+
+    def _positions(self, surface: Surface, at: str) -> tuple[NDArray[np.float32], NDArray[np.bool_] | None]:
+        """Positions with zeros where they are not finite, and which are not."""
+        positions, gaps = filled(surface.positions)
+        if not np.abs(positions).max() <= COORDINATE_LIMIT:
+            raise self._document.fault(
+                f"{at}/attributes/POSITION", f"goes beyond {COORDINATE_LIMIT:g}; make it smaller"
+            )
+        return positions, gaps
+
+    def _note_handedness(self, primitive: dict[str, Any], at: str) -> None:
+        attributes = primitive["attributes"]
+        if "TANGENT" in attributes and "NORMAL" in attributes:
+            tangents = self._accessors.floats(attributes["TANGENT"])
+            if (np.abs(tangents[:, 3]) != 1.0).any():
+                self._document.note(f"{at}/attributes/TANGENT has a w that is neither 1 nor -1; its sign counts")
 
     def _corner_tangents(
-        self, primitive: dict[str, Any], material: Used, surface: Surface, triangles: NDArray[np.uint32]
+        self,
+        primitive: dict[str, Any],
+        material: Used,
+        surface: Surface,
+        triangles: NDArray[np.uint32],
+        weights: list[float],
     ) -> NDArray[np.float32] | None:
         """Tangents of corners, if the material needs them: the file's, or else those of MikkTSpace.
 
@@ -157,7 +225,7 @@ class Meshes:
             return None
         if surface.tangents is not None:
             return surface.tangents[triangles]
-        uvs = self._attribute(primitive, f"TEXCOORD_{material.tangent_uv_set}")
+        uvs = morphed(self._accessors, primitive, weights, f"TEXCOORD_{material.tangent_uv_set}")
         if uvs is None:
             return None
         upward = np.stack([uvs[:, 0], np.float32(1.0) - uvs[:, 1]], axis=1)
@@ -183,10 +251,6 @@ class Meshes:
                         f"{counted(count, 'vertex', 'vertices')}; export it again"
                     )
                     raise self._document.fault(f"{place}/{key}", text)
-
-    def _attribute(self, primitive: dict[str, Any], key: str) -> NDArray[np.float32] | None:
-        number = primitive["attributes"].get(key)
-        return None if number is None else self._accessors.floats(number)
 
     def _triangles(self, primitive: dict[str, Any], mode: int, count: int, at: str) -> NDArray[np.uint32] | None:
         """Corners of the triangles; None if there are none."""
@@ -224,13 +288,19 @@ class Meshes:
         return strip
 
     def _uvs(
-        self, primitive: dict[str, Any], number: int, material: Used, triangles: NDArray[np.uint32], at: str
+        self,
+        primitive: dict[str, Any],
+        number: int,
+        material: Used,
+        triangles: NDArray[np.uint32],
+        at: str,
+        weights: list[float],
     ) -> NDArray[np.float32] | None:
         """Texture coordinates of corners, with (0, 0) in the lower left, if the material needs them."""
         if number not in material.uv_sets:
             return None
         key = f"TEXCOORD_{number}"
-        uvs = self._attribute(primitive, key)
+        uvs = morphed(self._accessors, primitive, weights, key)
         if uvs is None:
             self._document.note(f"{at} has no {key}, which {material.place} needs: its textures show one place there")
             return np.zeros((len(triangles), 3, 2), np.float32)
@@ -241,9 +311,14 @@ class Meshes:
         return corners
 
     def _colors(
-        self, primitive: dict[str, Any], material: Used, triangles: NDArray[np.uint32], at: str
+        self,
+        primitive: dict[str, Any],
+        material: Used,
+        triangles: NDArray[np.uint32],
+        at: str,
+        weights: list[float],
     ) -> NDArray[np.float32] | None:
-        colors = self._attribute(primitive, "COLOR_0")
+        colors = morphed(self._accessors, primitive, weights, "COLOR_0")
         if colors is None:
             return None
         if not material.colored:
@@ -257,3 +332,8 @@ class Meshes:
             linear = np.clip(linear, 0.0, 1.0)
         corners: NDArray[np.float32] = np.ascontiguousarray(linear)[triangles]
         return corners
+
+
+def _sides(surface: Surface, triangles: NDArray[np.uint32]) -> NDArray[np.float64] | None:
+    """Sums of the sides of triangles' vertices, (T,); None of what has no skin."""
+    return None if surface.sides is None else np.asarray(surface.sides[triangles].sum(axis=1))

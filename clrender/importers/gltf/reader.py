@@ -60,8 +60,11 @@ def read(path: Path, files: AssetFiles, choices: Choices | None = None) -> Draft
     # Of an open shutter the image is of an animation, which begins at time 0
     moment = 0.0 if choices.time_at is None and choices.shutter is not None else choices.time_at
     nodes = Nodes(document, moved_at(document, accessors, moment))
-    motion = NodeMotion(document, accessors, choices)
-    skins = [joint_transforms(document, accessors, index, nodes.world) for index in range(len(document.items("skins")))]
+    motion = NodeMotion(document, accessors, nodes, choices)
+    skins = [
+        joint_transforms(document, accessors, index, motion.joints(skin))
+        for index, skin in enumerate(document.items("skins"))
+    ]
     meshes = Meshes(document, accessors, Materials(document, Textures(document, accessors), choices.variant))
     for index in nodes.shown:
         if "mesh" in document.items("nodes")[index]:
@@ -88,15 +91,15 @@ def _add_shapes(
     node, shapes = document.items("nodes")[index], document.draft.description["shapes"]
     joints = skins[node["skin"]] if "skin" in node else None
     weights = nodes.weights(index, document.items("meshes")[node["mesh"]])
-    parts = meshes.parts(node["mesh"], weights, joints, index)
+    changes = bool(motion.times) and _deforms(node, motion, joints, weights, document, index)
+    parts = meshes.parts(node["mesh"], weights, joints, index, deforms=changes)
     # Skinned vertices are already in world space, independent of their node
     keys = [] if joints else motion.keys(index)
     world = IDENTITY if joints or keys else nodes.world[index]
     moves = {"motion": keys} if keys else {}
     maps = instance_maps(document, accessors, index)
     made = [_shape(part) for part in parts]
-    changes = bool(motion.times) and _deforms(node, motion, joints, weights, document, index)
-    if changes and (maps is not None or not _add_poses(document, accessors, motion, meshes, index, made)):
+    if changes and (maps is not None or not _add_poses(document, accessors, motion, meshes, index, parts, made)):
         document.note(f"/nodes/{index}: its mesh changes its form, and is rendered as it is at the time of the image")
     name = (node.get("name") or document.items("meshes")[node["mesh"]].get("name") or "")[:NAME_LIMIT]
     places = np.array([world[:3]]) if maps is None else placed(world, maps)
@@ -124,9 +127,13 @@ def _add_poses(
     motion: NodeMotion,
     meshes: Meshes,
     index: int,
+    parts: list[Part],
     made: list[dict[str, Any]],
 ) -> bool:
-    """Give a node's shapes their forms while the shutter is open; whether that can be done: they must not shine."""
+    """Give a node's shapes their forms while the shutter is open; whether that can be done.
+
+    They must not shine, nor become mirror images on their way.
+    """
     node, materials = document.items("nodes")[index], document.draft.description["materials"]
     if any("emission" in materials.get(shape["material"], {}) for shape in made):
         return False
@@ -135,15 +142,25 @@ def _add_poses(
     for time, number in motion.forms():
         joints = None
         if "skin" in node:
-            joints = joint_transforms(document, accessors, node["skin"], motion.worlds(number))
-        parts = meshes.parts(mesh, weights[number], joints, index, f" at {time!r} s")
-        if [part.material.name for part in parts] != [shape["material"] for shape in made]:
-            return False  # one has no area at that time
-        for of_part, part in zip(poses, parts, strict=True):
-            of_part.append({"time": time, "file": part.mesh})
+            worlds = motion.joints(document.items("skins")[node["skin"]], number)
+            joints = joint_transforms(document, accessors, node["skin"], worlds)
+        files = meshes.posed(mesh, parts, weights[number], joints, f" of /nodes/{index} at {time!r} s")
+        if files is None:
+            return False
+        for of_part, file in zip(poses, files, strict=True):
+            of_part.append({"time": time, "file": file})
     for shape, of_shape in zip(made, poses, strict=True):
         shape["poses"] = of_shape
+    if any(each != weights[0] for each in weights) and _has_other_targets(document.items("meshes")[mesh]):
+        text = "colours and texture coordinates of its morph targets are those at the time of the image"
+        document.note(f"/nodes/{index}: {text}")
     return True
+
+
+def _has_other_targets(mesh: dict[str, Any]) -> bool:
+    """Whether morph targets of a mesh change what poses do not have."""
+    keys = [key for each in mesh["primitives"] for target in each.get("targets", []) for key in target]
+    return any(key.startswith(("COLOR_", "TEXCOORD_")) for key in keys)
 
 
 def _deforms(

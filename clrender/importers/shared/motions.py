@@ -11,10 +11,12 @@ import numpy as np
 from clrender.exact.matrices import inner, length, product, times
 from clrender.importers.shared.matrices import Matrix, handedness, inverse, is_affine, is_similarity
 
-__all__ = ["fault_of_motion", "light_motion", "motion_keys"]
+__all__ = ["fault_of_motion", "light_motion", "motion_keys", "unflattened"]
 
 _OF_ONE_SCALE: Final = ("sphere", "disk", "curves", "bsplinecurve", "linearcurve", "hair")
 """Shapes, as scene files and Mitsuba call them, that have radii."""
+_THIN: Final = 2.0**-13
+"""What remains of a shape that a motion flattens: the share of its size at the nearest time at which it is not flat."""
 
 
 def fault_of_motion(shape: str, matrices: Sequence[Matrix]) -> str:
@@ -36,6 +38,25 @@ def fault_of_motion(shape: str, matrices: Sequence[Matrix]) -> str:
     ):
         return "a motion stretches a sphere, disk or curve"
     return ""
+
+
+def unflattened(matrices: Sequence[Matrix]) -> list[Matrix]:
+    """Transforms of a motion, of which those that flatten leave a little of the size at the nearest that does not.
+
+    Animations scale to zero what they hide. If all flatten, they stay as they are.
+
+    Parameters
+    ----------
+    matrices : sequence of (4, 4) float64
+        In the order of their times.
+    """
+    sound = [number for number, matrix in enumerate(matrices) if is_affine(matrix)]
+    made = list(matrices)
+    for number in sorted({*range(len(made))} - {*sound}) if sound else ():
+        near = matrices[min(sound, key=lambda other: abs(other - number))]
+        made[number] = matrices[number].copy()
+        made[number][:3, :3] += _THIN * (near[:3, :3] - made[number][:3, :3])
+    return made
 
 
 def motion_keys(keys: Sequence[tuple[float, Matrix]]) -> list[dict[str, Any]]:

@@ -119,6 +119,9 @@ class _Extraction:
             node, kind = above, str(prim.GetTypeName())
             image = UsdGeom.Imageable(prim)
             if image:
+                if len(self._times) > 1 and image.GetVisibilityAttr().ValueMightBeTimeVarying():
+                    text = "its visibility changes, and is taken as it is at the time of the image"
+                    self._note(f"{quoted(str(prim.GetPath()))}: {text}")
                 if image.GetVisibilityAttr().Get(self._time) == UsdGeom.Tokens.invisible:
                     continue
                 own = image.GetPurposeAttr()
@@ -171,6 +174,8 @@ class _Extraction:
             found = {name: _value(prim, name, self._time) for name in names if prim.HasAttribute(name)}
             items.append({**item, **found, "material": self._bound(prim), "color": self._color(prim)})
         elif kind == "BasisCurves":
+            if len(self._times) > 1 and UsdGeom.BasisCurves(prim).GetPointsAttr().ValueMightBeTimeVarying():
+                self._note(f"the points of {quoted(path)} rest while the shutter is open")
             items.append({**item, **self._curves(prim), "material": self._bound(prim), "color": self._color(prim)})
         elif kind == "PointInstancer":
             made = self._instancer(prim)
@@ -208,23 +213,28 @@ class _Extraction:
         mesh = UsdGeom.Mesh(prim)
         normals = UsdGeom.PrimvarsAPI(prim).GetPrimvar("normals")
         if normals and normals.HasAuthoredValue():
-            normal_values = [self._flattened(normals, self._time, "f8")]
+            times = self._times if normals.ValueMightBeTimeVarying() else self._times[:1]
+            normal_values = [self._flattened(normals, time, "f8") for time in times]
             interpolation = str(normals.GetInterpolation())
         else:
             normal_values = self._over_time(mesh.GetNormalsAttr(), "f8") if mesh.GetNormalsAttr().HasValue() else []
             interpolation = str(mesh.GetNormalsInterpolation())
         attribute = mesh.GetPointsAttr()
         points, animated = self._over_time(attribute, "f8"), attribute.ValueMightBeTimeVarying()
+        sides: list[int | None] = []
         if skin is not None:
             animated = animated or skin[1]
-            deformed = [self._array(skin[0](time), "f8") for time in (self._times if animated else self._times[:1])]
-            if None in deformed:
+            moments = self._times if animated else self._times[:1]
+            deformed = [each for each in map(skin[0], moments) if each is not None]
+            if len(deformed) < len(moments):
                 self._note(f"the skeleton of {quoted(path)} cannot be read: it is drawn at rest")
             else:
-                points = deformed
+                points = [self._array(each, "f8") for each, _ in deformed]
+                sides = [self._array(each) for _, each in deformed]
         made = {
             "path": path,
             "points": points,
+            "sides": sides,
             "deformed": skin is not None,
             "counts": self._array(mesh.GetFaceVertexCountsAttr().Get(self._time)),
             "indices": self._array(mesh.GetFaceVertexIndicesAttr().Get(self._time)),

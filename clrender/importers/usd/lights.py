@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,13 +13,14 @@ import numpy as np
 
 from clrender.errors import SceneError, UsageError
 from clrender.exact.angles import power_of_two, root, sin_cos_degrees
-from clrender.exact.matrices import length, product
+from clrender.exact.matrices import determinant, length, product
 from clrender.files.named import allowed_file
 from clrender.image.files import read_open_image
 from clrender.importers.asset_files import AssetFiles
 from clrender.importers.draft import Draft
-from clrender.importers.shared.matrices import Matrix, is_affine, is_similarity, rotation, transform_key
+from clrender.importers.shared.matrices import Matrix, inverse, is_affine, is_similarity, rotation, transform_key
 from clrender.importers.shared.meshes import cylinder_mesh, disk_mesh, sphere_mesh
+from clrender.importers.shared.motions import fault_of_motion, light_motion, motion_keys
 from clrender.importers.shared.sky_maps import turn_about_y, turned_pixels
 from clrender.importers.usd.textures import packaged_file, scene_name
 from clrender.meshes.data import MeshData
@@ -33,6 +34,8 @@ _MOST: Final = 1e12
 _PIXEL_LIMIT: Final = 2**28
 _ALL_AROUND: Final = {"SphereLight": 180.0, "CylinderLight": 180.0}
 """Cone angles that shape nothing, degrees; of others 90."""
+_CHANGED: Final = 1.0 + 1e-6
+"""Ratio of volumes above which a light changes its size."""
 _MAPS: Final = ("automatic", "latlong", None)
 
 
@@ -62,7 +65,7 @@ class Lights:
         self._draft, self._files, self._meters = draft, files, meters
         self._domes = 0
 
-    def add(self, light: dict[str, Any], matrix: Matrix) -> None:
+    def add(self, light: dict[str, Any], matrix: Matrix, keys: Sequence[tuple[float, Matrix]] = ()) -> None:
         """Add a light.
 
         Parameters
@@ -71,6 +74,8 @@ class Lights:
             See `clrender.importers.usd.networks.Networks.light`.
         matrix : (4, 4) float64
             From its space to world space.
+        keys : sequence of (float, (4, 4) float64)
+            The same at the times of its motion, seconds.
         """
         place = quoted(light["path"])
         if not is_affine(matrix):
@@ -80,12 +85,47 @@ class Lights:
         self.note_extras(light)
         color = radiance_of(light)
         kind = light["type"]
+        lights, shapes = self._draft.description["lights"], self._draft.description["shapes"]
+        before = len(lights), len(shapes)
+        # How bright it is follows from its size, which may be nothing at the time of the image
+        largest = max([matrix, *(each for _, each in keys)], key=_volume)
+        changes = _volume(largest) > _CHANGED * min(_volume(each) for each in (matrix, *(each for _, each in keys)))
+        matrix = largest if changes else matrix
         if kind.startswith("DomeLight"):
             self._dome(light, matrix, color)
         elif kind == "DistantLight":
             self._distant(light, matrix, color)
         else:
             self._area(light, matrix, color)
+        if keys:
+            self._move(light, matrix, keys, lights[before[0] :], shapes[before[1] :])
+        sized = kind != "DistantLight" and not kind.startswith("DomeLight")
+        if changes and sized and (light.get("normalize") or len(lights) > before[0]):
+            self._draft.note(f"{place} changes its size while the shutter is open, and is as bright as at its largest")
+
+    def _move(
+        self,
+        light: dict[str, Any],
+        matrix: Matrix,
+        keys: Sequence[tuple[float, Matrix]],
+        lights: list[dict[str, Any]],
+        shapes: list[dict[str, Any]],
+    ) -> None:
+        """Give a light, or the shape that shines in its place, the keys of its motion, if it can follow them."""
+        fault = ""
+        for made in lights:
+            if made["type"] == "environment":
+                fault = "it is all around"
+            else:
+                made["motion"] = light_motion(matrix, keys)
+        for made in shapes:
+            fault = fault_of_motion(made["type"], [each for _, each in keys])
+            if not fault:
+                # What its transform does before that of the light, such as to turn a cylinder, stays
+                back = inverse(matrix)
+                made["motion"] = motion_keys([(time, product(each, back)) for time, each in keys])
+        if fault:
+            self._draft.note(f"{quoted(light['path'])} rests while the shutter is open: {fault}")
 
     def note_extras(self, light: dict[str, Any]) -> None:
         """Note what is not read of a light."""
@@ -279,6 +319,10 @@ class Lights:
         if name not in self._draft.meshes:
             self._draft.meshes[name] = make()
         return {"type": "mesh", "file": name}
+
+
+def _volume(matrix: Matrix) -> float:
+    return abs(determinant(matrix[:3, :3]))
 
 
 def _disk_towards_minus_z() -> MeshData:

@@ -17,7 +17,7 @@ from clrender.importers.choices import Choices
 from clrender.importers.draft import Draft
 from clrender.importers.instancing import place_group
 from clrender.importers.shared.matrices import Matrix, is_affine, transform_key
-from clrender.importers.shared.motions import fault_of_motion, motion_keys
+from clrender.importers.shared.motions import fault_of_motion, motion_keys, unflattened
 from clrender.importers.usd.cameras import camera_of, image_of
 from clrender.importers.usd.lights import Lights, radiance_of
 from clrender.importers.usd.materials import Materials
@@ -151,28 +151,41 @@ class _Reader:
                     f"{self._files.source}: it has more than {grouped(INSTANCE_LIMIT)} things to draw; export fewer"
                 )
             places = product(bases, self._places.chain(item["node"]))
-            kind = item["type"]
+            kind, worlds = item["type"], self._worlds(item["node"])
+            if worlds and world:
+                places = np.array(worlds[:1])
+            if worlds and kind != "Camera" and (not world or kind in ("PointInstancer", "BasisCurves")):
+                self._rests(item, "what point instancers place, and curves, do not move")
+                worlds = []
             if kind == "PointInstancer":
                 self._instances(item, places)
             elif kind == "Camera":
                 if world:
-                    self._cameras.append((item, self._worlds(item["node"]) or [places[0]]))
+                    self._cameras.append((item, worlds or [places[0]]))
             elif "Light" in kind:
+                light = {**item, "up": self._stage.tables["up"]}
                 for matrix in places:
-                    self._lights.add({**item, "up": self._stage.tables["up"]}, matrix)
+                    self._lights.add(light, matrix, list(zip(self._times, worlds[1:], strict=False)))
                 self._draft.wants_light = False
             elif kind == "BasisCurves":
                 color, opacity = item["color"]
                 used = self._materials.of(item["material"], color, 1.0 if opacity is None else opacity[0])
                 self._strands.add(item, used.name, places)
             else:
-                self._shapes(item, places, self._worlds(item["node"]) if world else [])
+                self._shapes(item, places, worlds)
 
     def _worlds(self, node: int) -> list[Matrix]:
-        """World transforms at the times of the shutter, after that of the image; none if it rests."""
+        """World transforms at the times of the shutter, after that of the image; none if it rests.
+
+        What is flat at one of them leaves something there.
+        """
         if not self._times or not self._places.moves(node):
             return []
-        return [product(self._root, self._places.chain(node, number)) for number in range(len(self._times) + 1)]
+        numbers = range(len(self._times) + 1)
+        return unflattened([product(self._root, self._places.chain(node, number)) for number in numbers])
+
+    def _rests(self, item: dict[str, Any], why: str) -> None:
+        self._draft.note(f"{quoted(item['path'])} rests while the shutter is open: {why}")
 
     def _instances(self, item: dict[str, Any], places: NDArray[np.float64]) -> None:
         indices = self._stage.array(item["indices"])
@@ -217,14 +230,19 @@ class _Reader:
             shape |= {"vertex_colors": "linear"} if part.colored else {}
             if item.get("light"):
                 self._shine(item, shape, part.material.shines)
-            if part.poses and "emission" not in shape and not part.material.shines:
+            if part.poses and ("emission" in shape or part.material.shines):
+                self._rests(item, "it changes its form, and shines")
+            elif part.poses:
                 times = zip(self._times, part.poses, strict=True)
                 shape["poses"] = [{"time": time, "file": mesh} for time, mesh in list(times)[::2]]
             made.append(shape)
-        if worlds and len(places) == 1 and not fault_of_motion("mesh", worlds):
+        fault = fault_of_motion("mesh", worlds) if worlds and len(places) else ""
+        if worlds and len(places) and not fault:
             moves = motion_keys(list(zip(self._times, worlds[1:], strict=True)))
             self._draft.description["shapes"] += [{**shape, "name": name, "motion": moves} for shape in made]
             return
+        if fault:
+            self._rests(item, fault)
         if not made or not len(places):
             return
         if len(places) > 1 and place_group(self._draft, made, places[:, :3], name):
@@ -258,13 +276,14 @@ class _Reader:
         used = self._materials.of(item["material"], color, 1.0 if opacity is None else opacity[0])
         described, placed = found
         shape = {**described, "name": name, "material": used.name}
-        if worlds and not fault_of_motion(described["type"], worlds):
+        fault = fault_of_motion(described["type"], worlds) if worlds else ""
+        if worlds and not fault:
             turned = [solid(self._draft, item, world) for world in worlds[1:]]
             keys = [(time, each[1]) for time, each in zip(self._times, turned, strict=True) if each is not None]
             self._draft.description["shapes"].append({**shape, "motion": motion_keys(keys)})
             return
-        if worlds:
-            self._draft.note(f"{quoted(item['path'])} rests while the shutter is open: it changes its form")
+        if fault:
+            self._rests(item, fault)
         self._draft.description["shapes"].append({**shape, **transform_key(placed)})
 
     def _camera(self, settings: dict[str, Any]) -> None:

@@ -12,8 +12,9 @@ from pxr import Usd, UsdGeom, UsdSkel, Vt
 
 __all__ = ["Skin", "skins_of"]
 
-Skin: TypeAlias = tuple[Callable[[Any], "NDArray[np.float64] | None"], bool]
-"""Points of a mesh by a time, (n, 3), and whether they move; None where they cannot be computed."""
+Skin: TypeAlias = tuple[Callable[[Any], "tuple[NDArray[np.float64], NDArray[np.int64] | None] | None"], bool]
+"""Points of a mesh by a time, (n, 3), and on which sides they are, (n,): -1 where joints mirror, or 0 where they
+flatten; None if none does. None where they cannot be computed. Then whether they move."""
 _DRAWN = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 
 
@@ -40,8 +41,10 @@ def skins_of(stage: Any) -> dict[str, Skin]:
     return found
 
 
-def _points(skeleton: Any, motion: Any, target: Any, time: Any) -> NDArray[np.float64] | None:
-    """The points of a mesh in its own space."""
+def _points(
+    skeleton: Any, motion: Any, target: Any, time: Any
+) -> tuple[NDArray[np.float64], NDArray[np.int64] | None] | None:
+    """The points of a mesh in its own space, and their sides."""
     prim = target.GetPrim()
     points = UsdGeom.Mesh(prim).GetPointsAttr().Get(time)
     if points is None:
@@ -50,15 +53,32 @@ def _points(skeleton: Any, motion: Any, target: Any, time: Any) -> NDArray[np.fl
     if target.HasBlendShapes() and motion:
         _blend(motion, target, time, points)
     if not target.HasJointInfluences():
-        return np.array(points, np.float64)
+        return np.array(points, np.float64), None
     transforms = skeleton.ComputeSkinningTransforms(time)
+    rest = np.array(points, np.float64).reshape(-1, 3)
     if not transforms or not target.ComputeSkinnedPoints(transforms, points, time):
         return None
     places = UsdGeom.XformCache(time)
     whole = places.GetLocalToWorldTransform(skeleton.GetPrim()) * places.GetLocalToWorldTransform(prim).GetInverse()
     rows = np.array(whole, np.float64)
     x, y, z = np.array(points, np.float64).reshape(-1, 3).T
-    return np.stack([((x * a + y * b) + z * c) + d for a, b, c, d in rows[:, :3].T], axis=1)
+    placed = np.stack([((x * a + y * b) + z * c) + d for a, b, c, d in rows[:, :3].T], axis=1)
+    mirrors = [each.GetDeterminant() <= 0.0 for each in (*transforms, whole)]
+    return placed, _sides(target, transforms, time, rest, whole) if any(mirrors) else None
+
+
+def _sides(target: Any, transforms: Any, time: Any, rest: NDArray[np.float64], whole: Any) -> NDArray[np.int64]:
+    """Signs of the determinants of the maps of points, which are affine, from where points beside them go."""
+    step = max(float(np.abs(rest).max(initial=0.0)), 1e-30)
+    gone = []
+    for offset in (np.zeros(3), *(step * np.eye(3))):
+        some = Vt.Vec3fArray.FromNumpy((rest + offset).astype(np.float32))
+        target.ComputeSkinnedPoints(transforms, some, time)
+        gone.append(np.array(some, np.float64).reshape(-1, 3))
+    a, b, c = (each - gone[0] for each in gone[1:])
+    volume = (a * np.cross(b, c)).sum(axis=1) * np.sign(whole.GetDeterminant())
+    sound = np.abs(volume) > 1e-6 * step * step * step
+    return np.where(sound, np.sign(volume), 0.0).astype(np.int64)
 
 
 def _blend(motion: Any, target: Any, time: Any, points: Any) -> None:

@@ -125,14 +125,26 @@ class Surfaces:
         groups: dict[str | None, list[int]] = {}
         for number, each in enumerate(keys):
             groups.setdefault(each, []).append(number)
+        smooth = self._smooth(mesh, faces, points)
         for each, numbers in groups.items():
             kept = np.isin(owner[faces.faces], numbers)
             if kept.any():
                 name = mesh["path"] if len(groups) == 1 else f"{mesh['path']} ({each or 'no material'})"
                 name = f"{name} of {len(self._draft.meshes)}" if again else name
-                part = self._part(mesh, faces.only(kept), points, each, name)
+                part = self._part(mesh, faces.only(kept), points, smooth, each, name)
                 parts += [] if part is None else [part]
         return parts
+
+    def _smooth(self, mesh: dict[str, Any], faces: _Faces, points: list[_Floats]) -> list[_Floats]:
+        """Normals of the points at all times, of the whole mesh before it is cut; none if it is not smooth."""
+        smooth = mesh["scheme"] in _SMOOTH
+        if mesh["scheme"] != "none":
+            self._draft.note("subdivision surfaces are drawn as the meshes of their cages, with smooth normals")
+        elif mesh["deformed"] and self._normals(mesh, faces):
+            self._draft.note("meshes that a skeleton deforms have smooth normals in the place of their own")
+            smooth = True
+        triangles = faces.points.astype(np.uint32)
+        return [np.asarray(smoothed(MeshData(each, triangles)).normals) for each in points] if smooth else []
 
     def _required(self, mesh: dict[str, Any], name: str) -> NDArray[Any]:
         found = self._stage.array(mesh[name] if isinstance(mesh[name], int | None) else mesh[name][0])
@@ -203,10 +215,30 @@ class Surfaces:
         if mesh["left_handed"]:
             triangles = triangles[:, ::-1]
         corners = where[triangles]
+        corners, points = self._fronts(mesh, corners, indices, points)
         return _Faces(np.repeat(kept, sizes - 2), corners, indices[corners]), points
 
+    def _fronts(
+        self, mesh: dict[str, Any], corners: NDArray[np.int64], indices: NDArray[np.int64], points: list[_Floats]
+    ) -> tuple[NDArray[np.int64], list[_Floats]]:
+        """The corners, reversed where joints mirror, so that fronts stay fronts; and the points."""
+        sides = [self._stage.array(number) for number in mesh["sides"]]
+        of_triangles = [1 if each is None else each[indices[corners]].sum(axis=1) for each in sides]
+        if len(points) > 1 and any((np.asarray(of_triangles[0] * each) < 0).any() for each in of_triangles[1:]):
+            text = "it rests while the shutter is open: on its way joints make its mirror image"
+            self._draft.note(f"{quoted(mesh['path'])}: {text}")
+            points = points[:1]
+        mirrored = np.asarray(of_triangles[0] < 0 if of_triangles else False)
+        return (np.where(mirrored[:, None], corners[:, ::-1], corners) if mirrored.any() else corners), points
+
     def _part(
-        self, mesh: dict[str, Any], faces: _Faces, points: list[_Floats], material: str | None, name: str
+        self,
+        mesh: dict[str, Any],
+        faces: _Faces,
+        points: list[_Floats],
+        smooth: list[_Floats],
+        material: str | None,
+        name: str,
     ) -> Part | None:
         colors, opacity = self._display(mesh, faces)
         plain = material is None
@@ -217,26 +249,20 @@ class Surfaces:
         if not plain:
             colors = None if used.colors is None else self._colors(mesh, faces, used.colors)
         uvs = [self._uvs(mesh, faces, each, used) for each in used.sets]
-        smooth = mesh["scheme"] in _SMOOTH
-        if mesh["scheme"] != "none":
-            self._draft.note("subdivision surfaces are drawn as the meshes of their cages, with smooth normals")
-        normals = None if mesh["scheme"] != "none" else self._normals(mesh, faces)
-        if normals is not None and mesh["deformed"]:
-            self._draft.note("meshes that a skeleton deforms have smooth normals in the place of their own")
-            normals, smooth = None, True
-        number, triangles = _compact(faces.points)
-        if normals is not None:
-            number, triangles, vertex_normals = _split(faces.points, normals)
+        own = self._normals(mesh, faces)[: len(points)] if mesh["scheme"] == "none" and not smooth else []
+        if own:
+            number, triangles, normals = _split(faces.points, own)
         else:
-            vertex_normals = None
+            number, triangles = _compact(faces.points)
+            normals = [each[number] for each in smooth]
+        if all(without_area(each[number], triangles) for each in points):
+            self._draft.note(f"{quoted(name)} was left out: it has no area")
+            return None
         made: list[str] = []
         for time, each in enumerate(points):
-            data = MeshData(each[number], triangles, normals=vertex_normals)
-            if time == 0 and without_area(data.vertices, data.triangles):
-                self._draft.note(f"{quoted(name)} was left out: it has no area")
-                return None
-            data = smoothed(data) if smooth else data
-            data = replace(data, uvs=uvs[0] if uvs else None, uvs_1=uvs[1] if len(uvs) > 1 else None, colors=colors)
+            data = MeshData(each[number], triangles, normals[min(time, len(normals) - 1)] if normals else None)
+            if time == 0:  # poses have vertices and normals only
+                data = replace(data, uvs=uvs[0] if uvs else None, uvs_1=uvs[1] if len(uvs) > 1 else None, colors=colors)
             made.append(name if time == 0 else f"{name} at time {time}")
             self._draft.meshes[made[-1]] = data
         if mesh["double_sided"] and used.shines:
@@ -273,19 +299,21 @@ class Surfaces:
             self._refuse(mesh, f"has coordinates {quoted(name)} beyond {UV_LIMIT:g}; make them smaller")
         return np.ascontiguousarray(found, np.float32)
 
-    def _normals(self, mesh: dict[str, Any], faces: _Faces) -> _Floats | None:
-        """Normals of the triangles' corners, (T, 3, 3)."""
-        given = mesh["normals"]
-        values = self._stage.array(given[0]) if given else None
-        if values is None or not len(values):
-            return None
-        found = self._spread(mesh, faces, values.reshape(-1, 3), mesh["normals_interpolation"], "normals")
-        if found is None:
-            return None
-        if not np.isfinite(found).all():
-            self._draft.note(f"{quoted(mesh['path'])}: normals that are not finite were left out")
-            found = np.where(np.isfinite(found).all(axis=2, keepdims=True), found, 0.0)
-        return np.asarray(found, np.float64)
+    def _normals(self, mesh: dict[str, Any], faces: _Faces) -> list[_Floats]:
+        """Normals of the triangles' corners, (T, 3, 3), at all times if they change; none if it has none."""
+        made: list[_Floats] = []
+        for number in mesh["normals"]:
+            values = self._stage.array(number)
+            if values is None or not len(values):
+                break
+            found = self._spread(mesh, faces, values.reshape(-1, 3), mesh["normals_interpolation"], "normals")
+            if found is None:
+                break
+            if not np.isfinite(found).all():
+                self._draft.note(f"{quoted(mesh['path'])}: normals that are not finite were left out")
+                found = np.where(np.isfinite(found).all(axis=2, keepdims=True), found, 0.0)
+            made.append(np.asarray(found, np.float64))
+        return made if len(made) == len(mesh["normals"]) else made[:1]
 
     def _corners(self, mesh: dict[str, Any], faces: _Faces, name: str, size: int) -> NDArray[Any] | None:
         """A primvar at the triangles' corners, (T, 3, size)."""
@@ -325,8 +353,14 @@ def _compact(points: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.u
     return number, triangles.reshape(points.shape).astype(np.uint32)
 
 
-def _split(points: NDArray[np.int64], normals: _Floats) -> tuple[NDArray[np.int64], NDArray[np.uint32], _Floats]:
-    """Points, triangles and normals of vertices, a vertex for each point and each of its normals."""
-    rows = np.concatenate([points.reshape(-1, 1).astype(np.float64), normals.reshape(-1, 3) + 0.0], axis=1)
-    found, triangles = np.unique(rows, axis=0, return_inverse=True)
-    return found[:, 0].astype(np.int64), triangles.reshape(points.shape).astype(np.uint32), found[:, 1:].copy()
+def _split(
+    points: NDArray[np.int64], normals: list[_Floats]
+) -> tuple[NDArray[np.int64], NDArray[np.uint32], list[_Floats]]:
+    """Points, triangles and normals of vertices, a vertex for each point and each of its normals at all times."""
+    labels = points.reshape(-1)
+    for each in normals:
+        rows = np.concatenate([labels[:, None].astype(np.float64), each.reshape(-1, 3) + 0.0], axis=1)
+        _, first, labels = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+        labels = labels.reshape(-1)
+    triangles = labels.reshape(points.shape).astype(np.uint32)
+    return points.reshape(-1)[first], triangles, [each.reshape(-1, 3)[first] + 0.0 for each in normals]
