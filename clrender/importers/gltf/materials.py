@@ -11,6 +11,7 @@ from clrender.errors import SceneError
 from clrender.importers.gltf.document import Document
 from clrender.importers.gltf.textures import Textures
 from clrender.importers.lost_pictures import LOST
+from clrender.scene.textures import TextureTransform
 from clrender.wording import quoted, suggestion
 
 __all__ = ["Materials", "Used"]
@@ -37,6 +38,8 @@ class Used:
         Sets of texture coordinates that its textures need.
     tangent_uv_set : int or None
         Set of its normal map, or of its anisotropy; None: it needs no tangents.
+    tangent_transform : TextureTransform
+        Of its normal map: tangents run along the picture.
     colored : bool
         Whether vertex colours multiply its colour.
     transparent : bool
@@ -48,6 +51,7 @@ class Used:
     name: str
     uv_sets: frozenset[int]
     tangent_uv_set: int | None
+    tangent_transform: TextureTransform
     colored: bool
     transparent: bool
     place: str
@@ -101,7 +105,8 @@ class Materials:
         transparent = source.get("alphaMode", "OPAQUE") != "OPAQUE"
         asking = made.get("normal_map", made.get("anisotropy"))
         tangent_set = None if asking is None else asking.get("uv_set", 0) if isinstance(asking, dict) else 0
-        return Used(name, sets, tangent_set, not unlit, transparent, at)
+        turned = TextureTransform(**(asking if isinstance(asking, dict) else {}).get("transform", {}))
+        return Used(name, sets, tangent_set, turned, not unlit, transparent, at)
 
 
 def _variant_number(document: Document, variant: str | None) -> int | None:

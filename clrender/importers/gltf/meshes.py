@@ -8,6 +8,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from clrender.exact.angles import sin_cos_degrees
+from clrender.exact.matrices import product
 from clrender.importers.gltf.accessors import Accessors
 from clrender.importers.gltf.deform import Surface, morphed, skinned
 from clrender.importers.gltf.document import Document
@@ -229,6 +231,11 @@ class Meshes:
         if uvs is None:
             return None
         upward = np.stack([uvs[:, 0], np.float32(1.0) - uvs[:, 1]], axis=1)
+        transform = material.tangent_transform
+        if transform.rotate_degrees or min(transform.scale) < 0.0:
+            sine, cosine = sin_cos_degrees(transform.rotate_degrees)
+            turn = np.array([[cosine, -sine], [sine, cosine]]) * transform.scale
+            upward = product(upward, turn.T).astype(np.float32)
         return mikktspace(surface.positions, surface.normals, upward, triangles)
 
     def _check(self, primitive: dict[str, Any], at: str) -> None:

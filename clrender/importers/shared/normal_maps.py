@@ -1,6 +1,7 @@
 """Normal maps of other renderers, whose green is across red: along normal x dp/du, whichever way v runs there.
 
-Ours is along v. The two differ where the texture coordinates of a surface are mirrored.
+Ours is along v. The two differ where the texture coordinates of a surface are mirrored. Ours also turns with the
+picture where its texture has a transform, and theirs does not.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from clrender.importers.shared.curved import green_reversed
 from clrender.importers.shared.matrices import handedness
 from clrender.importers.shared.staging import Staging
 from clrender.meshes.data import MeshData
+from clrender.scene.textures import TextureTransform
 
 __all__ = ["with_green_across"]
 
@@ -23,8 +25,8 @@ __all__ = ["with_green_across"]
 def with_green_across(staging: Staging) -> None:
     """Give all shapes of a draft the normal maps of pbrt and Mitsuba.
 
-    Triangles whose texture coordinates are mirrored get tangents that say where green is; other shapes get maps of
-    reversed green.
+    Triangles whose texture coordinates are mirrored, or whose map is turned, get tangents that say where red and green
+    are; other shapes get maps of reversed green, and a note where these are turned.
 
     Parameters
     ----------
@@ -36,14 +38,17 @@ def with_green_across(staging: Staging) -> None:
         if not _has_normal_map(staging, shape.get("material")):
             continue
         mirrored = shape.get("flip_normals", False) != (_handedness(shape) < 0.0)
+        turned = _has_turned_map(staging, shape["material"])
         if shape["type"] != "mesh":
+            if turned:
+                staging.note(f"the slopes of a normal map on a shape of type {shape['type']} turn with its to_uv here")
             if mirrored:
                 shape["material"] = _reversed(staging, shape["material"])
             continue
         mesh = draft.meshes[shape["file"]]
-        tangents = _tangents(mesh, -1.0 if mirrored else 1.0)
+        tangents = _tangents(mesh, -1.0 if mirrored else 1.0, turned)
         if tangents is not None:
-            name = f"{shape['file']}, green across{' its back' if mirrored else ''}"
+            name = f"{shape['file']}, green across{' its back' if mirrored else ''}{' throughout' if turned else ''}"
             draft.meshes.setdefault(name, dataclasses.replace(mesh, tangents=tangents))
             shape["file"] = name
 
@@ -63,6 +68,14 @@ def _has_normal_map(staging: Staging, name: str | None) -> bool:
     return "normal_map" in material or any(_has_normal_map(staging, part) for part in material.get("materials", ()))
 
 
+def _has_turned_map(staging: Staging, name: str | None) -> bool:
+    """Whether the transform of a normal map's texture turns or mirrors it."""
+    material = staging.draft.description["materials"].get(name, {})
+    transform = TextureTransform(**material.get("normal_map", {}).get("transform", {}))
+    turns = transform.rotate_degrees != 0.0 or min(transform.scale) < 0.0
+    return turns or any(_has_turned_map(staging, part) for part in material.get("materials", ()))
+
+
 def _reversed(staging: Staging, name: str) -> str:
     """Name of a material like another, but that green of its normal maps is reversed."""
     if not _has_normal_map(staging, name):
@@ -75,14 +88,16 @@ def _reversed(staging: Staging, name: str) -> str:
     return staging.material(f"{name}, mirrored", described)
 
 
-def _tangents(mesh: MeshData, facing: float) -> NDArray[np.float32] | None:
-    """Tangents of the triangles whose texture coordinates are mirrored; None if there are none.
+def _tangents(mesh: MeshData, facing: float, every: bool) -> NDArray[np.float32] | None:
+    """Tangents of the triangles whose texture coordinates are mirrored, or of all; None if there are none.
 
     Parameters
     ----------
     mesh : MeshData
     facing : float
         1, or -1 if the mesh is seen from the other side, or in a mirror.
+    every : bool
+        Whether all triangles with texture coordinates get some.
 
     Returns
     -------
@@ -96,11 +111,11 @@ def _tangents(mesh: MeshData, facing: float) -> NDArray[np.float32] | None:
     area = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
     along = second[:, 1:] * (b - a) - first[:, 1:] * (c - a)
     size = lengths(along)
-    mirrored = (area * facing < 0.0) & (size > 0.0)
-    if not mirrored.any():
+    asked = (every | (area * facing < 0.0)) & (size > 0.0) & (area != 0.0)
+    if not asked.any():
         return None
     made = np.zeros((len(area), 3, 4), np.float32)
     unit = along * (np.sign(area) / np.where(size > 0.0, size, 1.0))[:, None]
-    made[mirrored, :, :3] = unit[mirrored, None]
-    made[mirrored, :, 3] = facing
+    made[asked, :, :3] = unit[asked, None]
+    made[asked, :, 3] = facing
     return made
