@@ -132,9 +132,10 @@ def _leave(message: str, exit_code: int) -> NoReturn:
     try:
         remove_temporaries()
         # Not imported here: the main thread may be importing it right now.
-        leave = getattr(sys.modules.get("clrender.device.program_cache"), "leave", None)
-        if leave is not None:
-            leave()
+        for name in ("clrender.device.program_cache", "clrender.cluster.local"):
+            leave = getattr(sys.modules.get(name), "leave", None)
+            if leave is not None:
+                leave()
         sys.stderr.write(f"\nerror: {message}\n")
         sys.stderr.flush()
     finally:
