@@ -74,6 +74,7 @@ def render(
         See `Session.render`.
     """
     job = RenderJob.given(scene, **settings)
+    notify = once(notify)
     with ExitStack() as stack:
         opened = None
         if cluster is not None:
@@ -81,7 +82,7 @@ def render(
             from clrender.cluster import open_cluster
 
             opened = stack.enter_context(open_cluster(cluster, device=device, notify=notify))  # type: ignore[arg-type]  # it looks
-        session = stack.enter_context(Session(device, notify=once(notify), on_stage=on_stage))
+        session = stack.enter_context(Session(device, notify=notify, on_stage=on_stage))
         return session.render(
             job,
             on_progress=on_progress,
@@ -110,12 +111,12 @@ def render_batch(
     device : str, int, Device, sequence of them, optional
         See `render`.
     **settings
-        See `render`. All images have the same size and seed.
+        See `Session.render_batch`. All images have the same size and seed.
 
     Returns
     -------
     (n, height, width, 3) float32
-        Radiance; with the layer ``alpha``, (n, height, width, 4).
+        Radiance, denoised if asked for; with the layer ``alpha``, (n, height, width, 4).
 
     Raises
     ------

@@ -355,6 +355,32 @@ def checked_path(value: object, what: str) -> Path:
     return Path(name)
 
 
+def checked_flag(value: object, what: str) -> bool:
+    """A bool, given by a caller.
+
+    Raises
+    ------
+    UsageError
+        It is none; the message begins with `what`.
+    """
+    try:
+        return Flag().accept(value)
+    except NotAllowed as error:
+        raise UsageError(f"{what} {error}") from None
+
+
+def check_function(value: object, what: str) -> None:
+    """Check that a caller gave a function, or None.
+
+    Raises
+    ------
+    UsageError
+        It is neither; the message begins with `what`.
+    """
+    if value is not None and not callable(value):
+        raise UsageError(f"{what} is {shown(value)}, but must be a function")
+
+
 def given_too(present: str) -> str:
     """The error text for a name of earlier versions beside the present one; it follows the former name."""
     return f"is the former name of {present}, which is given too; leave one of them out"

@@ -23,7 +23,7 @@ from clrender.wording import quoted, suggestion
 if TYPE_CHECKING:
     from clrender.scene import Scene
 
-__all__ = ["check_integrators", "compare_integrators"]
+__all__ = ["check_integrators", "compare_integrators", "labels"]
 
 
 def compare_integrators(
@@ -102,7 +102,7 @@ def compare_integrators(
 
     made = []
     with Session(device, notify=reporter.notice) as session:
-        for place, (label, name) in enumerate(zip(_labels(integrators), integrators, strict=True)):
+        for place, (label, name) in enumerate(zip(labels(integrators), integrators, strict=True)):
             own = seeds[place * batches : (place + 1) * batches]
             images = (image(session, name, number) for number in own)
             made.append(_gathered(label, name, tile_size, own, images))
@@ -181,6 +181,7 @@ def _seeds(seed: int, count: int) -> list[int]:
     return list(dict.fromkeys(drawn))[:count]
 
 
-def _labels(names: Sequence[str]) -> list[str]:
+def labels(names: Sequence[str]) -> list[str]:
+    """Names of integrators in results: those that come again are numbered."""
     counts = [names[: place + 1].count(name) for place, name in enumerate(names)]
     return [name if count == 1 else f"{name}-{count}" for name, count in zip(names, counts, strict=True)]

@@ -11,6 +11,7 @@ import click
 from clrender.cli.completing import complete_benchmarks, complete_devices
 from clrender.cli.options import number, setting_option, size
 from clrender.cli.pages import check_page, write_page
+from clrender.cli.streams import tell
 from clrender.wording import counted
 
 __all__ = ["bench"]
@@ -69,7 +70,8 @@ def bench(
         check_page(plot)
     others = [peer_from(text) for text in peers]
     task = Task(*wanted, spp, errors, light_sampler)
-    runs = measure(names or ("S1", "S2"), others, task, repeats, device, lambda run: click.echo(json.dumps(run.line())))
+    say = click.echo if plot is None else tell  # a page is made for others than the reader of the lines
+    runs = measure(names or ("S1", "S2"), others, task, repeats, device, lambda run: say(json.dumps(run.line())))
     rows = summary(runs)
     click.echo(_table(rows), err=True)
     if plot is not None:

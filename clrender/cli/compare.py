@@ -82,7 +82,7 @@ def compare(ctx: click.Context, /, first: str, second: str | None, integrators: 
         return
     output = options.pop("output")
     for name, value in options.items():
-        if value not in (None, False, ()):
+        if value is not None and value is not False and value != ():  # 0 is a value
             parameter = next(each for each in ctx.command.params if each.name == name)
             raise click.UsageError(f"{parameter.opts[-1]} goes with --integrators NAME,NAME… SCENE.", ctx)
     if second is None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -15,6 +16,7 @@ from clrender.cli.folder import output_folder
 from clrender.cli.interrupt import interruptible
 from clrender.cli.outputs import check_distinct, scene_files
 from clrender.cli.progress import ProgressDisplay
+from clrender.cli.streams import tell
 from clrender.integrators import INTEGRATORS
 from clrender.wording import counted
 
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["compare_on_scene"]
 
 _NUMBERS: Final = "agreement.json"
+_MEANS: Final = (".png", ".exr")
 _FULL: Final = 6
 """|z| at full colour in the maps: hardly any tile reaches it by chance."""
 _COLUMNS: Final = ("ratio of means", "95 % interval", "tiles that differ", "largest z")
@@ -53,14 +56,14 @@ def compare_on_scene(
     ClrenderError
         See `clrender.agreement.integrators.compare_integrators`; also when files cannot be written.
     """
-    from clrender.agreement.integrators import check_integrators, compare_integrators
+    from clrender.agreement.integrators import check_integrators, compare_integrators, labels
     from clrender.importers import load
 
     names = [name.strip() for name in integrators]
     check_integrators(names)
     description = load(scene, allow_paths=allow_paths, plugins=plugins)
     if output is not None:
-        check_distinct([output / _NUMBERS], scene_files(scene, description))
+        check_distinct(_files(output, labels(names)), scene_files(scene, description))
     given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     folder = nullcontext() if output is None else output_folder(output, _NUMBERS)
     with folder, interruptible() as interrupt, ProgressDisplay(quiet=quiet) as display:
@@ -80,7 +83,7 @@ def compare_on_scene(
     numbers = _numbers(description, given, made, pairs)
     if output is not None:
         _write(output, made, pairs, numbers)
-    click.echo(json.dumps(numbers, indent=2) if as_json else _table(numbers))
+    tell(json.dumps(numbers, indent=2) if as_json else _table(numbers))
     from clrender.agreement.verdict import FAULT
 
     if check and any(pair.verdict.kind == FAULT for pair in pairs):
@@ -179,13 +182,28 @@ def _write(folder: Path, made: Sequence[Batches], pairs: Sequence[Pair], numbers
     height, width = made[0].image.shape[:2]
     for one, its in zip(made, numbers["integrators"], strict=True):
         notes = {"scene_sha256": numbers["scene_sha256"], "version": numbers["version"], **its}
-        for ending in (".png", ".exr"):
+        for ending in _MEANS:
             write_image(folder / f"{one.label}{ending}", one.image, notes)
     for pair, its in zip(pairs, numbers["pairs"], strict=True):
-        name = f"z_{pair.first}-minus-{pair.second}_blue-{_FULL}_white-0_red+{_FULL}.png"
-        write_image(folder / name, _map(pair.scores, height, width, made[0].tile_size), its, "linear")
+        write_image(
+            folder / _map_name(pair.first, pair.second),
+            _map(pair.scores, height, width, made[0].tile_size),
+            its,
+            "linear",
+        )
     with atomic_write(folder / _NUMBERS) as file:
         file.write(json.dumps(numbers, indent=2).encode() + b"\n")
+
+
+def _map_name(first: str, second: str) -> str:
+    return f"z_{first}-minus-{second}_blue-{_FULL}_white-0_red+{_FULL}.png"
+
+
+def _files(folder: Path, names: Sequence[str]) -> Iterator[Path]:
+    """All files that `_write` makes for integrators with these labels."""
+    yield folder / _NUMBERS
+    yield from (folder / f"{name}{ending}" for name in names for ending in _MEANS)
+    yield from (folder / _map_name(*pair) for pair in itertools.combinations(names, 2))
 
 
 def _map(

@@ -46,7 +46,7 @@ def convert(
     if output.exists() and not force and not output.is_dir():
         raise UsageError(f"{output}: exists already; choose another name, or overwrite it with --force")
     check_writable(output)
-    check_distinct([output], [Path(scene)])
+    check_distinct([output])
     from clrender import exporters
     from clrender.importers import load
     from clrender.version import __version__

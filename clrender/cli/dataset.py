@@ -11,6 +11,7 @@ import click
 
 from clrender.cli.completing import complete_files
 from clrender.cli.options import allow_path_option, device_option, plugin_option
+from clrender.cli.outputs import check_folder, scene_files
 from clrender.errors import UsageError
 from clrender.limits import shown
 from clrender.wording import counted, grouped
@@ -93,6 +94,11 @@ def dataset(
             click.echo(json.dumps(_told(plan, index)))
         return
     assert output is not None
+    from clrender.datasets.records import MANIFEST, RECORDS
+
+    read = scene_files(str(spec.parent / plan.spec.scene), plan.base)
+    read += [spec.parent / plan.spec.camera.file] if plan.spec.camera.file is not None else []
+    check_folder(output, {MANIFEST, RECORDS, *plan.spec.writers}, read)
     if others:
         if images or part:
             raise UsageError("--merge copies all images that there are; leave --images and --part out")

@@ -18,13 +18,14 @@ from clrender.wording import counted
 if TYPE_CHECKING:
     from clrender.rendering.job import RenderJob
 
-__all__ = ["FRAMES_PER_SECOND", "Frames", "check_one", "frames", "is_done", "named"]
+__all__ = ["FRAMES_PER_SECOND", "Frames", "can_resume", "check_one", "frames", "is_done", "named"]
 
 FRAMES_PER_SECOND: Final = 24.0
 _MOST: Final = 10**6
 _NUMBER: Final = re.compile(r"%(0\d)?d")
 _EMBEDDED: Final = (".png", ".exr")
 """Extensions of files that say how they were made, as `frames` of a render that is resumed have to."""
+_JPEG: Final = frozenset({".jpg", ".jpeg"})
 
 
 @dataclass(frozen=True)
@@ -64,21 +65,28 @@ class Frames:
         UsageError
         """
         for output in outputs:
-            if (
-                len(_NUMBER.findall(output.name)) != 1
-                or "%" in _NUMBER.sub("", output.name)
-                or "%" in str(output.parent)
-            ):
+            if len(_NUMBER.findall(output.name)) != 1 or "%" in _NUMBER.sub("", output.name):
                 stem = _NUMBER.sub("", output.stem).replace("%", "").rstrip("_-.") or "frame"
                 raise UsageError(
                     f"{output}: with --frames a name has one place for the number of the frame; write one such as "
                     f"{stem}_%04d{output.suffix}"
                 )
         for option, value in others.items():
-            if value:
+            if value is not None and value is not False:  # 0 is a value
                 raise UsageError(f"{option}: is for one image, and --frames makes {len(self)}; leave one of them out")
-        if resume and not any(output.suffix.lower() in _EMBEDDED for output in outputs):
+        if resume and not can_resume(outputs):
             raise UsageError("--resume: of frames only .png and .exr say how they were made; name one of those with -o")
+        endings = {output.suffix.lower() for output in outputs}
+        if resume and _JPEG.intersection(endings) and ".png" not in endings:
+            raise UsageError(
+                "--resume: a .jpg does not say by which display settings it was made; name a .png beside it, or in its "
+                "place"
+            )
+
+
+def can_resume(outputs: Sequence[Path]) -> bool:
+    """Whether one of a frame's files says how it was made."""
+    return any(output.suffix.lower() in _EMBEDDED for output in outputs)
 
 
 def check_one(outputs: Sequence[Path]) -> None:

@@ -14,6 +14,8 @@ from clrender.cli.completing import complete_devices, complete_scenes
 from clrender.cli.folder import output_folder
 from clrender.cli.interrupt import interruptible
 from clrender.cli.options import allow_path_option, numbers, plugin_option, setting_option
+from clrender.cli.outputs import check_distinct
+from clrender.cli.streams import tell
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -83,6 +85,8 @@ def furnace(
     if light is not None:
         _light(light, device, seed, quick, as_json, check, say)
         return
+    if output is not None:
+        check_distinct((output / _PAGE, output / _NUMBERS))
     what = subjects_of(subject, names, allow_paths, uvs, given)
     if output is not None:
         from clrender.drawing.svg import require_matplotlib
@@ -111,7 +115,7 @@ def furnace(
             interrupt.has_picture.set()  # writing is short and should not be interrupted
             title = f"{chosen[0].info.title}; seed {seed}"
             _write(output, what.title, title, measured, found, numbers)
-    click.echo(json.dumps(numbers, indent=2) if as_json else _text(measured, found, numbers))
+    tell(json.dumps(numbers, indent=2) if as_json else _text(measured, found, numbers))
     if check and any(each["faults"] for each in numbers):
         sys.exit(1)
 
@@ -139,7 +143,7 @@ def _light(
     for each, sentences in zip(measured, found, strict=True):
         lines += ["", f"{each.title}:"]
         lines += [f"  {'FAULT: ' if one.fault else ''}{one.sentence}" for one in sentences]
-    click.echo(json.dumps(numbers, indent=2) if as_json else "\n".join(lines))
+    tell(json.dumps(numbers, indent=2) if as_json else "\n".join(lines))
     if check and any(each["faults"] for each in numbers):
         sys.exit(1)
 

@@ -26,4 +26,4 @@ def read_linear(path: Path) -> tuple[npt.NDArray[np.float32], dict[str, Any] | N
     if path.suffix.lower() in FILM_ENDINGS:
         film = Film.load(path)
         return film.develop(), film.provenance
-    return read_image(path), read_provenance(path)
+    return read_image(path, FILM_ENDINGS), read_provenance(path)

@@ -30,6 +30,7 @@ ENDING = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "S
 _HANGUP = getattr(signal, "SIGHUP", None)
 """Never the second signal that ends at once: both the shell and the system send it when a terminal is closed."""
 
+_LOST = "interrupted; nothing was written"
 _PATIENCE = 0.6
 """Seconds that the program has to notice a signal before there is an image to keep."""
 _SLOW = 1.5
@@ -69,9 +70,13 @@ class Interrupt:
     ----------
     tells : bool
         Whether to tell on stderr, in plain words, that a stop takes long.
+    lost : str
+        What is said where there is nothing to keep.
 
     Attributes
     ----------
+    lost : str
+        As above; it may change with the work.
     has_picture : threading.Event
         Set by the renderer when there are samples worth keeping. Before that, a signal ends the program even in the
         middle of a compilation.
@@ -83,7 +88,8 @@ class Interrupt:
         Printed if a driver kills the process.
     """
 
-    def __init__(self, *, tells: bool = False) -> None:
+    def __init__(self, *, tells: bool = False, lost: str = _LOST) -> None:
+        self.lost = lost
         self.has_picture = threading.Event()
         self.exit_code = INTERRUPTED
         self.ended = threading.Event()
@@ -108,7 +114,7 @@ class Interrupt:
 
     def _watch(self) -> None:
         if not self.has_picture.wait(_PATIENCE):
-            self._end("interrupted before the first sample; nothing was written")
+            self._end(self.lost)
         # No call of a driver can be broken off, such as that of a compiler; and while it lasts, the device may hold
         # samples that belong to the image.
         if self._tells and not self.ended.wait(_SLOW):
@@ -126,9 +132,10 @@ def _leave(message: str, exit_code: int) -> NoReturn:
     try:
         remove_temporaries()
         # Not imported here: the main thread may be importing it right now.
-        leave = getattr(sys.modules.get("clrender.device.program_cache"), "leave", None)
-        if leave is not None:
-            leave()
+        for name in ("clrender.device.program_cache", "clrender.cluster.local"):
+            leave = getattr(sys.modules.get(name), "leave", None)
+            if leave is not None:
+                leave()
         sys.stderr.write(f"\nerror: {message}\n")
         sys.stderr.flush()
     finally:
@@ -191,14 +198,14 @@ def _handlers(handler: Callable[[int, FrameType | None], None]) -> Iterator[list
 
 
 @contextmanager
-def interruptible(*, tells: bool = False) -> Iterator[Interrupt]:
+def interruptible(*, tells: bool = False, lost: str = _LOST) -> Iterator[Interrupt]:
     """Convert SIGINT, SIGTERM and SIGHUP to an `Interrupt` while the block runs; only in the main thread.
 
     Python runs its signal handlers in the main thread between two instructions, so not while that thread waits for a
     device. But the interpreter writes each signal's number to a socket at once, where another thread reads it.
-    For `tells` see `Interrupt`.
+    For `tells` and `lost` see `Interrupt`.
     """
-    interrupt = Interrupt(tells=tells)
+    interrupt = Interrupt(tells=tells, lost=lost)
     if threading.current_thread() is not threading.main_thread():
         try:
             yield interrupt

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from clrender.cli.options import exr_options, outputs_option, tone_options, view_options
-from clrender.cli.outputs import check_distinct, check_formats, check_image_size
+from clrender.cli.outputs import check_distinct, check_formats, check_image_size, raise_last, write_each
 from clrender.wording import counted, grouped
 
 if TYPE_CHECKING:
@@ -51,15 +51,15 @@ def merge(
     for path in outputs:
         check_output(path)
     check_formats(ctx, outputs)
-    check_distinct(outputs, films)
+    check_distinct(outputs)
     merged = merge_films(films)
     check_image_size(outputs, merged.width, merged.height)
     camera = camera_exposure(merged.provenance, {"f_stop": f_stop, "shutter": shutter, "iso": iso})
     photographic_stops(**camera)  # refuses half of an exposure before anything is written
-    told = {**merged.provenance, "camera_exposure": camera or None}
+    told = {name: value for name, value in merged.provenance.items() if name != "layers"}  # which films do not hold
+    told["camera_exposure"] = camera or None
     image = RenderedImage(merged.mean(), told, merged, interrupted=False)
-    for path in outputs:
-        image.save(path, tone_map, exposure, **exr)
+    raise_last(write_each(outputs, lambda path: image.save(path, tone_map, exposure, **exr)))
     taken = merged.ledger.taken()
     least, most = int(taken.min()), int(taken.max())
     held = grouped(most) if least == most else f"{grouped(least)} to {grouped(most)}"

@@ -1,43 +1,103 @@
-"""Checks of a command's output files: all must be distinct, and none may be an input file."""
+"""Output files of a command: all must be distinct, none may be an input file, and each is written if it can be."""
 
 from __future__ import annotations
 
+import functools
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import click
 from click.core import ParameterSource
 
-from clrender.errors import UsageError
+from clrender.errors import ClrenderError, RenderError, UsageError
 
 if TYPE_CHECKING:
     from clrender.scene import Scene
 
-__all__ = ["check_distinct", "check_formats", "check_image_size", "scene_files"]
+__all__ = [
+    "check_distinct",
+    "check_folder",
+    "check_formats",
+    "check_image_size",
+    "raise_last",
+    "scene_files",
+    "write_each",
+]
 
 
-def check_distinct(outputs: Sequence[Path], inputs: Iterable[Path]) -> None:
+_GIVEN: Final = (
+    "scene",
+    "spec",
+    "subject",
+    "films",
+    "image",
+    "camera",
+    "environment",
+    "guiding_field",
+    "ocio",
+    "plugins",
+)
+"""Parameters of commands that name files to read."""
+
+
+def check_distinct(outputs: Iterable[Path], inputs: Iterable[Path] = ()) -> None:
     """Check that the command does not overwrite a file that it reads or has just written.
 
     Parameters
     ----------
-    outputs, inputs : paths
-        Links and other spellings of a name count as the file that they refer to.
+    outputs, inputs : iterable of pathlib.Path
+        Links and other spellings of a name count as the file that they refer to. Files that the command line names are
+        inputs in any case. There may be a million outputs.
 
     Raises
     ------
     UsageError
     """
-    read = list(inputs)
-    for index, output in enumerate(outputs):
-        for other in outputs[:index]:
-            if _same_file(output, other):
-                raise UsageError(f"{output}: is named twice as an output; give each output a name of its own")
-        for source in read:
-            if _same_file(output, source):
-                raise UsageError(f"{output}: is an input of this command ({source}); give the output another name")
+    identity = _identities()
+    read = {identity(source): source for source in (*_given_files(), *inputs)}
+    seen = set()
+    for output in outputs:
+        file = identity(output)
+        if file in seen:
+            raise UsageError(f"{output}: is named twice as an output; give each output a name of its own")
+        if file in read:
+            raise UsageError(f"{output}: is an input of this command ({read[file]}); give the output another name")
+        seen.add(file)
+
+
+def check_folder(folder: Path, names: Container[str], inputs: Iterable[Path]) -> None:
+    """Check that no input of the command is among the files that it writes to a folder.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+    names : container of str
+        Files and folders in it that are written.
+    inputs : iterable of pathlib.Path
+        Besides those that the command line names.
+
+    Raises
+    ------
+    UsageError
+    """
+    here = Path(os.path.realpath(folder))
+    for source in (*_given_files(), *inputs):
+        real = Path(os.path.realpath(source))
+        if real.is_file() and here in real.parents and real.relative_to(here).parts[0] in names:
+            raise UsageError(f"{folder}: has an input of this command ({source}) where its output goes; name another")
+
+
+def _given_files() -> Iterator[Path]:
+    """What the command line names as files to read; some may be names of other things, such as built-in scenes."""
+    context = click.get_current_context(silent=True)
+    for value in (context.params.get(name) for name in _GIVEN) if context is not None else ():
+        for name in value if isinstance(value, tuple) else (value,):
+            if isinstance(name, str | Path):
+                yield Path(name)
+                yield Path(str(name).partition("#")[0])  # a camera of a file
 
 
 def check_formats(ctx: click.Context, outputs: Iterable[Path]) -> None:
@@ -77,6 +137,32 @@ def check_image_size(outputs: Iterable[Path], width: int, height: int) -> None:
             )
 
 
+def write_each(outputs: Iterable[Path], write: Callable[[Path], None]) -> dict[Path, ClrenderError]:
+    """Write outputs, each even if another cannot be written; returns the errors of those that cannot."""
+    failures = {}
+    for path in outputs:
+        try:
+            write(path)
+        except ClrenderError as error:
+            failures[path] = error
+    return failures
+
+
+def raise_last(failures: Mapping[Path, ClrenderError], kept: str = "") -> None:
+    """Tell all errors of `write_each`, and raise the last one, if there are any.
+
+    Raises
+    ------
+    RenderError
+        Its sentence ends in `kept`.
+    """
+    messages = [str(error).rstrip(".") for error in failures.values()]
+    for message in messages[:-1]:
+        click.echo(f"error: {message}", err=True)
+    if messages:
+        raise RenderError(f"{messages[-1]}{kept}")
+
+
 def scene_files(name: str, scene: Scene) -> list[Path]:
     """All files that a scene, loaded by this name, was read from."""
     from clrender.scene import Mesh
@@ -97,10 +183,16 @@ def scene_files(name: str, scene: Scene) -> list[Path]:
     ]
 
 
-def _same_file(a: Path, b: Path) -> bool:
-    if os.path.realpath(a) == os.path.realpath(b):
-        return True
-    try:
-        return a.samefile(b)
-    except OSError:  # one of them does not exist
-        return False
+def _identities() -> Callable[[Path], object]:
+    """A function to what all names of a file have in common."""
+    folder = functools.cache(os.path.realpath)
+
+    def identity(path: Path) -> object:
+        with suppress(OSError, ValueError):
+            found = path.stat()
+            return found.st_dev, found.st_ino
+        with suppress(OSError):
+            path = Path(os.path.realpath(path)) if path.is_symlink() else path
+        return folder(path.parent), path.name
+
+    return identity

@@ -22,7 +22,8 @@ from clrender.cli.options import (
     size_option,
     tone_options,
 )
-from clrender.cli.outputs import check_distinct, scene_files
+from clrender.cli.outputs import check_distinct, raise_last, scene_files, write_each
+from clrender.cli.streams import tell
 from clrender.cli.waiting import Waiting
 from clrender.errors import RenderError
 from clrender.settings import SETTINGS, WORK
@@ -125,7 +126,7 @@ def paths(
     for path in outputs:
         check_maps_ending(path) if maps else check_ending(path)
         check_writable(path)
-    check_distinct(outputs, [Path(scene)])
+    check_distinct(outputs)
     say = None if quiet else functools.partial(click.echo, err=True)
     with interruptible() as interrupt, Waiting(say) as waiting:
         waiting.stage("reading")
@@ -159,9 +160,8 @@ def paths(
             around = dataclasses.replace(found.surroundings, stops=stops, tone_map=tone_map)
             found = dataclasses.replace(found, surroundings=around)
         interrupt.has_picture.set()  # writing is short and should not be interrupted
-        for path in outputs:
-            found.save(path)
-    click.echo(_maps_line(found, outputs) if isinstance(found, PathMaps) else _result_line(found, outputs))
+        raise_last(write_each(outputs, found.save))
+    tell(_maps_line(found, outputs) if isinstance(found, PathMaps) else _result_line(found, outputs))
     if interrupt.wanted():
         sys.exit(interrupt.exit_code)
 

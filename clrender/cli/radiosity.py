@@ -11,6 +11,8 @@ from clrender.cli.completing import complete_devices, complete_scenes
 from clrender.cli.folder import output_folder
 from clrender.cli.options import allow_path_option, number, numbers, setting_option, tone_options
 from clrender.cli.options import size as parse_size
+from clrender.cli.outputs import check_distinct, scene_files
+from clrender.cli.streams import tell
 from clrender.errors import UsageError
 from clrender.image.exposure import photographic_stops
 from clrender.settings import SETTINGS, settings_for
@@ -94,6 +96,8 @@ def radiosity(
             f"--by: {counted(count, 'frame')} would move the shape {reach:g} metres; {COORDINATE_LIMIT:g} is the most"
         )
     exposure += photographic_stops(**(description.with_exposure(**photograph).camera.exposure or {}))
+    every = (folder / f"frame-{index:04}.png" for index in range(count))
+    check_distinct(every, scene_files(scene, description))
     own = {"patches": patches, "patch_rays": patch_rays, "radiosity_display": radiosity_display}
     wanted = settings_for(description, size, {"spp": spp, "integrator": "radiosity", **own})
     with output_folder(folder, "frame-0000.png"):
@@ -110,12 +114,12 @@ def radiosity(
                 did = frame.update
                 seconds.append(did.seconds)
                 share = did.rays / did.all_rays
-                click.echo(
+                tell(
                     f"{path}: {share:.1%} of {counted(did.all_rays, 'ray')}, {counted(did.sweeps, 'sweep')}, "
                     f"{did.seconds:.3f} s"
                 )
             if len(seconds) > 1:
-                click.echo(_verdict(dynamic, seconds[1:]))
+                tell(_verdict(dynamic, seconds[1:]))
         finally:
             dynamic.release()
 

@@ -17,7 +17,7 @@ import click
 
 from clrender.cli import STARTED
 from clrender.cli.completing import complete_layers
-from clrender.cli.frames import FRAMES_PER_SECOND, Frames, check_one, frames, is_done, named
+from clrender.cli.frames import FRAMES_PER_SECOND, Frames, can_resume, check_one, frames, is_done, named
 from clrender.cli.interrupt import Interrupt, interruptible
 from clrender.cli.options import (
     DomainType,
@@ -35,10 +35,18 @@ from clrender.cli.options import (
     view_options,
 )
 from clrender.cli.options import shard as parse_shard
-from clrender.cli.outputs import check_distinct, check_formats, check_image_size, scene_files
+from clrender.cli.outputs import (
+    check_distinct,
+    check_formats,
+    check_image_size,
+    raise_last,
+    scene_files,
+    write_each,
+)
 from clrender.cli.progress import STYLES, ProgressDisplay, ProgressView, duration, quantity
+from clrender.cli.streams import tell
 from clrender.cli.waiting import Waiting
-from clrender.errors import ClrenderError, RenderError, UsageError
+from clrender.errors import RenderError, UsageError
 from clrender.limits import Range
 from clrender.wording import counted, grouped, rounded
 
@@ -197,7 +205,8 @@ def render(
         check_denoiser()
     _check_progress(progress, preview, quiet)
     how = {**_saving(checkpoint, resume and frames is None), **_on_cluster(cluster)}
-    check_distinct(written, [Path(scene), *([guiding_field] if guiding_field else [])])
+    if frames is None:
+        check_distinct(written)
     layers = _layers(aov, outputs)
     _check_layers(light_groups, "--light-groups", outputs)
     _check_layers(amodal is not None, "--amodal", outputs)
@@ -206,7 +215,8 @@ def render(
         layers, reading["hide_environment"] = _with_alpha(layers, outputs), True
     exr = {"exr_type": exr_type, "exr_compression": exr_compression, "exr_tile": exr_tile}
     _check_exr((*layers, "instance") if amodal else layers, exr)
-    with interruptible(tells=not quiet and progress == "auto") as interrupt, ExitStack() as stack:
+    lost = "interrupted before the first sample; nothing was written"
+    with interruptible(tells=not quiet and progress == "auto", lost=lost) as interrupt, ExitStack() as stack:
         from clrender.aov import FLOWS
         from clrender.importers import load
         from clrender.rendering.job import RenderJob
@@ -236,7 +246,6 @@ def render(
                 1.0 / (fps or FRAMES_PER_SECOND),
                 job_at,
                 outputs,
-                written,
                 scene,
                 devices,
                 interrupt,
@@ -261,16 +270,15 @@ def render(
             image = _run(job, devices, interrupt, view, {**how, "keep_film": _keeps_film(job, outputs)}, waiting)
         except IncompleteRender as error:
             failure, image = error, error.image
-        if interrupt.wanted() and not image.film.samples:
-            click.echo("error: interrupted before the first sample; nothing was written", err=True)
-            sys.exit(interrupt.exit_code)
+        if not image.film.samples:
+            _end_if(interrupt)
         # The renderer's times start at its call; users expect them from the start of the command.
         for name in ("read_seconds", "load_seconds"):
             image.stats[name] = image.stats.get(name, 0.0) + read_seconds
         image.stats["setup_seconds"] = image.stats.get("setup_seconds", 0.0) + called - STARTED
-        _write(image, outputs, {"tone_map": tone_map, "exposure": exposure, **exr}, stats, checkpoint)
-        _save_field(image, save_guiding_field)
-    click.echo(_result_line(image, outputs))
+        how_written = {"tone_map": tone_map, "exposure": exposure, **exr}
+        line = functools.partial(_result_line, image, outputs)
+        _write(image, outputs, how_written, line, stats, checkpoint, save_guiding_field)
     if failure is not None:
         raise RenderError(f"{failure}; {' '.join(map(str, outputs))} contains the samples taken until then")
     if interrupt.wanted():
@@ -285,8 +293,9 @@ def _check_frames(ctx: click.Context, frames: Frames | None, outputs: Sequence[P
             raise UsageError("--fps: is for --frames; leave it out, or name the frames")
         check_one(outputs)
         return
-    of_one = ("time_at", "shard", "checkpoint", "cluster", "stats", "save_guiding_field", "preview", "time")
-    frames.check(outputs, {f"--{name.replace('_', '-')}": given.get(name) for name in of_one}, given["resume"])
+    of_one = ("time_at", "shard", "checkpoint", "cluster", "stats", "save_guiding_field", "preview", "time_limit")
+    options = {name: next(each for each in ctx.command.params if each.name == name).opts[-1] for name in of_one}
+    frames.check(outputs, {option: given[name] for name, option in options.items()}, given["resume"])
 
 
 def _render_frames(
@@ -294,7 +303,6 @@ def _render_frames(
     spacing: float,
     job_at: Callable[[float | None], RenderJob],
     outputs: Sequence[Path],
-    written: Sequence[Path],
     scene: str,
     devices: Sequence[str],
     interrupt: Interrupt,
@@ -313,8 +321,8 @@ def _render_frames(
         Seconds between two frames.
     job_at : callable
         The job of the image at a time.
-    outputs, written : sequence of pathlib.Path
-        Patterns of names of a frame's files, and of all files.
+    outputs : sequence of pathlib.Path
+        Patterns of names of a frame's files.
     scene : str
         As the command has it.
     devices : sequence of str
@@ -332,11 +340,16 @@ def _render_frames(
 
     style = None if quiet else STYLES[progress]()
     kept = 0
+    others_kept = "--resume keeps the others" if can_resume(outputs) else "the others are written"
     with Session(list(devices) or None, notify=once(waiting.say), on_stage=waiting.stage) as session:
         for number in frames:
+            others = "nothing was written" if number == frames.first else others_kept
+            interrupt.lost = f"interrupted before frame {number} was done; {others}"
+            _end_if(interrupt)
             paths, job = named(outputs, number), job_at(number * spacing)
             if number == frames.first:
-                check_distinct(written, scene_files(scene, job.scene))
+                every = (path for each in frames for path in named(outputs, each))
+                check_distinct(every, scene_files(scene, job.scene))
                 check_image_size(paths, *job.settings.film_size)
             if resume and is_done(paths, job, how):
                 kept += 1
@@ -346,14 +359,21 @@ def _render_frames(
                     job, on_progress=display, should_stop=interrupt.wanted, keep_film=_keeps_film(job, paths)
                 )
                 display.finish(image)
-            if interrupt.wanted():
-                text = f"interrupted before frame {number} was done; --resume keeps the others"
-                click.echo(f"error: {text}", err=True)
-                sys.exit(interrupt.exit_code)
-            _write(image, paths, how, None, None)
-            click.echo(f"frame {number}: {_result_line(image, paths)}")
+            _end_if(interrupt)
+            interrupt.has_picture.set()  # what is rendered is written
+            _write(image, paths, how, functools.partial(_result_line, image, paths, f"frame {number}: "))
+            interrupt.has_picture.clear()
     if kept:
-        click.echo(f"{grouped(kept)} of {counted(len(frames), 'frame was', 'frames were')} done before")
+        tell(f"{grouped(kept)} of {counted(len(frames), 'frame was', 'frames were')} done before")
+    if interrupt.wanted():  # too late
+        sys.exit(interrupt.exit_code)
+
+
+def _end_if(interrupt: Interrupt) -> None:
+    """End the program if the user has requested it."""
+    if interrupt.wanted():
+        click.echo(f"error: {interrupt.lost}", err=True)
+        sys.exit(interrupt.exit_code)
 
 
 def _check_outputs(ctx: click.Context, outputs: Sequence[Path], stats: Path | None) -> None:
@@ -385,10 +405,8 @@ def _check_field(path: Path | None, cluster: str | None) -> None:
     check_writable(path)
 
 
-def _save_field(image: RenderedImage, path: Path | None) -> None:
+def _save_field(image: RenderedImage, path: Path) -> None:
     """Write the field that guided an image."""
-    if path is None:
-        return
     if image.guiding_field is None:
         unpaid = "guided" in image.stats and not image.stats["guided"]
         why = "by its training, guiding does not pay here" if unpaid else "no field was trained in this render"
@@ -523,36 +541,42 @@ def _write(
     image: RenderedImage,
     outputs: Sequence[Path],
     how: Mapping[str, Any],
-    stats: Path | None,
-    checkpoint: Path | None,
+    line: Callable[[], str],
+    stats: Path | None = None,
+    checkpoint: Path | None = None,
+    field: Path | None = None,
 ) -> None:
-    """Write all outputs; errors are raised only after all others have been tried, and the render is kept somewhere."""
+    """Write all outputs, and print a line if all of the image are; the render is kept somewhere if one cannot be.
+
+    Errors are raised only after everything else has been tried.
+    """
     from clrender.files.access import atomic_write
 
     numbers = image.stats
     rendered = time.perf_counter()
-    failures: dict[Path, ClrenderError] = {}
-    for path in outputs:
+
+    def clocked() -> None:
         numbers["write_seconds"] = time.perf_counter() - rendered
         numbers["wall_seconds"] = time.perf_counter() - STARTED
-        try:
-            image.save(path, **how)
-        except ClrenderError as error:
-            failures[path] = error
+
+    def write(path: Path) -> None:
+        clocked()
+        image.save(path, **how)
+
+    def write_stats(path: Path) -> None:
+        with atomic_write(path) as file:
+            file.write(json.dumps(numbers, indent=2).encode() + b"\n")
+
+    failures = write_each(outputs, write)
     kept = _kept(image, outputs, list(failures), checkpoint)
-    numbers["write_seconds"] = time.perf_counter() - rendered
-    numbers["wall_seconds"] = time.perf_counter() - STARTED
+    clocked()
+    if not failures:
+        tell(line())
     if stats is not None:
-        try:
-            with atomic_write(stats) as file:
-                file.write(json.dumps(numbers, indent=2).encode() + b"\n")
-        except ClrenderError as error:
-            failures[stats] = error
-    messages = [str(error).rstrip(".") for error in failures.values()]
-    for message in messages[:-1]:
-        click.echo(f"error: {message}", err=True)
-    if messages:
-        raise RenderError(f"{messages[-1]}{kept}")
+        failures |= write_each([stats], write_stats)
+    if field is not None:
+        failures |= write_each([field], lambda path: _save_field(image, path))
+    raise_last(failures, kept)
 
 
 def _kept(image: RenderedImage, outputs: Sequence[Path], failed: Sequence[Path], checkpoint: Path | None) -> str:
@@ -570,14 +594,14 @@ def _kept(image: RenderedImage, outputs: Sequence[Path], failed: Sequence[Path],
     return f"; the render is kept in {place}, from which `clrender tonemap` makes a picture"
 
 
-def _result_line(image: RenderedImage, outputs: Sequence[Path]) -> str:
+def _result_line(image: RenderedImage, outputs: Sequence[Path], begin: str = "") -> str:
     """Summary of the result in one line."""
     numbers = image.stats
     height, width = image.linear.shape[:2]
     wanted = numbers.get("sample_count", numbers["spp"])
     total = width * height * wanted
     held = image.film.samples
-    parts = [f"{' '.join(map(str, outputs))}: {width}x{height}"]
+    parts = [f"{begin}{' '.join(map(str, outputs))}: {width}x{height}"]
     if image.interrupted:
         parts.append(
             f"stopped early with {grouped(held)} of {counted(total, 'sample')} ({rounded(held / (width * height))} "

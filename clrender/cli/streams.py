@@ -6,11 +6,14 @@ import io
 import os
 import sys
 import warnings
+from contextlib import suppress
 from typing import Any, Final
+
+import click
 
 from clrender.errors import ClrenderError
 
-__all__ = ["OutputError", "ReaderLeft", "guard_streams"]
+__all__ = ["OutputError", "ReaderLeft", "guard_streams", "tell"]
 
 _STDOUT: Final = 1
 _STDERR: Final = 2
@@ -24,6 +27,12 @@ class OutputError(ClrenderError):
 
 class ReaderLeft(Exception):
     """The reader of the output has closed the pipe; this is no error."""
+
+
+def tell(line: str) -> None:
+    """Print a line of a command that has more to do, or whose exit code says more, whether anyone reads it or not."""
+    with suppress(ReaderLeft):
+        click.echo(line)
 
 
 def guard_streams() -> None:

@@ -13,6 +13,7 @@ import click
 from clrender.cli.completing import complete_devices, complete_scenes
 from clrender.cli.options import EnvironmentType, allow_path_option, number, plugin_option
 from clrender.cli.progress import ProgressDisplay
+from clrender.cli.streams import tell
 from clrender.errors import UsageError
 from clrender.wording import counted, grouped
 
@@ -124,9 +125,9 @@ def verify(
 def _report(path: Path, found: Verification | DatasetVerification, conclusion: dict[str, object] | str) -> None:
     """Print the numbers, or the conclusion if nothing is wrong, and the faults; exit with 1 if there are any."""
     if not isinstance(conclusion, str):
-        click.echo(json.dumps(conclusion, indent=2))
+        tell(json.dumps(conclusion, indent=2))
     elif found.sound:
-        click.echo(f"{path}: {conclusion}")
+        tell(f"{path}: {conclusion}")
     if not found.sound:
         for fault in found.faults:
             click.echo(f"error: {path}: verification failed: {fault}", err=True)

@@ -93,7 +93,7 @@ def view(
     for path in outputs:
         check_output(path)
     source = _SceneFile(scene, {**reading, "environment": environment})
-    check_distinct(outputs, [Path(scene)])
+    check_distinct(outputs)
     with Waiting(partial(click.echo, err=True)) as waiting:
         waiting.stage("reading")
         description = source.read()

@@ -45,7 +45,7 @@ def warmup(
             click.echo(line, err=True)
 
     scenes = {name: load(name, allow_paths=allow_paths, plugins=plugins) for name in names}
-    with interruptible() as interrupt:
+    with interruptible(lost="interrupted") as interrupt:
         settings = {} if integrator is None else {"integrator": integrator}
         warm_up(select(device, notify=say), scenes, interrupt.wanted, say, **settings)
         if interrupt.wanted():

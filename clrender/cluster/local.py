@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -15,7 +17,7 @@ from typing import Any, Final
 from clrender.errors import RenderError
 from clrender.process.elapsed import Elapsed, processor_seconds_of
 
-__all__ = ["local_cluster"]
+__all__ = ["leave", "local_cluster"]
 
 LOOPBACK: Final = "127.0.0.1"
 _THREADS: Final = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT")
@@ -31,6 +33,8 @@ _START: Final = "import sys\nsys.path[:] = filter(None, sys.path)\nfrom distribu
 """A worker, which imports nothing from the working directory: a ``random.py`` there would take a module's place."""
 _START_SECONDS: Final = 60.0
 _END_SECONDS: Final = 0.1
+_started: Final[list[tuple[Path, list[subprocess.Popen[bytes]]]]] = []
+"""Folders and workers of the clusters of this process."""
 
 
 @contextmanager
@@ -55,18 +59,33 @@ def local_cluster(count: int) -> Iterator[str]:
     local: Any = LocalCluster
     processes: list[subprocess.Popen[bytes]] = []
     with tempfile.TemporaryDirectory(prefix="clrender-cluster-", ignore_cleanup_errors=True) as folder:
+        _started.append((Path(folder), processes))
         with dask.config.set(_DASK):
             # Dask processes serve dashboards, by default to the whole network
             pages = {"dashboard": False, "dashboard_address": f"{LOOPBACK}:0"}
             scheduler = local(n_workers=0, protocol="tcp", host=LOOPBACK, scheduler_kwargs=pages)
         try:
             address = str(scheduler.scheduler_address)
-            processes += [_worker(address, number, count, Path(folder)) for number in range(count)]
+            for number in range(count):
+                processes.append(_worker(address, number, count, Path(folder)))
             _await_workers(scheduler, processes, Path(folder))
             yield address
         finally:
             scheduler.close()
             _end(processes)
+            _started.remove((Path(folder), processes))
+
+
+def leave() -> None:
+    """Clean up for an interrupted process that ends at once, without its exit handlers."""
+    for folder, processes in list(_started):
+        for process in list(processes):
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+        for process in list(processes):
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(_END_SECONDS)
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _worker(address: str, number: int, count: int, folder: Path) -> subprocess.Popen[bytes]:
@@ -122,5 +141,5 @@ def _end(processes: list[subprocess.Popen[bytes]]) -> None:
             process.wait(max(0.0, end - time.monotonic()))
         if process.poll() is None:
             with suppress(ProcessLookupError):
-                os.killpg(process.pid, 9)
+                os.killpg(process.pid, signal.SIGKILL)
             process.wait()

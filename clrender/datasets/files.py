@@ -138,14 +138,19 @@ class ImageFiles:
         self.put(name, data)
 
     def exr(
-        self, name: str, linear: npt.NDArray[np.float32], channels: Mapping[str, _Array], note: Mapping[str, Any]
+        self,
+        name: str,
+        linear: npt.NDArray[np.float32],
+        channels: Mapping[str, _Array],
+        note: Mapping[str, Any],
+        attributes: Mapping[str, str],
     ) -> None:
-        """Write (H, W, 3) radiance and (H, W) channels."""
+        """Write (H, W, 3) radiance and (H, W) channels, with attributes in the header that they need."""
         every = {"R": linear[..., 0], "G": linear[..., 1], "B": linear[..., 2], **channels}
         self.note(name, every)
         if self._folder is not None:
             file = io.BytesIO()
-            write_exr(file, linear, {"clrender": json.dumps(note, sort_keys=True)}, channels)
+            write_exr(file, linear, {"clrender": json.dumps(note, sort_keys=True), **attributes}, channels)
             self.put(name, file.getvalue())
 
     def note(self, name: str, arrays: dict[str, _Array]) -> None:

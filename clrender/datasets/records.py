@@ -19,9 +19,10 @@ from clrender.files.kernel_hash import kernels_sha256
 from clrender.flatten.plugin_rows import plugin_hashes
 from clrender.version import __version__
 
-__all__ = ["FORMAT", "MANIFEST", "Records", "file_sha256", "manifest_head"]
+__all__ = ["FORMAT", "MANIFEST", "RECORDS", "Records", "file_sha256", "manifest_head"]
 
 MANIFEST: Final = "manifest.json"
+RECORDS: Final = "records"
 FORMAT: Final = "clrender dataset 1"
 _CHUNK: Final = 1 << 20
 _PARTS: Final = {"scene_sha256": str, "linear_sha256": str, "pixels": dict}
@@ -64,7 +65,7 @@ class Records:
         UsageError
             It has a manifest or a record that is not of this data set.
         """
-        records = itertools.islice((self.folder / "records").glob("*.json"), 1)
+        records = itertools.islice((self.folder / RECORDS).glob("*.json"), 1)
         for path, expected in ((self.folder / MANIFEST, self.head), *((each, {"key": self._key}) for each in records)):
             try:
                 said = json.loads(path.read_bytes())
@@ -78,7 +79,7 @@ class Records:
 
     def path(self, index: int) -> Path:
         """The file of an image's record."""
-        return self.folder / "records" / f"{index:06d}.json"
+        return self.folder / RECORDS / f"{index:06d}.json"
 
     def write(self, index: int, record: Mapping[str, Any]) -> None:
         """Write the record of an image."""

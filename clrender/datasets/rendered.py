@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from clrender.aov import LABELS, Labelling, exr_channels
+from clrender.aov import LABELS, Labelling, exr_channels, matte_attributes
 from clrender.datasets.placing import matrix_of
 from clrender.datasets.variation import DatasetPlan, Varied
 from clrender.datasets.views import camera_told
@@ -117,6 +117,11 @@ class Rendered:
             wanted["category"] = layer
         channels = exr_channels(wanted)
         return channels | (amodal_channels(self.image.amodal) if self.plan.spec.amodal else {})
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """What the header of an `.exr` says of the layers: names of mattes."""
+        return matte_attributes(self.image.mattes)
 
     @cached_property
     def label_layers(self) -> list[str]:

@@ -8,7 +8,16 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
-from pydantic import AfterValidator, BeforeValidator, Field, Strict, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Discriminator,
+    Field,
+    Strict,
+    Tag,
+    ValidationError,
+    model_validator,
+)
 
 from clrender.aov import check_aovs
 from clrender.datasets.values import checked_value
@@ -144,10 +153,16 @@ class SensorTable(Part):
         return Sensor(**self.model_dump())
 
 
+_Environment: TypeAlias = Annotated[
+    Annotated[FileName, Tag("<file>")] | Annotated[Finite, Tag("<radiance>")],
+    Discriminator(lambda value: "<file>" if isinstance(value, str) else "<radiance>"),
+]
+
+
 class LoadTable(Part):
     """How the scene is read; see `clrender.load`."""
 
-    environment: FileName | Finite | None = None
+    environment: _Environment | None = None
     time_at: Finite | None = None
     shutter: tuple[Finite, Finite] | None = None
     variant: str | None = None

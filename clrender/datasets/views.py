@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.cameras.poses import pose_matrix
-from clrender.cameras.projection import Equidistant, Intrinsics, Rectilinear
+from clrender.cameras.projection import Equidistant, Intrinsics, Parallel, Rectilinear
 from clrender.errors import SceneError
 from clrender.scene import Camera
 
@@ -50,6 +50,14 @@ def pinhole(camera: Camera, size: tuple[int, int]) -> dict[str, float] | None:
     return None
 
 
+def _region(camera: Camera, size: tuple[int, int]) -> dict[str, Any]:
+    """What an orthographic camera sees: metres to the right and down, from its axis to the upper left corner."""
+    seen = camera.projection(*size)
+    if not isinstance(seen, Parallel):
+        return {}
+    return {"region": {"left": seen.left, "top": seen.top, "width": seen.width, "height": seen.height}}
+
+
 def camera_told(camera: Camera, size: tuple[int, int]) -> dict[str, Any]:
     """A camera for readers of JSON, with its pose in the convention of OpenGL."""
     numbers = pinhole(camera, size)
@@ -59,6 +67,7 @@ def camera_told(camera: Camera, size: tuple[int, int]) -> dict[str, Any]:
         "width": size[0],
         "height": size[1],
         **(numbers or {}),
+        **_region(camera, size),
         **({} if distortion is None else {"distortion": distortion}),
         "camera_to_world": camera_pose(camera, "opengl").tolist(),
         "convention": "opengl",

@@ -1,7 +1,8 @@
 """List devices and test whether they compute correctly, without exposing this process to bad drivers.
 
 Each driver is listed, and each device probed, in a child process with a time limit. Results are cached by driver
-version and kernel hash, so that later starts need no probe. Failures for lack of memory or time are not cached.
+version and kernel hash, so that later starts need no probe. Failures for lack of memory or time are not cached, others
+for a day and in the same environment.
 """
 
 from __future__ import annotations
@@ -60,6 +61,8 @@ OTHERS_SECONDS: Final = 3.0
 """The same where another device has passed the probe before, so that the render need not wait."""
 PROBE_SECONDS: Final = 240.0
 """Default time limit of a probe (see ``CLRENDER_PROBE_SECONDS``). Interpreters and layered drivers are slow."""
+_FAILED_SECONDS: Final = 86400.0
+"""For how long a failure is believed, in the same environment."""
 _PROVEN: Final = {"probe": "ok"}
 """Verdict on fast code."""
 _PROVEN_HERE: Final[set[tuple[str, str]]] = set()
@@ -389,10 +392,23 @@ def _verdict_name(info: DeviceInfo, driver: Driver, *more: str) -> str:
 
 
 def _with_verdict(info: DeviceInfo, driver: Driver) -> DeviceInfo:
-    kept = cache.read_json(_verdict_name(info, driver))
-    if isinstance(kept, dict) and {"probe", "detail"} <= kept.keys():
-        return replace(info, probe=str(kept["probe"]), detail=str(kept["detail"]))
-    return info
+    found = [_kept_verdict(_verdict_name(info, driver, *more)) for more in ((), _environment())]
+    latest = max(found, key=lambda kept: kept["time"])
+    return replace(info, probe=str(latest["probe"]), detail=str(latest["detail"])) if latest["time"] >= 0.0 else info
+
+
+def _kept_verdict(name: str) -> dict[str, Any]:
+    """A verdict in the cache; its time is below 0 if there is none, or if it is a failure of long ago."""
+    kept = cache.read_json(name)
+    whole = isinstance(kept, dict) and {"probe", "detail"} <= kept.keys() and isinstance(kept.get("time"), float)
+    if whole and (kept["probe"] == "ok" or time.time() - kept["time"] <= _FAILED_SECONDS):
+        return dict(kept)
+    return {"time": -1.0}
+
+
+def _environment() -> tuple[str, ...]:
+    """What a device may have failed for that is no fault of its own: drivers start compilers, and load libraries."""
+    return "failed", *(os.environ.get(name, "") for name in ("PATH", "LD_LIBRARY_PATH", "HOME"))
 
 
 def probe(info: DeviceInfo, *, again: bool = False, notify: Callable[[str], None] | None = None) -> DeviceInfo:
@@ -427,7 +443,9 @@ def _new_verdict(info: DeviceInfo, driver: Driver, *, thorough: bool) -> DeviceI
         verdict, detail = _without_cache(request, verdict, detail)
     program_cache.limit_compiler_folder()  # done here because few processes probe
     if verdict == "ok" or not (verdict == "timeout" or _scarce(detail) or _limited()):
-        cache.write_json(_verdict_name(info, driver), {"probe": verdict, "detail": detail, "device": info.title})
+        name = _verdict_name(info, driver, *(() if verdict == "ok" else _environment()))
+        kept = {"probe": verdict, "detail": detail, "device": info.title, "time": time.time()}
+        cache.write_json(name, kept)
     return replace(info, probe=verdict, detail=detail)
 
 

@@ -1,4 +1,4 @@
-"""Reads NumPy's file format (NEP 1, "A simple file format for NumPy arrays") without evaluating headers.
+"""Reads NumPy's file format (NEP 1, "A simple file format for NumPy arrays") without evaluating headers; writes it.
 
 NumPy's own reader tokenizes headers, warns about them, and trusts the sizes in them.
 """
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from clrender.wording import counted
 
-__all__ = ["NpyHeader", "read_npy_header", "read_npy_items"]
+__all__ = ["NpyHeader", "read_npy_header", "read_npy_items", "write_npy"]
 
 _HEADER_LIMIT: Final = 4096
 
@@ -39,6 +39,26 @@ class NpyHeader:
 
     def __str__(self) -> str:
         return f"{str(self.kind)[:20]} {str(self.shape)[:60]}"
+
+
+def write_npy(file: IO[bytes], array: NDArray[Any]) -> None:
+    """Write an array, little-endian and in C order. NumPy's own writer does not report why a disk refused.
+
+    Parameters
+    ----------
+    file : binary file
+    array : ndarray
+        Of numbers.
+
+    Raises
+    ------
+    OSError
+        With its `errno`.
+    """
+    plain = np.ascontiguousarray(array, array.dtype.newbyteorder("<"))
+    header = {"descr": plain.dtype.str, "fortran_order": False, "shape": plain.shape}
+    np.lib.format.write_array_header_1_0(file, header)
+    file.write(plain.reshape(-1).view(np.uint8).data)
 
 
 def read_npy_header(file: IO[bytes]) -> NpyHeader:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from clrender import layout
 from clrender.errors import UsageError
 from clrender.files.access import UnreadableFile, atomic_write, open_input
-from clrender.files.npy import read_npy_header, read_npy_items
+from clrender.files.npy import read_npy_header, read_npy_items, write_npy
 
 __all__ = ["FACES", "MOST_NODES", "GuidingField", "cell_rows", "empty_field", "histogram_words", "octets"]
 
@@ -83,7 +83,7 @@ class GuidingField:
             When the file cannot be written.
         """
         with atomic_write(path) as file:
-            np.save(file, self.words)
+            write_npy(file, self.words)
 
     @classmethod
     def read(cls, path: str | Path) -> GuidingField:

@@ -9,7 +9,7 @@ import os
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import IO, Any, Final
 
 import numpy as np
@@ -20,7 +20,7 @@ from clrender.image.colorimetry import rec_709_matrix
 from clrender.image.display import PIXEL_LIMIT, check_size
 from clrender.wording import counted
 
-__all__ = ["exr_attribute", "exr_size", "read_exr"]
+__all__ = ["exr_alpha", "exr_attribute", "exr_size", "read_exr"]
 
 _Image = npt.NDArray[np.float32]
 _RATIOS: Final[Mapping[str, int]] = {"NO": 1, "RLE": 64, "ZIPS": 1032, "ZIP": 1032, "PXR24": 1400, "PIZ": 512}
@@ -69,6 +69,25 @@ def read_exr(file: IO[bytes], most: int = PIXEL_LIMIT) -> _Image:
     ValueError, RuntimeError
         The file is damaged, too large, or contains no such image.
     """
+    image = _planes(file, most)
+    assert image is not None
+    return image
+
+
+def exr_alpha(file: IO[bytes], most: int = PIXEL_LIMIT) -> npt.NDArray[np.float32] | None:
+    """The coverage beside the image that `read_exr` reads, (H, W) float32 from 0 to 1; None if there is none.
+
+    Raises
+    ------
+    ValueError, RuntimeError
+        See `read_exr`.
+    """
+    found = _planes(file, most, ("A",))
+    return None if found is None else np.clip(np.nan_to_num(found[..., 0], nan=0.0), 0.0, 1.0)
+
+
+def _planes(file: IO[bytes], most: int, wanted: Sequence[str] = ()) -> _Image | None:
+    """Channels of the part with the image, its colours unless others are wanted; None if one is not there."""
     size = file.seek(0, os.SEEK_END)
     file.seek(0)
     library = _openexr()
@@ -81,7 +100,9 @@ def read_exr(file: IO[bytes], most: int = PIXEL_LIMIT) -> _Image:
         if len(picture.parts) != len(headers):
             raise ValueError("it is truncated or damaged")
         channels = picture.parts[part].channels
-        planes = [np.asarray(channels[name].pixels) for name in names]
+        if not {*wanted} <= {*channels}:
+            return None
+        planes = [np.asarray(channels[name].pixels) for name in wanted or names]
         return _displayed(planes, headers[part])
 
 
@@ -129,19 +150,19 @@ def _window(window: Any) -> tuple[int, int, int, int]:
 
 
 def _displayed(planes: list[npt.NDArray[Any]], header: dict[str, Any]) -> _Image:
-    """The display window of an image whose planes (R, G, B) cover the data window."""
+    """The display window of an image whose planes (R, G, B, or one alone) cover the data window."""
     left, top, width, height = _window(header["displayWindow"])
     x, y, columns, rows = _window(header["dataWindow"])
     if any(plane.shape != (rows, columns) for plane in planes):
         raise ValueError("it is damaged: its channels are not as large as its data window")
-    image = np.zeros((height, width, 3), np.float32)
+    image = np.zeros((height, width, len(planes)), np.float32)
     across = slice(max(left, x) - left, max(min(left + width, x + columns) - left, 0))
     down = slice(max(top, y) - top, max(min(top + height, y + rows) - top, 0))
     if across.start < across.stop and down.start < down.stop:
         inside = np.s_[down.start + top - y : down.stop + top - y, across.start + left - x : across.stop + left - x]
         for channel, plane in enumerate(planes):
             image[down, across, channel] = plane[inside]
-    matrix = rec_709_matrix(header["chromaticities"]) if "chromaticities" in header else None
+    matrix = rec_709_matrix(header["chromaticities"]) if "chromaticities" in header and len(planes) == 3 else None
     if matrix is not None:
         for first in range(0, height, _ROWS):
             image[first : first + _ROWS] = times(matrix, image[first : first + _ROWS])

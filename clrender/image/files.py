@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from clrender.errors import ClrenderError, UsageError
 from clrender.files.access import atomic_write, check_writable, open_input
-from clrender.files.npy import read_npy_header, read_npy_items
+from clrender.files.npy import read_npy_header, read_npy_items, write_npy
 from clrender.image.display import PIXEL_LIMIT, check_size, jpeg_bytes, png_note, read_display
 from clrender.image.display import png_bytes as display_png
 from clrender.image.raster import RASTER_ENDINGS
@@ -32,6 +32,7 @@ __all__ = [
     "check_output",
     "image_sha256",
     "png_bytes",
+    "read_coverage",
     "read_image",
     "read_open_image",
     "read_provenance",
@@ -130,9 +131,7 @@ def write_image(
             notes = {} if provenance is None else {_NOTE: json.dumps(provenance, sort_keys=True)}
             write_exr(file, image, {**notes, **(attributes or {})}, channels or {}, exr, exact)
         elif ending == ".npy":
-            description = {"descr": "<f4", "fortran_order": False, "shape": image.shape}
-            np.lib.format.write_array_header_1_0(file, description)
-            file.write(image.data)  # NumPy's own writer does not report why a disk refused
+            write_npy(file, image)
         elif ending == ".hdr":
             from clrender.image.radiance_hdr import write_hdr
 
@@ -144,10 +143,16 @@ def write_image(
             )
 
 
-def read_image(path: str | Path) -> _Image:
+def read_image(path: str | Path, also: Sequence[str] = ()) -> _Image:
     """Linear image from `.exr`, `.npy`, `.hdr` or `.pfm`, or a display image as its sRGB-decoded values.
 
     Memory is limited by the image that the file's size and format allow, and by 2^30 pixels of 12 bytes each.
+
+    Parameters
+    ----------
+    path : path
+    also : sequence of str
+        Extensions that the caller reads by other means, named in errors.
 
     Returns
     -------
@@ -165,7 +170,8 @@ def read_image(path: str | Path) -> _Image:
         if path.is_dir():
             raise UsageError(f"{path}: is a folder; name an image in it")
         what = f"the ending {path.suffix!r} is unknown" if path.suffix else "the name has no ending"
-        raise UsageError(f"{path}: {what}; expected one of {', '.join(_READERS)}.")
+        known = (*_READERS, *also)
+        raise UsageError(f"{path}: {what}; expected one of {', '.join(known)}.")
     with open_input(path) as file:
         return read_open_image(file, ending, f"{path}: not a readable {ending} image")
 
@@ -281,6 +287,29 @@ def read_alpha(path: str | Path) -> npt.NDArray[np.uint8] | None:
             return np.asarray(picture.getchannel("A"), np.uint8) if "A" in picture.getbands() else None
         except (OSError, ValueError, SyntaxError) as error:
             raise UsageError(f"{path}: not a readable image ({error})") from None
+
+
+def read_coverage(path: str | Path) -> npt.NDArray[np.float32] | None:
+    """Coverage beside the colours of an `.exr`, which are premultiplied by it, (H, W) float32 from 0 to 1.
+
+    Returns
+    -------
+    ndarray or None
+        None if the file is another one, or has no channel ``A``.
+
+    Raises
+    ------
+    UsageError
+        The file cannot be read.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".exr":
+        return None
+    from clrender.image.exr import exr_alpha
+
+    with open_input(path) as file, _whatever_a_library_trips_over(f"{path}: not a readable .exr image"):
+        return exr_alpha(file)
+    raise AssertionError("unreachable")
 
 
 def _read_exr(file: IO[bytes], most: int) -> _Image:

@@ -22,7 +22,7 @@ from clrender.files.package_data import kernels_folder
 from clrender.flatten.plugin_rows import plugin_hashes, used_plugins
 from clrender.flatten.supported import check_materials, check_motion
 from clrender.integrators import INTEGRATORS, Integrator
-from clrender.limits import MOST_BANDS, checked_path, shown
+from clrender.limits import MOST_BANDS, checked_flag, checked_path, shown
 from clrender.scene import Camera, Scene
 from clrender.scene.portable import scene_from_portable, scene_to_portable
 from clrender.settings import REPLICATE_SPP, RenderSettings, check_memory, present, settings_for
@@ -139,6 +139,9 @@ class RenderJob:
         if not isinstance(amodal, Iterable):
             raise UsageError(f"amodal is {shown(amodal)}, but must be names of instances, or all")
         masks = tuple(each.strip() for each in amodal.split(",")) if isinstance(amodal, str) else tuple(amodal)
+        if not all(isinstance(each, str) for each in masks):
+            raise UsageError(f"amodal is {shown(amodal)}, but must be names of instances, or all")
+        denoise, light_groups = checked_flag(denoise, "denoise"), checked_flag(light_groups, "light_groups")
         aov = (*check_aovs(aov), "instance") if masks else aov
         aov = _with_catchers(scene, check_aovs(aov))
         job = cls._checked(scene, settings_for(scene, size, settings, _beside()), samples, aov, denoise, guiding_field)
@@ -414,11 +417,11 @@ class RenderJob:
 
 
 def _checked_bands(count: Any, settings: RenderSettings) -> int:
-    if type(count) is not int or not 3 <= count <= MOST_BANDS:
+    if not isinstance(count, Integral) or isinstance(count, bool) or not 3 <= int(count) <= MOST_BANDS:
         raise UsageError(f"spectrum is {shown(count)}, but must be a whole number from 3 to {MOST_BANDS}, of bands")
     if not settings.spectral:
         raise UsageError("spectrum has no effect without spectral; set that as well, or leave spectrum out")
-    return count
+    return int(count)
 
 
 def _with_catchers(scene: Scene, layers: tuple[str, ...]) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from clrender.aov import LABELS, MATTES, Label, exact_channels, exr_channels, matte_attributes
 from clrender.errors import RenderError, UsageError
 from clrender.files.access import atomic_write
+from clrender.files.npy import write_npy
 from clrender.film import Film
 from clrender.film.replicates import relative_error
 from clrender.image.deep_png import deep_png_bytes
@@ -208,7 +209,7 @@ class RenderedImage:
             if ending == ".png":
                 file.write(deep_png_bytes(numbers.astype(np.uint16)))
             else:
-                np.save(file, numbers)
+                write_npy(file, numbers)
 
     def save(
         self,

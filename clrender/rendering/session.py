@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from clrender.aov import SHADOW_CATCHER
 from clrender.device import Device
 from clrender.device.forked import refuse_forked
 from clrender.device.team import DeviceTeam
@@ -22,6 +23,7 @@ from clrender.film.checkpoint import Checkpoint
 from clrender.film.ledger import Ledger
 from clrender.film.running import RunningFilm
 from clrender.importers.cameras.read import with_camera
+from clrender.limits import check_function, checked_flag
 from clrender.plugins import as_plugins
 from clrender.process.exclusive import Turn
 from clrender.process.shield import Call
@@ -101,6 +103,9 @@ class Session:
         refit: bool = False,
         plugins: Any = None,
     ) -> None:
+        check_function(notify, "notify")
+        check_function(on_stage, "on_stage")
+        refit = checked_flag(refit, "refit")
         self.stages = Stages(on_stage)
         self._plugins = as_plugins(plugins)
         self._notify = notify or (lambda line: None)
@@ -187,8 +192,9 @@ class Session:
             When every device fails. It is an `IncompleteRender`, with the image so far, if any samples were finished.
         """
         job = RenderJob.given(self._equipped(scene), **settings)
-        if on_progress is not None and not callable(on_progress):
-            raise UsageError(f"on_progress is {on_progress!r}, but must be a function")
+        check_function(on_progress, "on_progress")
+        check_function(should_stop, "should_stop")
+        keep_film, resume = checked_flag(keep_film, "keep_film"), checked_flag(resume, "resume")
         if cluster is not None and not hasattr(cluster, "team"):
             raise UsageError(
                 f"cluster is {cluster!r}, but a session wants what clrender.cluster.open_cluster opens there; "
@@ -222,12 +228,13 @@ class Session:
         cameras : iterable of Camera or mapping
             Cameras, or keys of them; without a pose they stay where the scene's camera is.
         **settings
-            See `render`. All images have the same size and seed.
+            See `render`. All images have the same size and seed. Of the layers only ``alpha`` is for arrays, and no
+            `light_groups`, `amodal` or `spectrum` are.
 
         Returns
         -------
         (n, height, width, 3) float32
-            Radiance; with the layer ``alpha``, (n, height, width, 4).
+            Radiance, denoised if asked for; with the layer ``alpha``, (n, height, width, 4).
 
         Raises
         ------
@@ -238,6 +245,7 @@ class Session:
         scene = given.scene
         if not isinstance(cameras, Iterable) or isinstance(cameras, str | Path | Mapping | Camera):
             raise UsageError(f"cameras is {shown(cameras)}, but must be a list of cameras, or of their keys")
+        _check_fits_array(given)
         views = [with_camera(scene, camera).camera for camera in cameras]
         width, height = given.settings.film_size
         found = np.empty((len(views), height, width, 4 if "alpha" in given.aov else 3), np.float32)
@@ -254,7 +262,7 @@ class Session:
                 pass
             for camera, image in zip(some, part, strict=True):
                 one = self.render(dataclasses.replace(given, scene=scene.with_checked(camera=camera)), keep_film=False)
-                image[..., :3] = one.linear
+                image[..., :3] = one.picture
                 if one.alpha is not None:
                     image[..., 3] = one.alpha
         return found
@@ -445,6 +453,8 @@ class Session:
         """Callbacks of the current call, to be called by its work; the work stops when it is abandoned."""
         call = self._call
         assert call is not None
+        check_function(on_progress, "on_progress")
+        check_function(should_stop, "should_stop")
         return (
             None if on_progress is None else call.callback(on_progress, None),
             (lambda: call.abandoned) if should_stop is None else call.callback(should_stop, otherwise=True),
@@ -459,6 +469,17 @@ class Session:
         """
         call = self._call
         (self._notify if call is None else call.callback(self._notify, None))(line)
+
+
+def _check_fits_array(job: RenderJob) -> None:
+    """Check that a batch's array holds all that is asked for."""
+    known = ("alpha", SHADOW_CATCHER)  # the second one comes with the first
+    more = next((f"the layer {name}" for name in job.aov if name not in known), None)
+    for name in ("light_groups", "amodal"):
+        more = more or (name if getattr(job, name) else None)
+    more = more or ("spectrum" if job.bands else None)
+    if more is not None:
+        raise UsageError(f"render_batch returns an array of images, without {more}; render those one by one")
 
 
 def requested_devices(device: object) -> list[str | int | Device]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from clrender.limits import check_function
+
 __all__ = ["once"]
 
 _MOST: Final = 10_000
@@ -19,6 +21,7 @@ def once(notify: Callable[[str], None] | None) -> Callable[[str], None] | None:
     notify : callable or None
         Called with one line of text.
     """
+    check_function(notify, "notify")
     if notify is None:
         return None
     told = set[str]()

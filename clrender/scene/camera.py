@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import AfterValidator, Field, Strict, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Strict, Tag, model_validator
 
 from clrender.cameras.distortion import BrownConrady, KannalaBrandt, LensModel
 from clrender.cameras.poses import pose_of
@@ -55,6 +55,10 @@ _Shift = Annotated[Finite, Field(ge=-100.0, le=100.0)]
 _Pose = Annotated[tuple[Row, ...], Field(min_length=3, max_length=4)]
 _FStop = Annotated[Finite, Field(ge=PHOTOGRAPHIC["f_stop"].low, le=PHOTOGRAPHIC["f_stop"].high)]
 _Shutter = Annotated[Finite, Field(ge=PHOTOGRAPHIC["shutter"].low, le=PHOTOGRAPHIC["shutter"].high)]
+_Shutters: TypeAlias = Annotated[
+    Annotated[tuple[Seconds, Seconds], Tag("<interval>")] | Annotated[_Shutter, Tag("<seconds>")],
+    Discriminator(lambda value: "<interval>" if isinstance(value, list | tuple) else "<seconds>"),
+]
 _Speed = Annotated[Finite, Field(ge=PHOTOGRAPHIC["iso"].low, le=PHOTOGRAPHIC["iso"].high)]
 
 
@@ -168,7 +172,7 @@ class Camera(Part):
         None,
         description="f-number; with shutter, sets the exposure of display images; does not affect depth of field",
     )
-    shutter: tuple[Seconds, Seconds] | _Shutter | None = Field(
+    shutter: _Shutters | None = Field(
         None,
         description="when the shutter opens and when it closes, seconds from `time`: what moves meanwhile is blurred; "
         "or the exposure time of display images alone, seconds, without motion blur",

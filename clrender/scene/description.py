@@ -60,7 +60,7 @@ from clrender.scene.values import (
     POWER_LIMIT,
     Part,
 )
-from clrender.wording import shown
+from clrender.wording import quoted, shown, suggestion
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -119,6 +119,13 @@ class Scene(SceneContents):
     _read_files: tuple[Path, ...] = PrivateAttr(default=())
     _default_light: tuple[Light | None, str] = PrivateAttr(default=(None, ""))
     _origin: dict[str, Any] | None = PrivateAttr(default=None)
+
+    def __new__(cls, *given: object, **_content: Any) -> Self:
+        if given:
+            raise UsageError(
+                "a Scene takes its tables by name: clrender.Scene(**content); scene files are read by clrender.load"
+            )
+        return super().__new__(cls)
 
     @model_validator(mode="after")
     def _names_resolve(self) -> Scene:
@@ -263,13 +270,24 @@ class Scene(SceneContents):
         Raises
         ------
         SceneError
-            An array is missing, or has another shape or other numbers than it may have.
+            An array is missing, or has another shape or other numbers than it may have; or nothing in the scene has
+            the name.
 
         Examples
         --------
         >>> scene = Scene(camera=camera, shapes=[{"type": "mesh", "file": "body"}])  # doctest: +SKIP
         >>> scene = scene.with_arrays(meshes={"body": {"vertices": points, "faces": faces}})  # doctest: +SKIP
         """
+        every: dict[str, Mapping[str, Any] | None] = {
+            "meshes": meshes,
+            "textures": textures,
+            "environments": environments,
+            "grids": grids,
+            "curves": curves,
+        }
+        for kind, arrays in every.items():
+            if not isinstance(arrays, Mapping | None):
+                raise SceneError(f"{kind} is {shown(arrays)}, but must be a table of arrays by the names of files")
         contents: dict[str, dict[Any, Any]] = {}
         if meshes:
             former = {name: mesh for (name, _), mesh in self._files.meshes.items()}
@@ -286,7 +304,24 @@ class Scene(SceneContents):
             contents["grids"] = {name: grid_of_array(name, array) for name, array in grids.items()}
         if curves:
             contents["curves"] = {name: strands_of_array(name, array) for name, array in curves.items()}
+        for kind in contents:
+            named = self._named_files(kind)
+            if unknown := [name for name in every[kind] or () if name not in named]:
+                known = suggestion(unknown[0], named)
+                raise SceneError(f"{kind}: nothing in the scene names {quoted(str(unknown[0]))}{known}")
         return self.with_files(**contents)
+
+    def _named_files(self, kind: str) -> set[str]:
+        """Names of files that arrays of a kind of `with_arrays` may stand for."""
+        if kind == "meshes":
+            return {str(shape.file) for _, shape in self.mesh_files()}
+        if kind == "textures":
+            return {texture.texture for _, texture in self.texture_files()}
+        if kind == "environments":
+            return {str(light.file) for _, light in self.pictured_lights()}
+        if kind == "grids":
+            return {grid.asset for _, grid in self.grids()}
+        return {str(shape.file) for _, shape in self.curve_files()}
 
     def with_plugins(self, plugins: Any) -> Self:
         """A copy of the scene whose materials may use these plugins, too.

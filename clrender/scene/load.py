@@ -34,6 +34,8 @@ SCENE_FILE_LIMIT: Final = 2**28
 _LONG_KEY = re.compile(
     r"""(?:(?<![\w-])[\w-]+[ \t]*\.[ \t]*|"[^"\n]*"[ \t]*\.[ \t]*|'[^'\n]*'[ \t]*\.[ \t]*){33}""", re.ASCII
 )
+_BUILTIN: Final = re.compile(r"[A-Za-z0-9_-]{1,100}")
+"""Names that built-in scenes may have."""
 _POSITION = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 
 
@@ -47,7 +49,8 @@ def load(path_or_name: str | Path, *, allow_paths: Sequence[str | Path] = ()) ->
     Parameters
     ----------
     path_or_name : str or pathlib.Path
-        A ``.toml`` or ``.json`` file, or the name of a built-in scene (which wins: write ``./room`` for a file).
+        A ``.toml`` or ``.json`` file, or the name of a built-in scene (as a str it wins: write ``./room`` for a
+        file).
     allow_paths : sequence of str or pathlib.Path
         Folders, besides the scene's own, from which these may be read.
 
@@ -95,12 +98,18 @@ def builtin_names() -> dict[str, str]:
     return names
 
 
+def _builtin(name: str) -> Path | None:
+    """File of the built-in scene of this name; None if there is none."""
+    path = scenes_folder() / f"{name}.toml"
+    return path if _BUILTIN.fullmatch(name) and path.is_file() else None
+
+
 def _located(path_or_name: str | Path) -> Path:
     """Path of the file or built-in scene."""
     text = str(path_or_name)
-    builtin = isinstance(path_or_name, str) and re.fullmatch(r"[A-Za-z0-9_-]{1,100}", text)
-    if builtin and (scenes_folder() / f"{text}.toml").is_file():
-        return scenes_folder() / f"{text}.toml"
+    builtin = isinstance(path_or_name, str) and _BUILTIN.fullmatch(text)
+    if builtin and (named := _builtin(text)) is not None:
+        return named
     path = Path(path_or_name)
     if path.suffix.lower() in (".toml", ".json"):
         return path
@@ -110,6 +119,8 @@ def _located(path_or_name: str | Path) -> Path:
         for found in (path.with_name(f"{path.name}{ending}") for ending in (".toml", ".json") if path.name):
             if found.is_file():
                 raise SceneError(f"{quoted(text)} is no scene; did you mean {quoted(str(found))}?")
+        if isinstance(path_or_name, Path) and not path.exists() and (named := _builtin(text)) is not None:
+            return named
     if builtin and not path.exists():
         known = suggestion(text, builtin_names()) or "; `clrender scenes` lists them; files have endings"
         raise SceneError(f"there is no built-in scene {quoted(text)}{known}")

@@ -212,6 +212,8 @@ BAD_COMMAND_LINES: dict[str, tuple[str, tuple[str, ...]]] = {
     "compare with nothing": ("compare good.npy nothing.exr", ("nothing.exr", "no such file")),
     "compare one": ("compare good.npy", ("'B'",)),
     "compare sizes": ("compare good.npy small.npy", ("4 x 3 and 2 x 2",)),
+    "compare with a seed": ("compare good.npy good.npy --seed 0", ("--seed goes with --integrators",)),
+    "compare with a scene": ("compare good.npy room", ("room: the name has no ending", ".film")),
     "compare what is not finite": ("compare good.npy nan.npy", ("1 pixel that is not finite",)),
 }
 

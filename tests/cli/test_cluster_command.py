@@ -51,6 +51,26 @@ def processes_left(since: float) -> list[str]:
 
 
 @pytest.mark.long
+def test_an_interrupted_start_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    folder, begun = tmp_path / "temporary", time.time()
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
+    with start(tmp_path, "--spp", "64", "--cluster", "local:1", "-o", "a.exr") as child:
+        while not list(folder.glob("clrender-cluster-*/*.log")):
+            assert child.poll() is None and time.time() < begun + 100.0
+            time.sleep(0.02)
+        child.send_signal(signal.SIGINT)
+        _, said = child.communicate(timeout=100)
+    assert child.returncode == 130 and "interrupted before the first sample; nothing was written" in said
+    assert not list(folder.glob("clrender-cluster-*"))
+    end = time.time() + 5.0
+    while processes_left(begun) and time.time() < end:
+        time.sleep(0.1)
+    assert not processes_left(begun)
+
+
+@pytest.mark.long
 def test_a_local_cluster_says_nothing_of_its_own(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     begun = time.time()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -149,6 +150,71 @@ def test_an_interruption_leaves_whole_frames(scene: Path, tmp_path: Path) -> Non
         assert np.isfinite(read_image(path)).all()
 
 
+SLEEPING = """
+import sys, time
+from clrender.rendering.session import Session
+from clrender.cli import main
+render, calls = Session.render, []
+def slow(*arguments, **settings):
+    calls.append(None)
+    if len(calls) > {frames}:
+        print("asleep", flush=True)
+        time.sleep(60)
+    return render(*arguments, **settings)
+Session.render = slow
+main(sys.argv[1:])
+"""
+"""The command line, whose second image takes a minute."""
+
+
+@pytest.mark.parametrize(
+    ("command", "frames", "told"),
+    [
+        ("render SCENE --frames 3:5 -o f_%d.png", 1, "interrupted before frame 4 was done; --resume keeps the others"),
+        ("render SCENE --frames 3:5 -o f_%d.hdr", 1, "interrupted before frame 4 was done; the others are written"),
+        ("render SCENE --frames 3:5 -o f_%d.png", 0, "interrupted before frame 3 was done; nothing was written"),
+        ("render SCENE -o a.png", 0, "interrupted before the first sample; nothing was written"),
+        ("compare SCENE --integrators path,direct --batches 8", 1, "interrupted; nothing was written"),
+    ],
+)
+def test_an_interruption_says_what_is_lost(scene: Path, tmp_path: Path, command: str, frames: int, told: str) -> None:
+    arguments = [*command.replace("SCENE", str(scene)).split(), "--size", "24x16", "--spp", "16", "--quiet"]
+    code = SLEEPING.replace("{frames}", str(frames))
+    paths = {"PYTHONPATH": str(Path(clrender.__path__[0]).parent)}
+    with subprocess.Popen(
+        [sys.executable, "-c", code, *arguments],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, **paths},
+    ) as process:
+        assert process.stdout is not None
+        while "asleep" not in (line := process.stdout.readline()):
+            assert line, process.communicate()
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 130 and said.strip() == f"error: {told}"
+
+
+def test_frames_are_made_for_no_reader(scene: Path, tmp_path: Path) -> None:
+    arguments = ["render", str(scene), "--frames", "0:3", "-o", str(tmp_path / "f_%d.png"), *SMALL]
+    paths = {"PYTHONPATH": str(Path(clrender.__path__[0]).parent)}
+    with subprocess.Popen(
+        [sys.executable, "-m", "clrender", *arguments], stdout=subprocess.PIPE, env={**os.environ, **paths}
+    ) as process:
+        assert process.stdout is not None
+        process.stdout.close()
+        assert process.wait(timeout=120) == 0
+    assert len(list(tmp_path.glob("f_*"))) == 4
+
+
+def test_a_folder_may_be_named_with_a_percent_sign(scene: Path, tmp_path: Path) -> None:
+    (tmp_path / "a%2Fb%d").mkdir()
+    result = call("render", str(scene), "--frames", "1:1", "-o", str(tmp_path / "a%2Fb%d" / "f_%d.png"), *SMALL)
+    assert result.returncode == 0 and (tmp_path / "a%2Fb%d" / "f_1.png").exists(), result.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -163,6 +229,10 @@ def test_an_interruption_leaves_whole_frames(scene: Path, tmp_path: Path) -> Non
         (("--frames", "0:3", "-o", "x_%d.png", "--time-at", "1"), "--time-at"),
         (("--frames", "0:3", "-o", "x_%d.hdr", "--resume"), ".png and .exr"),
         (("--fps", "3", "-o", "x.png"), "--frames"),
+        (("--frames", "9:10", "-o", "x_%d.png", "-o", "x_%02d.png"), "x_10.png: is named twice as an output"),
+        (("--frames", "0:3", "-o", "x_%d.exr", "-o", "x_%d.jpg", "--resume"), "display settings"),
+        (("--frames", "0:3", "-o", "x_%d.png", "--time-at", "0"), "--time-at"),
+        (("--frames", "0:3", "-o", "x_%d.png", "--time", "1"), "--time: is for one image"),
         (("--shutter", "1:0", "-o", "x.png"), "no interval"),
         (("--shutter", "0:x", "-o", "x.png"), "no interval"),
     ],

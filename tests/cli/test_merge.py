@@ -13,9 +13,11 @@ from cases import for_each
 from cli_support import call
 from PIL import Image
 
+from clrender.errors import RenderError
 from clrender.film import Film
 from clrender.film.merge import merge_films
 from clrender.image.files import image_sha256, read_image, read_provenance
+from clrender.rendering.rendered_image import RenderedImage
 
 SIZE = ("--size", "37x22", "--spp", "8", "--quiet")
 
@@ -45,6 +47,35 @@ def test_shards_in_any_order_are_the_render(shards: Path, order: tuple[str, ...]
     assert merged.ledger == whole.ledger and merged.request == whole.request
     for name in ("image_sha256", "samples", "rays", "spp", "scene_sha256", "kernel_sha256", "nonfinite_samples"):
         assert merged.provenance[name] == whole.provenance[name], name
+
+
+def test_each_output_is_tried(shards: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    save = RenderedImage.save
+
+    def full(self: RenderedImage, path: Path, *arguments: Any, **more: Any) -> None:
+        if path.suffix == ".png":
+            raise RenderError(f"{path.name}: no room.")
+        save(self, path, *arguments, **more)
+
+    monkeypatch.setattr(RenderedImage, "save", full)
+    outputs = [argument for name in ("a.png", "b.exr", "c.png") for argument in ("-o", str(tmp_path / name))]
+    done = call("merge", "whole.film", *outputs, folder=shards)
+    assert (done.returncode, done.stderr) == (1, "error: a.png: no room\nerror: c.png: no room\n")
+    assert not done.stdout and (tmp_path / "b.exr").exists()
+
+
+def test_layers_that_films_do_not_hold_are_not_told(tmp_path: Path) -> None:
+    outputs = ("-o", "a.exr", "-o", "a.film", "-o", "a.png")
+    made = call("render", "sky", *SIZE, "--alpha", "--aov", "depth", *outputs, folder=tmp_path)
+    assert made.returncode == 0, made.stderr
+    assert call("merge", "a.film", "-o", "b.exr", folder=tmp_path).returncode == 0
+    assert call("tonemap", "a.exr", "-o", "b.png", folder=tmp_path).returncode == 0
+    told = [(read_provenance(tmp_path / name) or {}).get("layers") for name in ("a.exr", "b.exr", "b.png")]
+    assert told == [["depth", "alpha"], None, ["alpha"]]
+    rendered, mapped = (np.asarray(Image.open(tmp_path / name)) for name in ("a.png", "b.png"))
+    assert rendered.shape[2] == 4 and 0 < rendered[..., 3].mean() < 255
+    np.testing.assert_array_equal(mapped, rendered)
+    assert call("verify", "b.png", "--fraction", "1", folder=tmp_path).returncode == 0
 
 
 @for_each("nonsense", ["many", None, [1], True, float("nan"), -5, 10**30])

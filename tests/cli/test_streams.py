@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from cases import for_each
 from cli_support import call
+from plugin_files import MINNAERT
 
 import clrender
 from clrender.image.files import read_image, write_image
@@ -157,6 +158,12 @@ target = [0.0, 0.0, 0.0]
 type = "mesh"
 file = "one.ply"
 """
+PICTURED = """
+material = "m"
+[materials.m]
+type = "lambert"
+reflectance = {texture = "NAME"}
+"""
 PLY = """ply
 format ascii 1.0
 element vertex 3
@@ -182,6 +189,12 @@ OVERWRITING = {
     "its mesh, by a link": "render s.toml -o mesh.exr",
     "numbers of a comparison": "compare --integrators path,direct agreement.json -o .",
     "the image": "tonemap image.exr -o image.png",
+    "a plugin": "render s.toml -o a.png --plugin p.cl --stats p.cl",
+    "a camera": "render s.toml -o a.png --camera camera.json#0 --stats camera.json",
+    "a picture, by a frame": "render t.toml -o frame-%04d.png --frames -2:3",
+    "a picture, by a frame of the solution": "radiosity t.toml --move 0 --by 1,0,0 -o .",
+    "a picture, by a mean": "compare --integrators path,direct u.toml -o .",
+    "materials that are measured": "furnace furnace.json -o .",
 }
 
 
@@ -190,6 +203,12 @@ def test_no_output_takes_the_place_of_an_input(case: str, tmp_path: Path) -> Non
     (tmp_path / "s.toml").write_text(SCENE)
     (tmp_path / "one.ply").write_text(PLY)
     (tmp_path / "agreement.json").write_text('{"camera": {"position": [0, 0, 3], "target": [0, 0, 0]}}')
+    (tmp_path / "furnace.json").write_text((tmp_path / "agreement.json").read_text())
+    (tmp_path / "camera.json").write_text("{}")
+    (tmp_path / "p.cl").write_text(MINNAERT)
+    for scene, name in (("t.toml", "frame-0001.png"), ("u.toml", "direct.png")):
+        (tmp_path / scene).write_text(SCENE + PICTURED.replace("NAME", name))
+        write_image(tmp_path / name, np.full((3, 3, 3), 0.5))
     write_image(tmp_path / "image.png", np.full((3, 3, 3), 0.5))
     (tmp_path / "image.exr").symlink_to("image.png")
     (tmp_path / "sub").mkdir()
@@ -200,6 +219,17 @@ def test_no_output_takes_the_place_of_an_input(case: str, tmp_path: Path) -> Non
     result = call(*OVERWRITING[case].replace("$PWD", str(tmp_path)).split(), folder=tmp_path)
     assert result.returncode == 2 and result.stderr.count("\n") == 1 and "is an input of this command" in result.stderr
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
+
+
+def test_a_data_set_keeps_its_scene(tmp_path: Path) -> None:
+    (tmp_path / "images").mkdir()
+    (tmp_path / "s.toml").write_text(SCENE + PICTURED.replace("NAME", "images/000000.png"))
+    (tmp_path / "one.ply").write_text(PLY)
+    (tmp_path / "set.toml").write_text('scene = "s.toml"\nimages = 1\nwriters = ["images"]\n')
+    write_image(tmp_path / "images" / "000000.png", np.full((3, 3, 3), 0.5))
+    result = call("dataset", "set.toml", "-o", ".", folder=tmp_path)
+    assert result.returncode == 2 and "has an input of this command (images/000000.png)" in result.stderr
+    assert not (tmp_path / "records").exists()
 
 
 def test_two_names_of_one_output_are_refused(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ import pytest
 from dataset_support import SPEC, write_dataset
 from scipy.stats import chisquare, kstest
 
+import clrender
 from clrender.datasets import DatasetPlan, load_spec
 from clrender.datasets.values import drawn
 from clrender.errors import ClrenderError, SceneError
@@ -313,6 +314,23 @@ def test_bad_descriptions_are_refused_in_one_sentence(tmp_path: Path, case: str)
     with pytest.raises(ClrenderError, match=words) as caught:
         plan_of(tmp_path, **{"vary": None, **more, **changes})
     assert "\n" not in str(caught.value) and ("set.json" in str(caught.value) or case == "no such scene")
+
+
+def test_places_of_values_of_two_kinds(tmp_path: Path) -> None:
+    """They have the names of the file, and none of the validation's."""
+    camera = {"position": [0, 0, 1], "target": [0, 0, 0]}
+    for shutter, said in (
+        ([0.0, "a"], 'camera.shutter[1] is the text "a", but must be a number'),
+        ([0.0], "camera.shutter has only one entry, but must have 2"),
+        ("1/60", 'camera.shutter is the text "1/60", but must be a number'),
+        (0.0, "camera.shutter is 0.0, but must be at least"),
+    ):
+        with pytest.raises(SceneError) as caught:
+            clrender.Scene(camera={**camera, "shutter": shutter})
+        assert str(caught.value).startswith(f"Scene: {said}")
+    write_dataset(tmp_path, load={"environment": [1.0]})
+    with pytest.raises(SceneError, match=r"load\.environment is a list of one, but must be a number"):
+        load_spec(tmp_path / "set.json")
 
 
 def test_files_that_are_none(tmp_path: Path) -> None:

@@ -536,7 +536,13 @@ def colored(**keys: Any) -> clrender.Scene:
     content = described({"file": "a"})
     medium = {"emission": 1.0, "albedo": {"file": "c"}, "temperature": {"file": "t", "scale": 2.0}, **keys}
     content["media"]["smoke"] |= {key: value for key, value in medium.items() if value is not None}
-    return clrender.Scene(**content).with_arrays(grids={"a": VALUES, "c": COLORS, "t": VALUES * 500.0 + 500.0})
+    return filled(content, {"a": VALUES, "c": COLORS, "t": VALUES * 500.0 + 500.0})
+
+
+def filled(content: dict[str, Any], grids: dict[str, Any]) -> clrender.Scene:
+    """A scene with those of these grids that it names."""
+    scene = clrender.Scene(**content)
+    return scene.with_arrays(grids={grid.file: grids[grid.file] for _, grid in scene.grids()})
 
 
 def test_grids_of_colours_go_to_other_processes_and_files(tmp_path: Path) -> None:
@@ -585,8 +591,7 @@ def test_refused_grids_of_colours(keys: dict[str, Any], said: str) -> None:
     content["media"]["smoke"] |= table
     content["media"]["smoke"] = {key: value for key, value in content["media"]["smoke"].items() if value is not None}
     with pytest.raises(SceneError, match=said):
-        scene = clrender.Scene(**content).with_arrays(grids={"a": VALUES, "c": COLORS, "t": VALUES * 500.0})
-        flatten(scene, 8, 8)
+        flatten(filled(content, {"a": VALUES, "c": COLORS, "t": VALUES * 500.0}), 8, 8)
 
 
 def test_pbrt_temperatures_and_emissions(tmp_path: Path) -> None:

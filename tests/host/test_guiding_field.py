@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 
 import clrender
 from clrender import UsageError, layout
+from clrender.files.npy import write_npy
 from clrender.guiding.field import GuidingField, cell_rows, empty_field, histogram_words, octets
 from clrender.guiding.octree import LEAST_RECORDS, SPLIT_RECORDS, Growing, Sums
 from clrender.rendering.job import RenderJob
@@ -163,6 +166,16 @@ def test_a_job_carries_its_field() -> None:
         RenderJob.from_json(text, assets)
     with pytest.raises(UsageError, match="no effect with guiding auto"):
         RenderJob.of(room, guiding="auto", guiding_field=field)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a disk that is always full")
+def test_a_full_disk_is_told() -> None:
+    with (
+        pytest.raises(OSError, match=os.strerror(errno.ENOSPC)) as told,
+        Path("/dev/full").open("wb") as file,
+    ):
+        write_npy(file, np.zeros(1 << 20, np.uint32))
+    assert told.value.errno == errno.ENOSPC
 
 
 def test_a_scene_that_asks_for_guiding_may_be_rendered_by_others() -> None:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from cases import for_each
 
@@ -35,6 +38,44 @@ def scene(tmp_path: Path) -> Scene:
         (tmp_path / name).write_text(text)
     (tmp_path / "scene.json").write_text(json.dumps(SCENE))
     return clrender.load(tmp_path / "scene.json")
+
+
+def refused_calls() -> dict[str, tuple[Callable[[], object], str]]:
+    """What callers may give by mistake, and what is said of it."""
+    room = clrender.load("room")
+    of: Any = partial(RenderJob.of, room)
+    scene: Any = Scene
+    session = clrender.Session()
+    return {
+        "should_stop": (lambda: session.render(room, should_stop=3), "should_stop is 3, but must be a function"),  # type: ignore[arg-type]
+        "on_progress": (lambda: session.render(room, on_progress=3), "on_progress is 3, but must be a function"),  # type: ignore[arg-type]
+        "resume": (lambda: session.render(room, resume="no"), "resume is 'no', but must be true or false"),  # type: ignore[arg-type]
+        "notify": (lambda: clrender.Session(notify=3), "notify is 3, but must be a function"),  # type: ignore[arg-type]
+        "notify of a render": (lambda: clrender.render(room, notify=3), "notify is 3, but must be a function"),  # type: ignore[arg-type]
+        "on_stage": (lambda: clrender.Session(on_stage=3), "on_stage is 3, but must be a function"),  # type: ignore[arg-type]
+        "refit": (lambda: clrender.Session(refit="x"), "refit is 'x', but must be true or false"),  # type: ignore[arg-type]
+        "light_groups": (lambda: of(light_groups="no"), "light_groups is 'no', but must be true or false"),
+        "denoise": (lambda: of(denoise="no"), "denoise is 'no', but must be true or false"),
+        "amodal": (lambda: of(amodal=[1]), "amodal is [1], but must be names of instances, or all"),
+        "spectrum": (lambda: of(spectral=True, spectrum=True), "spectrum is True, but must be a whole number"),
+        "a scene's content": (lambda: scene({"shapes": []}), "a Scene takes its tables by name"),
+    }
+
+
+@for_each("name", [*refused_calls()])
+def test_what_is_no_value_is_refused_in_a_sentence(name: str) -> None:
+    call, words = refused_calls()[name]
+    with pytest.raises(UsageError) as told:
+        call()
+    assert words in str(told.value)
+
+
+def test_values_of_numpy_and_paths_are_taken() -> None:
+    room = clrender.load("room")
+    of: Any = RenderJob.of
+    job = of(room, spectral=True, spectrum=np.int64(4), light_groups=np.bool_(True))
+    assert type(job.bands) is int and job.light_groups is True
+    assert clrender.load(Path("room")).sha256() == room.sha256()
 
 
 def test_a_job_goes_through_json_with_its_assets(scene: Scene, tmp_path: Path) -> None:

@@ -395,6 +395,26 @@ def test_a_crash_that_stays_is_a_crash(fake_driver: list[list[str]]) -> None:
     assert program_cache.compiler_folder() == before
 
 
+def test_a_failure_is_kept_for_a_day_and_its_environment(
+    fake_driver: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    info, path = inventory()[0], os.environ["PATH"]
+    fake_driver[:] = [script(before="import os; os.abort()")]
+    monkeypatch.setenv("PATH", "")
+    assert probe(info).probe == inventory()[0].probe == "crashed"
+    monkeypatch.setenv("PATH", path)
+    assert inventory()[0].probe == "unknown"
+    fake_driver[:] = [script({"hash": GOOD, "differences": []})]
+    assert probe(info).probe == inventory()[0].probe == "ok"
+    monkeypatch.setenv("PATH", "")
+    assert inventory()[0].probe == "ok", "what was proven later"
+    fake_driver[:] = [script(before="import os; os.abort()")]
+    assert probe(info, again=True).probe == inventory()[0].probe == "crashed"
+    now = time.time()
+    monkeypatch.setattr(time, "time", lambda: now + 86500.0)
+    assert inventory()[0].probe == "ok"
+
+
 def test_a_driver_that_crashes_when_listed_is_a_fault_with_a_cure(fake_driver: list[list[str]]) -> None:
     fake_driver[:] = [script(before="import os; os.abort()")]
     (report,) = examine()

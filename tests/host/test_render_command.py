@@ -390,3 +390,17 @@ def test_more_memory_than_there_is_is_refused(
     monkeypatch.setattr("clrender.process.memory.os.sysconf", lambda name: 4096 if name == "SC_PAGE_SIZE" else 1000)
     assert run("render", "scene.toml", "-o", "a.png", "--size", "1000x1000") == 2
     assert "61.0 MiB of memory" in capsys.readouterr().err and not renderer.calls
+
+
+def test_an_image_is_told_whose_field_cannot_be_written(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    from clrender.cli.render import _write
+
+    def full(path: Path) -> None:
+        raise RenderError(f"{path.name}: no room.")
+
+    image: Any = types.SimpleNamespace(
+        stats={}, save=lambda path, **how: path.touch(), guiding_field=types.SimpleNamespace(save=full)
+    )
+    with pytest.raises(RenderError, match=r"^a\.npy: no room$"):
+        _write(image, [tmp_path / "a.png"], {}, lambda: "a.png is there", field=tmp_path / "a.npy")
+    assert capsys.readouterr().out == "a.png is there\n" and (tmp_path / "a.png").exists()

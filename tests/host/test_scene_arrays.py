@@ -132,6 +132,12 @@ def test_pictures_of_all_kinds(dtype: Any, channels: int) -> None:
 
 
 WRONG: list[tuple[dict[str, Any], str]] = [
+    ({"meshes": {"Body": arrays()}}, 'meshes: nothing in the scene names "Body"; did you mean "body"?'),
+    ({"textures": {"paint": np.zeros((2, 2))}}, 'textures: nothing in the scene names "paint"; did you mean "paint'),
+    ({"environments": {"sun": np.zeros((2, 4, 3))}}, 'environments: nothing in the scene names "sun"; known here: sky'),
+    ({"grids": {"fog": np.zeros((2, 2, 2))}}, 'grids: nothing in the scene names "fog"; there is none here'),
+    ({"curves": {"hair": np.ones((2, 4, 4))}}, 'curves: nothing in the scene names "hair"; there is none here'),
+    ({"meshes": [1]}, "meshes is a list of one, but must be a table of arrays by the names of files"),
     ({"meshes": {"body": {"vertices": VERTICES}}}, 'meshes: "body": faces are missing; add them'),
     ({"meshes": {"body": arrays(face=FACES)}}, 'meshes: "body": "face" is an unknown array; did you mean "faces"?'),
     ({"meshes": {"body": arrays(vertices=VERTICES[:, :2])}}, "vertices have the shape (4, 2), but must have (n, 3)"),

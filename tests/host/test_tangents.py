@@ -132,6 +132,20 @@ def test_without_tangents_a_normal_map_gets_them_and_nothing_else_does(tmp_path:
     assert scene.mesh(0).tangents is None and not flat_surfaces(scene).attributes[:, 14].any()
 
 
+def test_tangents_run_along_a_picture_that_is_turned(tmp_path: Path) -> None:
+    """By KHR_texture_transform, as if the coordinates themselves were."""
+    model = Model()
+    mesh = mapped(model)
+    turn = {"KHR_texture_transform": {"rotation": np.pi / 2.0}}
+    model.root["materials"][0]["normalTexture"]["extensions"] = turn
+    model.root["extensionsUsed"] = ["KHR_texture_transform"]
+    model.node(mesh=mesh)
+    # u' = v, so that the picture's right is where v grows: down, as glTF counts
+    np.testing.assert_allclose(
+        rows(clrender.load(model.write(tmp_path / "m.glb"))), [(0, -1, 0) * 3 + (1,)] * 2, atol=1e-6
+    )
+
+
 def test_tangents_move_with_morph_targets_and_skins(tmp_path: Path) -> None:
     model = Model()
     mesh = mapped(model, TANGENT=[(1, 0, 0, 1)] * 4, WEIGHTS_0=[(1, 0, 0, 0)] * 4)

@@ -46,6 +46,31 @@ def check(session: clrender.Session, scene: clrender.Scene, views: list[Camera],
             np.testing.assert_array_equal(image[..., 3], alone.alpha)
 
 
+def test_a_batch_returns_all_that_is_asked_for(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Denoised images, and nothing that no array of images holds."""
+    scene = clrender.load("room")
+    with clrender.Session(device.info.index) as session:
+        found = session.render_batch(scene, [scene.camera], size=(8, 8), spp=1)
+        render = session.render
+
+        def denoised(*arguments: Any, **how: Any) -> clrender.RenderedImage:
+            image = render(*arguments, **how)
+            image.denoised = image.linear + np.float32(1.0)
+            return image
+
+        monkeypatch.setattr(session, "render", denoised)
+        np.testing.assert_array_equal(session.render_batch(scene, [scene.camera], size=(8, 8), spp=1), found + 1.0)
+        more: list[dict[str, Any]] = [
+            {"aov": ["alpha", "depth"]},
+            {"light_groups": True},
+            {"amodal": "all"},
+            {"spectral": True, "spectrum": 4},
+        ]
+        for asked in more:
+            with pytest.raises(UsageError, match=r"without .*(depth|light_groups|instance|spectrum); render those one"):
+                session.render_batch(scene, [scene.camera], size=(8, 8), spp=1, **asked)
+
+
 @pytest.mark.parametrize(
     "how",
     [

@@ -129,6 +129,21 @@ def test_only_what_has_a_category_is_an_object(device: Device, tmp_path: Path) -
     assert told(tmp_path, "a/images/000000.json")["objects"] == []
 
 
+def test_mattes_and_orthographic_cameras_are_described(device: Device, tmp_path: Path) -> None:
+    """As the `.exr` of a render has it, and as the projection is."""
+    camera = {"type": "orthographic", "position": [0, 1, 4], "target": [0, 0, 0], "height": 3.0, "lens_shift": [0.1, 0]}
+    layers, plain = ["crypto_object", "crypto_material"], {"vary": None, "objects": None, "distractors": None}
+    path = write_dataset(tmp_path, writers=["images"], layers=layers, size=[32, 24], camera={"type": "scene"}, **plain)
+    (tmp_path / "scene.json").write_text(json.dumps({**SCENE, "camera": camera}))
+    make_dataset(DatasetPlan.load(path), tmp_path / "out", images=range(1), device=device.info.index)
+    told = json.loads((tmp_path / "out/images/000000.json").read_text())["camera"]
+    assert told["region"] == pytest.approx({"left": -1.6, "top": -1.5, "width": 4.0, "height": 3.0})
+    header = OpenEXR.File(str(tmp_path / "out/images/000000.exr"), header_only=True).header()
+    manifests = [str(text) for key, text in header.items() if key.startswith("cryptomatte/") and "manifest" in key]
+    names = {name for text in manifests for name in json.loads(text)}
+    assert len(manifests) == 2 and {"floor", "ball", "red", "gold"} <= names
+
+
 def test_two_processes_that_finish_a_set_do_it_one_after_the_other(
     made: tuple[DatasetPlan, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

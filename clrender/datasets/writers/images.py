@@ -27,7 +27,7 @@ class Images:
         stem = f"images/{rendered.name}"
         files.png(f"{stem}.png", rendered.picture)
         note = {"image": rendered.varied.index, "image_sha256": rendered.linear_sha256}
-        files.exr(f"{stem}.exr", rendered.image.linear, rendered.layers, note)
+        files.exr(f"{stem}.exr", rendered.image.linear, rendered.layers, note, rendered.attributes)
         for layer in rendered.label_layers:
             files.png(f"{stem}.{layer}.png", mask_pixels(rendered, layer))
         files.text(f"{stem}.json", json_bytes(rendered.told()))
