@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -144,7 +144,9 @@ def verify(
     job = _job(path, claim, found, guiding_field)
     with Session(device, notify=once(notify)) as session:
         film = session.render_part(job, wanted, lambda here: _check(path, claim, here), on_progress)
-    comparison = Comparison.of(claim, film, [_rectangle(claim, tile) for tile in chosen.tolist()])
+        layers = session.layers(replace(job, aov=("alpha",))) if claim.has_alpha else {}
+    alpha = layers["alpha"][..., 0] if "alpha" in layers else None
+    comparison = Comparison.of(claim, film, [_rectangle(claim, tile) for tile in chosen.tolist()], alpha)
     faults = [explanation(comparison)] if comparison.differing else []
     return Verification(len(tiles), count, comparison.differing, comparison.pixels, tuple(faults), film.ledger.samples)
 

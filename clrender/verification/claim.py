@@ -22,6 +22,7 @@ from clrender.image.files import (
     FILM_ENDINGS,
     image_sha256,
     read_alpha,
+    read_coverage,
     read_image,
     read_provenance,
     uncovered,
@@ -51,7 +52,11 @@ class Claim(ABC):
     provenance : mapping
     faults : list of str
         Its contradictions, a sentence each.
+    has_alpha : bool
+        Whether it has coverage beside its colours, which `compare` then needs.
     """
+
+    has_alpha = False
 
     def __init__(self, request: Mapping[str, Any], ledger: Ledger, provenance: Mapping[str, Any]) -> None:
         self.request = dict(request)
@@ -78,7 +83,9 @@ class Claim(ABC):
         return max((sets[number][-1][1] for number in np.unique(numbers).tolist() if sets[number]), default=0)
 
     @abstractmethod
-    def compare(self, film: Film, rows: slice, columns: slice) -> tuple[_Mask, npt.NDArray[np.float64]]:
+    def compare(
+        self, film: Film, rows: slice, columns: slice, alpha: npt.NDArray[np.float32] | None = None
+    ) -> tuple[_Mask, npt.NDArray[np.float64]]:
         """Compare a rectangle with a new render.
 
         Parameters
@@ -86,6 +93,8 @@ class Claim(ABC):
         film : Film
             Contains the same samples of these pixels.
         rows, columns : slice
+        alpha : (H, W) float32, optional
+            Coverage of the whole image, rendered again; without it that of the file counts.
 
         Returns
         -------
@@ -108,7 +117,9 @@ class FilmClaim(Claim):
             self.faults.append("the hash of the pixels does not match its image_sha256")
         self.faults += contradictions(self._film)
 
-    def compare(self, film: Film, rows: slice, columns: slice) -> tuple[_Mask, npt.NDArray[np.float64]]:
+    def compare(
+        self, film: Film, rows: slice, columns: slice, alpha: npt.NDArray[np.float32] | None = None
+    ) -> tuple[_Mask, npt.NDArray[np.float64]]:
         differs = self._film.counts[rows, columns] != film.counts[rows, columns]
         for row in range(rows.start, rows.stop):
             band, inside = divmod(row, film.band_rows)
@@ -153,7 +164,8 @@ class ImageClaim(Claim):
             )
         self._stored = provenance.get("stored", {})
         self._display = path.suffix.lower() in DISPLAY_ENDINGS
-        self._alpha = read_alpha(path) if self._display else None
+        self._alpha: npt.NDArray[Any] | None = read_alpha(path) if self._display else read_coverage(path)
+        self.has_alpha = self._alpha is not None
         self._check_stored(path)
         ledger = Ledger(width, height)
         blocks = np.arange(len(ledger.taken()))
@@ -187,16 +199,28 @@ class ImageClaim(Claim):
                 "compression"
             )
 
-    def compare(self, film: Film, rows: slice, columns: slice) -> tuple[_Mask, npt.NDArray[np.float64]]:
+    def _stored_alpha(self, alpha: npt.NDArray[np.float32]) -> npt.NDArray[Any]:
+        """Coverage as the file stores it."""
+        if self._display:
+            made: npt.NDArray[Any] = np.rint(alpha * np.float32(255.0)).astype(np.uint8)
+            return made
+        return half_of(alpha).astype(np.float32) if self._stored.get("exr_type") == "half" else alpha
+
+    def compare(
+        self, film: Film, rows: slice, columns: slice, alpha: npt.NDArray[np.float32] | None = None
+    ) -> tuple[_Mask, npt.NDArray[np.float64]]:
         there, here = np.ascontiguousarray(self._image[rows, columns]), film.mean_of(rows, columns)
         if self._stored.get("exr_type") == "half":
             here = half_of(here).astype(np.float32)
+        covered = None if alpha is None else self._stored_alpha(alpha[rows, columns])
         if self._display:
             if self._alpha is not None:
-                here = uncovered(here, self._alpha[rows, columns])
+                here = uncovered(here, self._alpha[rows, columns] if covered is None else covered)
             shown = to_display(here, self._stored["tone_map"], self._stored["exposure"])
             here = srgb_decode(np.arange(256) / 255).astype(np.float32)[shown]
         differs: _Mask = (there.view(np.uint32) != np.ascontiguousarray(here).view(np.uint32)).any(axis=2)
+        if self._alpha is not None and covered is not None:
+            differs |= self._alpha[rows, columns] != covered
         return differs, np.stack([there, here]).astype(np.float64)
 
 

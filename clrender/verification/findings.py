@@ -51,11 +51,13 @@ class Comparison:
     relative: float
 
     @classmethod
-    def of(cls, claim: Claim, film: Film, tiles: Sequence[Rectangle]) -> Comparison:
-        """Compare these tiles."""
+    def of(
+        cls, claim: Claim, film: Film, tiles: Sequence[Rectangle], alpha: npt.NDArray[np.float32] | None = None
+    ) -> Comparison:
+        """Compare these tiles; `alpha` as of `Claim.compare`."""
         differing, pixels, means, ratios = [], [], [], [np.zeros(0)]
         for left, top, right, bottom in tiles:
-            differs, pair = claim.compare(film, slice(top, bottom), slice(left, right))
+            differs, pair = claim.compare(film, slice(top, bottom), slice(left, right), alpha)
             means.append(pair.mean(axis=(1, 2, 3)))
             if differs.any():
                 differing.append((left, top, right, bottom))

@@ -168,3 +168,22 @@ def test_a_changed_pixel_of_a_png_with_alpha_is_found(device: Device, tmp_path: 
     pixels[15, 12, 1] ^= 1
     (tmp_path / "b.png").write_bytes(png_bytes(pixels, {"clrender": notes["clrender"]}))
     assert not clrender.verify(tmp_path / "b.png", scene=scene, fraction=1.0).sound
+
+
+@pytest.mark.parametrize("ending", [".png", ".exr"])
+def test_coverage_is_verified(tmp_path: Path, device: Device, ending: str) -> None:
+    """What a file's own alpha hid was taken for right, and an object that was erased for one that was never there."""
+    (tmp_path / "s.toml").write_text(
+        "[camera]\nposition = [0.0, 0.0, 4.0]\ntarget = [0.0, 0.0, 0.0]\n[[lights]]\ntype = 'environment'\n"
+        "radiance = 1.0\n[[shapes]]\ntype = 'sphere'\nradius = 1.0\n",
+        encoding="utf-8",
+    )
+    image = clrender.render(clrender.load(tmp_path / "s.toml"), device=device, size=(16, 16), spp=2, aov=["alpha"])
+    name = tmp_path / f"a{ending}"
+    image.save(name)
+    assert clrender.verify(name, 1.0, scene=tmp_path / "s.toml", device=device).sound
+    image.aovs["alpha"][8, 8] = 0.0
+    image.linear[8, 8] = 0.0 if ending == ".png" else image.linear[8, 8]
+    image.save(name)
+    found = clrender.verify(name, 1.0, scene=tmp_path / "s.toml", device=device)
+    assert found.pixels == ((8, 8),)
