@@ -464,7 +464,7 @@ def test_what_is_there_is_not_rendered_again(made: tuple[DatasetPlan, Path], dev
 def test_files_that_are_lost_or_damaged_are_missing(device: Device, tmp_path: Path) -> None:
     """Images with a record are counted only if their files are there; sound ones of other folders are copied."""
     render, none = {"spp": 1}, {"camera": None, "objects": None, "distractors": None, "vary": None}
-    plan = plan_of(tmp_path, images=2, size=[8, 6], render=render, writers=["images", "webdataset"], **none)
+    plan = plan_of(tmp_path, images=2, size=[8, 12], render=render, writers=["images", "webdataset"], **none)
     make_dataset(plan, tmp_path / "sound", device=device)
     for name in ("part", "both"):
         make_dataset(plan, tmp_path / name, images=range(1, 2), device=device)
