@@ -571,6 +571,11 @@ TAMPERED: dict[str, tuple[str, Callable[[Path], Any], str]] = {
         changed_member,
         "data-000001.tar#000004.json: its bytes are not those",
     ),
+    "bytes behind an archive": (
+        "webdataset/data-000001.tar",
+        lambda path: path.write_bytes(path.read_bytes() + b"x"),
+        "data-000001.tar: has other members than the manifest says, or bytes behind its end",
+    ),
     "a file that is missing": ("coco/images/000003.png", Path.unlink, "coco/images/000003.png: is missing"),
     "a file that is none": (
         "images/000001.exr",
