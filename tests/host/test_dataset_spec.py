@@ -327,13 +327,14 @@ def test_cameras_drawn_without_effect(tmp_path: Path, key: str, way: str) -> Non
     (tmp_path / "scene.json").write_text(
         json.dumps({**SCENE, "camera": {**SCENE["camera"], "motion": stops if moves else []}})
     )
-    camera: dict[str, Any] = {
+    cameras: dict[str, dict[str, Any]] = {
         "sphere": {"type": "sphere", "distance": 3},
         "hemisphere": {"type": "hemisphere", "distance": 3},
         "box": {"type": "box", "position": [5, 5, 5], "target": [0, 0, 0]},
         "target": {"target": [0, 0, 0]},
         "roll": {"roll_degrees": 3},
-    }.get(way, {})
+    }
+    camera = cameras.get(way, {})
     placed = {"position", "up"} if way in ("sphere", "hemisphere", "box") else set[str]()
     without = placed | ({"target"} if "target" in camera else set()) | ({"motion[0].position"} if camera else set())
     without |= {"position"} if moves and not camera else set()
