@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral, Real
@@ -192,6 +193,10 @@ def _files_checked(
             count += 1
             if stored.pixels_sha256(name) != sha256:
                 damaged.setdefault(index, []).append(name)
+    archives = Counter(name.partition("#")[0] for image in images for name in image["pixels"] if "#" in name)
+    for name, members in archives.items():
+        if stored.has_more(name, members):
+            faults.append(f"{name}: has other members than the manifest says, or bytes behind its end")
     return count, damaged, faults
 
 

@@ -114,7 +114,7 @@ def make_dataset(
             progress = DatasetProgress(index, done, len(wanted), rendered, time.perf_counter() - begin)
             if on_progress is not None:
                 on_progress(progress)
-    missing = records.missing()
+    missing = records.missing(wanted)
     if not missing:
         _finish(plan, records)
     seconds = time.perf_counter() - begin
@@ -176,7 +176,7 @@ def merge_datasets(plan: DatasetPlan, folder: str | Path, others: Iterable[str |
     """
     folder, begin = Path(folder), time.perf_counter()
     _make_folder(folder)
-    records, copied = Records(plan, folder), 0
+    records, copied, proved = Records(plan, folder), 0, set[int]()
     records.refuse_others()
     for other in map(Path, others):
         if not other.is_dir():
@@ -184,8 +184,13 @@ def merge_datasets(plan: DatasetPlan, folder: str | Path, others: Iterable[str |
         there = Records(plan, other)
         there.refuse_others()
         for index in range(plan.spec.images):
-            record = there.read(index)
-            if record is None or records.read(index) is not None or not there.proved(index):
+            record = None if index in proved else there.read(index)
+            if record is None:
+                continue
+            if records.proved(index):
+                proved.add(index)
+                continue
+            if not there.proved(index):
                 continue
             for name in record["written"]:
                 target = folder / name
@@ -198,8 +203,9 @@ def merge_datasets(plan: DatasetPlan, folder: str | Path, others: Iterable[str |
                         with (other / name).open("rb") as source:
                             shutil.copyfileobj(source, file)
             records.write(index, {key: value for key, value in record.items() if key not in ("image", "key")})
+            proved.add(index)
             copied += 1
-    missing = records.missing()
+    missing = records.missing(proved)
     if not missing:
         _finish(plan, records)
     total = plan.spec.images

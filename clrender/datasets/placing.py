@@ -18,7 +18,16 @@ from clrender.scene.transforms import Affine, affine, combined
 from clrender.scene.values import Vector, cross, length
 from clrender.wording import quoted, suggestion
 
-__all__ = ["Drawer", "matrix_of", "named", "placed_camera", "pose_of_table", "with_distractors", "with_objects"]
+__all__ = [
+    "Drawer",
+    "matrix_of",
+    "named",
+    "overruled",
+    "placed_camera",
+    "pose_of_table",
+    "with_distractors",
+    "with_objects",
+]
 
 _AXES: Final[Mapping[str, tuple[Vector, Vector, Vector]]] = {
     "x": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
@@ -113,6 +122,31 @@ def placed_camera(scene: Scene, table: CameraTable, up: str, drawer: Drawer) -> 
     roll = drawer.number("camera.roll_degrees", table.roll_degrees)
     right_up = _rolled(forward, right_up, roll)
     return camera.changed({"position": position, "target": target, "up": right_up, "motion": ()})
+
+
+def overruled(camera: Camera, table: CameraTable) -> dict[str, str]:
+    """Keys of a scene's camera that do not say where it is, since something else does, with what does.
+
+    Parameters
+    ----------
+    camera : Camera
+        Before it is placed.
+    table : CameraTable
+    """
+    found = dict[str, str]()
+    if table == CameraTable():
+        for key in ("position", "target", "up") if camera.motion else ():
+            if all(getattr(stop, key) is not None for stop in camera.motion):
+                found[key] = "all keys of the camera's motion give it"
+    else:
+        found["motion"] = "a camera that the data set places does not move"
+        if table.type in ("sphere", "hemisphere", "box"):
+            found |= dict.fromkeys(("position", "up"), f"the data set's camera is of type {table.type}")
+        if table.target is not None:
+            found["target"] = "the data set's camera.target says it"
+    if {"position", "target", "up"} <= found.keys():
+        found |= dict.fromkeys(("camera_to_world", "world_to_camera"), found["position"])
+    return found
 
 
 def camera_up(camera: Camera) -> Vector:

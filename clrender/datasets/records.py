@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
 from typing import IO, Any, Final
@@ -13,7 +13,7 @@ from typing import IO, Any, Final
 from clrender.datasets.files import json_bytes
 from clrender.datasets.variation import DatasetPlan
 from clrender.datasets.writers.webdataset import END, archive_of
-from clrender.errors import UsageError
+from clrender.errors import RenderError, UsageError
 from clrender.files.access import atomic_write
 from clrender.files.kernel_hash import kernels_sha256
 from clrender.flatten.plugin_rows import plugin_hashes
@@ -56,6 +56,7 @@ class Records:
         self.plan, self.folder = plan, folder
         self.head = manifest_head(plan)
         self._key = hashlib.sha256(json_bytes(self.head)).hexdigest()
+        self._sizes = dict[int, int]()  # of images in archives, so that each record is read once to find a place
 
     def refuse_others(self) -> None:
         """Refuse a folder with images of another data set: files of both would be in one folder.
@@ -87,6 +88,7 @@ class Records:
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_write(path, durable=False) as file:
             file.write(json_bytes({**record, "image": index, "key": self._key}))
+        self._sizes.pop(index, None)
 
     def read(self, index: int) -> dict[str, Any] | None:
         """The record of an image of this data set; None if there is none, or one of another data set."""
@@ -123,9 +125,17 @@ class Records:
             if record is not None:
                 yield record
 
-    def missing(self) -> int:
-        """Number of images without a record."""
-        return sum(self.read(index) is None for index in range(self.plan.spec.images))
+    def missing(self, proved: Container[int] = ()) -> int:
+        """Number of images without a record; if all have one, of those whose files are not there or damaged.
+
+        Parameters
+        ----------
+        proved : container of int
+            Images whose files need not be read again.
+        """
+        every = range(self.plan.spec.images)
+        unrecorded = sum(self.read(index) is None for index in every)
+        return unrecorded or sum(index not in proved and not self.proved(index) for index in every)
 
     def proved(self, index: int) -> bool:
         """Whether an image is there: its record, and all files that it names with the bytes that it says."""
@@ -133,11 +143,10 @@ class Records:
         if record is None:
             return False
         for name, (size, sha256) in record["written"].items():
-            path = self.folder / name
-            if path.is_file():
-                if path.stat().st_size != size or file_sha256(path) != sha256:
-                    return False
-            elif self.part(record, name) is None:
+            path, sound = self.folder / name, False
+            with suppress(OSError):  # another process may just put it into an archive
+                sound = path.is_file() and path.stat().st_size == size and file_sha256(path) == sha256
+            if not sound and self.part(record, name) is None:
                 return False
         return True
 
@@ -152,10 +161,12 @@ class Records:
         per_shard = self.plan.spec.images_per_shard
         begin = 0
         for index in range(record["image"] // per_shard * per_shard, record["image"]):
-            before = self.read(index)
-            if before is None:
-                return None
-            begin += before["told"]["webdataset"]["bytes"]
+            if index not in self._sizes:
+                before = self.read(index)
+                if before is None:
+                    return None
+                self._sizes[index] = before["told"]["webdataset"]["bytes"]
+            begin += self._sizes[index]
         with suppress(OSError), (self.folder / told["archive"]).open("rb") as file:
             file.seek(begin)
             data = file.read(told["bytes"])
@@ -176,6 +187,9 @@ class Records:
                 if not all(part.is_file() for part in parts):
                     # Some of its images were made again: the others are still in the archive
                     self._unpacked(indices)
+                lost = next((part for part in parts if not part.is_file()), None)
+                if lost is not None:
+                    raise RenderError(f"{lost}: is missing; make the data set again, which makes its image again")
                 with atomic_write(path) as file:
                     for part in parts:
                         file.write(part.read_bytes())

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from clrender.datasets.files import channels_sha256, decoded
+from clrender.datasets.writers.webdataset import END
 from clrender.files.access import UnreadableFile, open_regular
 from clrender.wording import grouped
 
@@ -52,6 +53,21 @@ class StoredFiles:
                 return file.read(min(size, _LIMIT))
         except (UnreadableFile, OSError, ValueError, KeyError, tarfile.TarError):
             return None
+
+    def has_more(self, archive: str, members: int) -> bool:
+        """Whether an archive that can be read has other members than so many, or bytes behind its end."""
+        path = Path(archive)
+        if path.is_absolute() or ".." in path.parts:
+            return False
+        try:
+            with open_regular(path, beneath=self._folder) as file:
+                with tarfile.open(fileobj=file, mode="r:") as opened:
+                    entries = opened.getmembers()
+                end = max((each.offset_data + -(-each.size // 512) * 512 for each in entries), default=0)
+                file.seek(min(end, _LIMIT))
+                return len(entries) != members or file.read(len(END) + 1) != END
+        except (UnreadableFile, OSError, ValueError, tarfile.TarError):
+            return False  # its members are said to be missing
 
     def pixels_sha256(self, name: str) -> str | None:
         """Hash of what a file holds; None if it is missing or damaged."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from clrender.datasets.placing import Drawer, placed_camera, with_distractors, with_objects
+from clrender.datasets.placing import Drawer, overruled, placed_camera, with_distractors, with_objects
 from clrender.datasets.spec import Spec, load_spec
 from clrender.datasets.values import named_in
 from clrender.errors import SceneError, UsageError
@@ -198,6 +199,7 @@ class DatasetPlan:
                 scene = with_camera(scene, camera)
             if spec.vary:
                 scene = scene.changed({place: drawer.value(f"vary.{place}", each) for place, each in spec.vary.items()})
+                self._check_effects(scene)
             poses = dict[str, Affine]()
             if spec.objects or spec.distractors:
                 shapes = with_objects(scene.shapes, spec.objects, spec.up, drawer, poses)
@@ -250,6 +252,14 @@ class DatasetPlan:
             for number, name in enumerate(self.categories)
             if name not in there
         )
+
+    def _check_effects(self, scene: Scene) -> None:
+        """Refuse what is drawn of the camera though something else says it: it would be recorded as if it were so."""
+        without = overruled(scene.camera, self.spec.camera)
+        for place in self.spec.vary:
+            first, *keys = re.split(r"[.\[]", place)
+            if first == "camera" and keys and keys[0] in without:
+                raise SceneError(f"vary.{place} has no effect, since {without[keys[0]]}; leave it out")
 
     def _check_categories(self, scene: Scene) -> None:
         known = set(self.categories)

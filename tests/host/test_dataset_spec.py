@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from dataset_support import SPEC, write_dataset
+from dataset_support import SCENE, SPEC, write_dataset
 from scipy.stats import chisquare, kstest
 
 import clrender
@@ -314,6 +315,36 @@ def test_bad_descriptions_are_refused_in_one_sentence(tmp_path: Path, case: str)
     with pytest.raises(ClrenderError, match=words) as caught:
         plan_of(tmp_path, **{"vary": None, **more, **changes})
     assert "\n" not in str(caught.value) and ("set.json" in str(caught.value) or case == "no such scene")
+
+
+@pytest.mark.parametrize("key", ["position", "target", "up", "motion[0].position"])
+@pytest.mark.parametrize("way", ["sphere", "hemisphere", "box", "target", "roll", "motion", "half a motion", "scene"])
+def test_cameras_drawn_without_effect(tmp_path: Path, key: str, way: str) -> None:
+    """They would be recorded as if they were so."""
+    stops: list[dict[str, Any]] = [{"time": 0.0, "position": [0, 0, 4]}, {"time": 1.0, "position": [0, 0, 3]}]
+    (stops if way != "half a motion" else stops[:1])[-1]["up"] = [0, 1, 0]
+    moves = "motion" in way or "motion" in key
+    (tmp_path / "scene.json").write_text(
+        json.dumps({**SCENE, "camera": {**SCENE["camera"], "motion": stops if moves else []}})
+    )
+    cameras: dict[str, dict[str, Any]] = {
+        "sphere": {"type": "sphere", "distance": 3},
+        "hemisphere": {"type": "hemisphere", "distance": 3},
+        "box": {"type": "box", "position": [5, 5, 5], "target": [0, 0, 0]},
+        "target": {"target": [0, 0, 0]},
+        "roll": {"roll_degrees": 3},
+    }
+    camera = cameras.get(way, {})
+    placed = {"position", "up"} if way in ("sphere", "hemisphere", "box") else set[str]()
+    without = placed | ({"target"} if "target" in camera else set()) | ({"motion[0].position"} if camera else set())
+    without |= {"position"} if moves and not camera else set()
+    table: dict[str, Any] = {"scene": "scene.json", "images": 1, "camera": camera}
+    table["vary"] = {f"camera.{key}": {"uniform": [[0.1, 0.9, 0.1], [0.2, 1.0, 0.2]]}}
+    if key in without:
+        with pytest.raises(ClrenderError, match=f"vary.camera.{re.escape(key)} has no effect, since"):
+            DatasetPlan.from_table(table, tmp_path)
+    else:
+        assert f"vary.camera.{key}" in DatasetPlan.from_table(table, tmp_path).image(0).drawn
 
 
 def test_places_of_values_of_two_kinds(tmp_path: Path) -> None:

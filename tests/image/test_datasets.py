@@ -461,6 +461,25 @@ def test_what_is_there_is_not_rendered_again(made: tuple[DatasetPlan, Path], dev
     assert progress.rendered == 4 and same(tmp_path / "a", folder)
 
 
+def test_files_that_are_lost_or_damaged_are_missing(device: Device, tmp_path: Path) -> None:
+    """Images with a record are counted only if their files are there; sound ones of other folders are copied."""
+    render, none = {"spp": 1}, {"camera": None, "objects": None, "distractors": None, "vary": None}
+    plan = plan_of(tmp_path, images=2, size=[8, 12], render=render, writers=["images", "webdataset"], **none)
+    make_dataset(plan, tmp_path / "sound", device=device)
+    for name in ("part", "both"):
+        make_dataset(plan, tmp_path / name, images=range(1, 2), device=device)
+        (tmp_path / name / "webdataset/parts/000001.tar").unlink()
+    assert make_dataset(plan, tmp_path / "part", images=range(1), device=device).missing == 1
+    assert merge_datasets(plan, tmp_path / "part", []).missing == 1
+    assert merge_datasets(plan, tmp_path / "part", [tmp_path / "both"]).missing == 1
+    assert not (tmp_path / "part/manifest.json").exists()
+    changed_pixel(tmp_path / "part/images/000000.png")
+    progress = merge_datasets(plan, tmp_path / "part", [tmp_path / "sound"])
+    assert (progress.rendered, progress.missing) == (2, 0) and same(tmp_path / "part", tmp_path / "sound")
+    (tmp_path / "part/images/000001.png").unlink()
+    assert make_dataset(plan, tmp_path / "part", images=range(1), device=device).missing == 1
+
+
 def test_another_data_set_in_the_same_folder(made: tuple[DatasetPlan, Path], device: Device, tmp_path: Path) -> None:
     _, folder = made
     shutil.copytree(folder, tmp_path / "a")
@@ -551,6 +570,11 @@ TAMPERED: dict[str, tuple[str, Callable[[Path], Any], str]] = {
         "webdataset/data-000001.tar",
         changed_member,
         "data-000001.tar#000004.json: its bytes are not those",
+    ),
+    "bytes behind an archive": (
+        "webdataset/data-000001.tar",
+        lambda path: path.write_bytes(path.read_bytes() + b"x"),
+        "data-000001.tar: has other members than the manifest says, or bytes behind its end",
     ),
     "a file that is missing": ("coco/images/000003.png", Path.unlink, "coco/images/000003.png: is missing"),
     "a file that is none": (
