@@ -28,7 +28,11 @@ if TYPE_CHECKING:
     from clrender.scene.values import Part
     from clrender.view.lights import Emitter
 
-__all__ = ["NOT_LIVE", "EditedScene", "camera_toml"]
+__all__ = ["NOT_LIVE", "POSE", "EditedScene", "camera_toml", "pose_as_opened"]
+
+POSE: Final = ("position", "target", "up")
+"""Keys of a camera that say where it is."""
+
 
 NOT_LIVE: Final = ("time_limit", "max_memory", "traversal", "kernels", "code")
 """Settings that a page cannot change: somebody who watches stops by hand, and memory is the command line's affair."""
@@ -107,12 +111,17 @@ class EditedScene:
     def moved(self, keys: Mapping[str, Any]) -> EditedScene:
         """With other keys of the camera; None stands for a key's default.
 
+        A camera in motion that gets another place rests from then on, and has the rest of it from where it was as the
+        shutter opened.
+
         Raises
         ------
         SceneError
             There is no such camera.
         """
         values = {name: getattr(self.camera, name) for name in self.camera.model_fields_set}
+        if self.camera.motion and "motion" not in keys and any(name in keys for name in POSE):
+            values |= {"motion": None, **pose_as_opened(self.camera)}
         values |= keys
         values = {name: value for name, value in values.items() if value is not None}
         try:
@@ -291,6 +300,12 @@ class EditedScene:
             or self.materials != other.materials
             or self.lights != other.lights
         )
+
+
+def pose_as_opened(camera: Camera) -> dict[str, Any]:
+    """`POSE` of a camera as the shutter opens: what a view shows, and what its moves begin with."""
+    opened = camera.opened
+    return {name: getattr(opened, name) for name in POSE}
 
 
 def camera_toml(camera: Camera) -> str:

@@ -462,3 +462,14 @@ def test_an_outline_of_too_many_edges_is_coarser() -> None:
     width, height, path = outline(mask)
     assert width < 701 and height < 513
     assert path.count("M") <= 20_000
+
+
+MOVING = {**LIT, "camera": {**LIT["camera"], "time": 1.0, "motion": [{"time": 0}, {"time": 1, "position": [0, 0, 2]}]}}
+
+
+def test_a_camera_in_motion_is_moved_from_where_it_was_as_the_shutter_opened() -> None:
+    start = EditedScene.of(clrender.Scene.model_validate(MOVING), {"width": 8, "height": 8})
+    assert tables.state(start)["camera"]["position"] == [0.0, 0.0, 2.0]
+    moved = start.moved({"target": (0.0, 1.0, 0.0)}).job.scene.camera
+    assert not moved.motion and moved.position == (0.0, 0.0, 2.0) and moved.target == (0.0, 1.0, 0.0)
+    assert start.moved({"vertical_fov": 20.0}).camera.motion == start.camera.motion
