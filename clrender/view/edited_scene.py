@@ -217,9 +217,10 @@ class EditedScene:
         position : (float, float, float), optional
             Metres.
         """
-        at = self.camera.target if position is None else position
+        camera = self.camera.opened
+        at = camera.target if position is None else position
         try:
-            table, light = added_light(kind, at, self.camera, self._stops)
+            table, light = added_light(kind, at, camera, self._stops)
         except ValidationError as error:
             raise scene_error(error, Camera, "the light") from None
         name = free_place(self.scene, self.lights, table)
