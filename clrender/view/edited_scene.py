@@ -261,7 +261,7 @@ class EditedScene:
             return self._lit(others)
         if kind == "none":
             return self._lit(others if own is None else {**others, name: None})
-        before = self.emitters.get(name)
+        before = self.emitters.get(name) or emitters(self.scene).get(name)  # removed: as the scene has it
         light = environment_light(kind, file, self.scene, before, self._stops)
         edited = self._lit({**others, name: light})
         edited.checked.scene.environment_picture()  # read now: it is refused where it cannot be

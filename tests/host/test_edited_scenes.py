@@ -492,3 +492,10 @@ def test_light_and_focus_are_those_of_a_moving_camera_as_the_shutter_opens() -> 
         image_state=SimpleNamespace(width=8, height=8, film=None, revision=1), probed=lambda x, y: layers
     )
     assert probe(progressive, start, 4, 4)["focus_distance"] == 1.5
+
+
+def test_an_environment_after_none_has_what_that_of_the_scene_had() -> None:
+    sky = {"type": "environment", "radiance": [1, 1, 1], "visible_to_camera": False, "light_group": "sky"}
+    start = EditedScene.of(clrender.Scene.model_validate({**LIT, "lights": [sky]}), {"width": 8, "height": 8})
+    light = start.with_environment("none", "").with_environment("constant", "").job.scene.lights[0]
+    assert not light.visible_to_camera and light.light_group == "sky"
