@@ -479,7 +479,7 @@ def test_a_camera_in_motion_is_moved_from_where_it_was_as_the_shutter_opened() -
 
 def test_light_and_focus_are_those_of_a_moving_camera_as_the_shutter_opens() -> None:
     start = EditedScene.of(clrender.Scene.model_validate(MOVING), {"width": 8, "height": 8})
-    light = start.with_added_light("point", None)[0].job.scene.lights[-1]
+    light: Any = start.with_added_light("point", None)[0].job.scene.lights[-1]
     assert light.position == (0.0, 0.5, 0.0)  # a quarter of 2 m
     layers = {
         "object": [0],
@@ -497,5 +497,5 @@ def test_light_and_focus_are_those_of_a_moving_camera_as_the_shutter_opens() -> 
 def test_an_environment_after_none_has_what_that_of_the_scene_had() -> None:
     sky = {"type": "environment", "radiance": [1, 1, 1], "visible_to_camera": False, "light_group": "sky"}
     start = EditedScene.of(clrender.Scene.model_validate({**LIT, "lights": [sky]}), {"width": 8, "height": 8})
-    light = start.with_environment("none", "").with_environment("constant", "").job.scene.lights[0]
+    light: Any = start.with_environment("none", "").with_environment("constant", "").job.scene.lights[0]
     assert not light.visible_to_camera and light.light_group == "sky"
