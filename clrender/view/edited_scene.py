@@ -28,7 +28,11 @@ if TYPE_CHECKING:
     from clrender.scene.values import Part
     from clrender.view.lights import Emitter
 
-__all__ = ["NOT_LIVE", "EditedScene", "camera_toml"]
+__all__ = ["NOT_LIVE", "POSE", "EditedScene", "camera_toml", "pose_as_opened"]
+
+POSE: Final = ("position", "target", "up")
+"""Keys of a camera that say where it is."""
+
 
 NOT_LIVE: Final = ("time_limit", "max_memory", "traversal", "kernels", "code")
 """Settings that a page cannot change: somebody who watches stops by hand, and memory is the command line's affair."""
@@ -107,12 +111,17 @@ class EditedScene:
     def moved(self, keys: Mapping[str, Any]) -> EditedScene:
         """With other keys of the camera; None stands for a key's default.
 
+        A camera in motion that gets another place rests from then on, and has the rest of it from where it was as the
+        shutter opened.
+
         Raises
         ------
         SceneError
             There is no such camera.
         """
         values = {name: getattr(self.camera, name) for name in self.camera.model_fields_set}
+        if self.camera.motion and "motion" not in keys and any(name in keys for name in POSE):
+            values |= {"motion": None, **pose_as_opened(self.camera)}
         values |= keys
         values = {name: value for name, value in values.items() if value is not None}
         try:
@@ -208,9 +217,10 @@ class EditedScene:
         position : (float, float, float), optional
             Metres.
         """
-        at = self.camera.target if position is None else position
+        camera = self.camera.opened
+        at = camera.target if position is None else position
         try:
-            table, light = added_light(kind, at, self.camera, self._stops)
+            table, light = added_light(kind, at, camera, self._stops)
         except ValidationError as error:
             raise scene_error(error, Camera, "the light") from None
         name = free_place(self.scene, self.lights, table)
@@ -251,7 +261,7 @@ class EditedScene:
             return self._lit(others)
         if kind == "none":
             return self._lit(others if own is None else {**others, name: None})
-        before = self.emitters.get(name)
+        before = self.emitters.get(name) or emitters(self.scene).get(name)  # removed: as the scene has it
         light = environment_light(kind, file, self.scene, before, self._stops)
         edited = self._lit({**others, name: light})
         edited.checked.scene.environment_picture()  # read now: it is refused where it cannot be
@@ -291,6 +301,12 @@ class EditedScene:
             or self.materials != other.materials
             or self.lights != other.lights
         )
+
+
+def pose_as_opened(camera: Camera) -> dict[str, Any]:
+    """`POSE` of a camera as the shutter opens: what a view shows, and what its moves begin with."""
+    opened = camera.opened
+    return {name: getattr(opened, name) for name in POSE}
 
 
 def camera_toml(camera: Camera) -> str:

@@ -77,7 +77,7 @@ def probe(progressive: Progressive, edited: EditedScene, x: int, y: int) -> dict
     reply["position"] = _finite(seen["position"].tolist())
     reply["normal"] = _finite(seen["normal"].tolist())
     if reply["position"] is not None:
-        camera = edited.camera
+        camera = edited.camera.opened  # as the layers are rendered
         view = np.subtract(camera.target, camera.position)
         along = float(np.dot(np.subtract(reply["position"], camera.position), view / np.linalg.norm(view)))
         reply["focus_distance"] = along if along > 0.0 else None

@@ -13,7 +13,7 @@ from clrender.image.tone_map import TONE_MAPS
 from clrender.integrators import INTEGRATORS
 from clrender.settings import IMAGE, SETTINGS
 from clrender.version import __version__
-from clrender.view.edited_scene import NOT_LIVE, EditedScene, camera_toml
+from clrender.view.edited_scene import NOT_LIVE, EditedScene, camera_toml, pose_as_opened
 from clrender.view.environments import environment_told
 from clrender.view.frames import LAYERS
 from clrender.view.lights import ADDED, emitter_parameters, label_of
@@ -128,7 +128,10 @@ def state(edited: EditedScene) -> dict[str, Any]:
     return {
         "width": settings.film_size[0],
         "height": settings.film_size[1],
-        "camera": edited.camera.model_dump(mode="json", include=edited.camera.own_keys),
+        "camera": {
+            **edited.camera.model_dump(mode="json", include=edited.camera.own_keys),
+            **{name: list(each) for name, each in pose_as_opened(edited.camera).items()},
+        },
         "camera_toml": camera_toml(edited.camera),
         "camera_stops": photographic_stops(**(edited.camera.exposure or {})),
         "settings": {name: getattr(settings, name) for name in SETTINGS if name not in NOT_LIVE},

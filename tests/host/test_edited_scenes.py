@@ -10,6 +10,7 @@ import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ from clrender.view.history import History
 from clrender.view.keep import command_line, kept_scene, table_text, write_archive
 from clrender.view.lights import ADDED, emitter_keys, emitter_parameters, emitters
 from clrender.view.outline import outline
+from clrender.view.probe import probe
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -462,3 +464,38 @@ def test_an_outline_of_too_many_edges_is_coarser() -> None:
     width, height, path = outline(mask)
     assert width < 701 and height < 513
     assert path.count("M") <= 20_000
+
+
+MOVING = {**LIT, "camera": {**LIT["camera"], "time": 1.0, "motion": [{"time": 0}, {"time": 1, "position": [0, 0, 2]}]}}
+
+
+def test_a_camera_in_motion_is_moved_from_where_it_was_as_the_shutter_opened() -> None:
+    start = EditedScene.of(clrender.Scene.model_validate(MOVING), {"width": 8, "height": 8})
+    assert tables.state(start)["camera"]["position"] == [0.0, 0.0, 2.0]
+    moved = start.moved({"target": (0.0, 1.0, 0.0)}).job.scene.camera
+    assert not moved.motion and moved.position == (0.0, 0.0, 2.0) and moved.target == (0.0, 1.0, 0.0)
+    assert start.moved({"vertical_fov": 20.0}).camera.motion == start.camera.motion
+
+
+def test_light_and_focus_are_those_of_a_moving_camera_as_the_shutter_opens() -> None:
+    start = EditedScene.of(clrender.Scene.model_validate(MOVING), {"width": 8, "height": 8})
+    light: Any = start.with_added_light("point", None)[0].job.scene.lights[-1]
+    assert light.position == (0.0, 0.5, 0.0)  # a quarter of 2 m
+    layers = {
+        "object": [0],
+        "material": [0],
+        "depth": np.array([1.5]),
+        "position": np.array([0, 0, 0.5]),
+        "normal": np.eye(3)[2],
+    }
+    progressive: Any = SimpleNamespace(
+        image_state=SimpleNamespace(width=8, height=8, film=None, revision=1), probed=lambda x, y: layers
+    )
+    assert probe(progressive, start, 4, 4)["focus_distance"] == 1.5
+
+
+def test_an_environment_after_none_has_what_that_of_the_scene_had() -> None:
+    sky = {"type": "environment", "radiance": [1, 1, 1], "visible_to_camera": False, "light_group": "sky"}
+    start = EditedScene.of(clrender.Scene.model_validate({**LIT, "lights": [sky]}), {"width": 8, "height": 8})
+    light: Any = start.with_environment("none", "").with_environment("constant", "").job.scene.lights[0]
+    assert not light.visible_to_camera and light.light_group == "sky"
