@@ -144,7 +144,9 @@ def verify(
     job = _job(path, claim, found, guiding_field)
     with Session(device, notify=once(notify)) as session:
         film = session.render_part(job, wanted, lambda here: _check(path, claim, here), on_progress)
-        layers = session.layers(replace(job, aov=("alpha",))) if claim.has_alpha else {}
+        # Of shadow catchers the coverage comes from renders of its own
+        covers = claim.has_alpha and not found.has_shadow_catchers
+        layers = session.layers(replace(job, aov=("alpha",))) if covers else {}
     alpha = layers["alpha"][..., 0] if "alpha" in layers else None
     comparison = Comparison.of(claim, film, [_rectangle(claim, tile) for tile in chosen.tolist()], alpha)
     faults = [explanation(comparison)] if comparison.differing else []

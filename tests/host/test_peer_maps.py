@@ -123,16 +123,17 @@ SHAPE = '<shape type="{}">{}<transform name="to_world">{}</transform>{}</shape>'
 @for_each(
     ("kind", "inside", "way", "expected"),
     [
-        ("rectangle", "", "", False),
-        ("rectangle", "", '<scale y="-1"/>', True),
-        ("sphere", "", "", True),  # v runs from +z to -z
-        ("sphere", "", '<scale y="-1"/>', True),  # inside out as well
+        # The transform of its pictures turns them upside down, and with them green
+        ("rectangle", "", "", True),
+        ("rectangle", "", '<scale y="-1"/>', False),
+        ("sphere", "", "", False),  # v runs from +z to -z
+        ("sphere", "", '<scale y="-1"/>', False),  # inside out as well
         ("obj", '<string name="filename" value="q.obj"/>', "", True),  # which is flipped twice in all
         (
             "obj",
             '<string name="filename" value="q.obj"/><boolean name="flip_tex_coords" value="false"/>',
             "",
-            False,
+            True,
         ),
         ("cube", "", "", None),
     ],
@@ -178,7 +179,7 @@ def test_heights_are_coded_as_their_picture(tmp_path: Path, kind: str, wanted: s
 
 
 def test_normal_maps_of_mitsuba_that_are_not_raw_are_decoded(tmp_path: Path) -> None:
-    draft = mitsuba(tmp_path, SHAPE.format("rectangle", "", "", BUMPY.replace(RAW, "")))
+    draft = mitsuba(tmp_path, SHAPE.format("rectangle", "", '<scale y="-1"/>', BUMPY.replace(RAW, "")))
     (material,) = draft.description["materials"].values()
     found = pixels(draft, material["normal_map"]["texture"])
     np.testing.assert_allclose(found, linear(np.dstack([CODED, CODED.T, CODED])), atol=1e-6)

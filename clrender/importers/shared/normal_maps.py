@@ -26,7 +26,7 @@ def with_green_across(staging: Staging) -> None:
     """Give all shapes of a draft the normal maps of pbrt and Mitsuba.
 
     Triangles whose texture coordinates are mirrored, or whose map is turned, get tangents that say where red and green
-    are; other shapes get maps of reversed green, and a note where these are turned.
+    are; other shapes get maps of reversed green, and a note where these are turned otherwise than upside down.
 
     Parameters
     ----------
@@ -38,13 +38,10 @@ def with_green_across(staging: Staging) -> None:
         if not _has_normal_map(staging, shape.get("material")):
             continue
         mirrored = shape.get("flip_normals", False) != (_handedness(shape) < 0.0)
-        turned = _has_turned_map(staging, shape["material"])
         if shape["type"] != "mesh":
-            if turned:
-                staging.note(f"the slopes of a normal map on a shape of type {shape['type']} turn with its to_uv here")
-            if mirrored:
-                shape["material"] = _reversed(staging, shape["material"])
+            shape["material"] = _fitted(staging, shape["material"], mirrored)
             continue
+        turned = _has_turned_map(staging, shape["material"])
         mesh = draft.meshes[shape["file"]]
         tangents = _tangents(mesh, -1.0 if mirrored else 1.0, turned)
         if tangents is not None:
@@ -71,21 +68,28 @@ def _has_normal_map(staging: Staging, name: str | None) -> bool:
 def _has_turned_map(staging: Staging, name: str | None) -> bool:
     """Whether the transform of a normal map's texture turns or mirrors it."""
     material = staging.draft.description["materials"].get(name, {})
-    transform = TextureTransform(**material.get("normal_map", {}).get("transform", {}))
+    transform = _transform(material.get("normal_map", {}))
     turns = transform.rotate_degrees != 0.0 or min(transform.scale) < 0.0
     return turns or any(_has_turned_map(staging, part) for part in material.get("materials", ()))
 
 
-def _reversed(staging: Staging, name: str) -> str:
-    """Name of a material like another, but that green of its normal maps is reversed."""
-    if not _has_normal_map(staging, name):
-        return name
+def _transform(normal_map: dict[str, Any]) -> TextureTransform:
+    return TextureTransform(**normal_map.get("transform", {}))
+
+
+def _fitted(staging: Staging, name: str, mirrored: bool) -> str:
+    """Name of a material like another whose normal maps have green where it belongs on a shape without tangents."""
     described = dict(staging.draft.description["materials"][name])
+    fitted = dict(described)
     if "normal_map" in described:
-        described["normal_map"] = green_reversed(staging, described["normal_map"])
+        transform = _transform(described["normal_map"])
+        if transform.rotate_degrees or transform.scale[0] < 0.0:
+            staging.note("the slopes of a normal map that a transform turns, on a shape that is no mesh, turn with it")
+        if mirrored != (transform.scale[1] < 0.0):
+            fitted["normal_map"] = green_reversed(staging, described["normal_map"])
     if "materials" in described:
-        described["materials"] = [_reversed(staging, part) for part in described["materials"]]
-    return staging.material(f"{name}, mirrored", described)
+        fitted["materials"] = [_fitted(staging, part, mirrored) for part in described["materials"]]
+    return name if fitted == described else staging.material(f"{name}, green across", fitted)
 
 
 def _tangents(mesh: MeshData, facing: float, every: bool) -> NDArray[np.float32] | None:
