@@ -15,7 +15,7 @@ from clrender.wording import counted, quoted
 __all__ = ["Parameter", "Parameters"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)  # there may be millions
 class Parameter:
     """A parameter of a directive.
 
@@ -32,7 +32,7 @@ class Parameter:
     line: int
 
 
-@dataclass
+@dataclass(slots=True)
 class Parameters:
     """The parameters of a directive; records which of them were used.
 

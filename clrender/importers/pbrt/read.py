@@ -8,7 +8,7 @@ import zlib
 from collections import deque
 from collections.abc import Callable, Hashable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
@@ -284,21 +284,19 @@ class _World:
         parameters, state, group = self._parameters(directive, "shape"), self._state, self._object
         kind = directive.text(0, "type")
         if kind == "curve":
-            self._later.append(lambda: self._curve(directive, parameters, state, group))
+            self._later.append(partial(self._curve, parameters, state, group))
             return
         if state.inside != state.outside:
             self._transitions.append(state)
-        self._later.append(lambda: self._add(directive, kind, parameters, state, group))
+        self._later.append(partial(self._add, kind, parameters, state, group))
 
-    def _add(
-        self, directive: Directive, kind: str, parameters: Parameters, state: Graphics, group: list[Part] | None
-    ) -> None:
+    def _add(self, kind: str, parameters: Parameters, state: Graphics, group: list[Part] | None) -> None:
         """Add a shape, to an object if there is one."""
         if state.emission is not None and state.material() is None:
             self.staging.note('area lights on "interface" are left out, as in pbrt')
             state = replace(state, emission=None)
         for described in self._shapes.read(kind, parameters, state, self._interior(state)):
-            part = Part(described, state.emission, state.matrix, directive.line)
+            part = Part(described, state.emission, state.matrix, parameters.line)
             if group is not None:
                 if part.emission is not None:
                     self.staging.note("lights inside of objects do not shine, as in pbrt")
@@ -326,7 +324,7 @@ class _World:
             self.staging.note_empty_glass()
         return medium
 
-    def _curve(self, directive: Directive, parameters: Parameters, state: Graphics, within: list[Part] | None) -> None:
+    def _curve(self, parameters: Parameters, state: Graphics, within: list[Part] | None) -> None:
         """A curve: those that do not move are collected in the space of the world, or of their object."""
         moves = state.moves and within is None
         moved = (state.matrix.tobytes(), state.late.tobytes()) if moves else None
@@ -335,7 +333,7 @@ class _World:
         described = self._shapes.curve(parameters, state, matrix, group)
         if described is None:
             return
-        part = Part(described, None, np.eye(4), directive.line)
+        part = Part(described, None, np.eye(4), parameters.line)
         if within is not None:
             if state.moves:
                 self.staging.note("shapes inside of objects do not move by themselves: they are as at first")
