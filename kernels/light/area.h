@@ -46,23 +46,24 @@ static vfloat sphere_spread(vec3 origin, vec3 center, vfloat radius) {
     return outside ? quotient(sine2, splat(1.0f) + root(splat(1.0f) - sine2)) : splat(0.0f);
 }
 
-// How far beyond the sphere an origin may seem to lie that is on it, as a factor of the distance's square.
-#define SPHERE_ROUNDING 1.00001f
-
-// Whether the side of the sphere that shines can be seen from the origin: `facing` = +1, from outside; −1, from inside, and from points
-// of the sphere itself, which may lie to either side of it by a rounding.
-static vmask sphere_shines_on(vec3 origin, vec3 center, vfloat radius, vfloat facing) {
-    const vec3 to = sub(center, origin);
-    const vfloat distance2 = inner(to, to), radius2 = radius * radius;
-    return ((facing > 0.0f) & (distance2 > radius2)) | ((facing < 0.0f) & (distance2 <= radius2 * SPHERE_ROUNDING));
-}
-
-// A sphere that shines outwards is sampled by the cone that it fills, from outside it; one that shines inwards by its area, from inside.
+// A sphere that shines outwards is sampled by the cone that it fills, from outside it; one that shines inwards by its area, from inside
+// and, as its near side may have holes, from outside.
 static vfloat sphere_pdf(vec3 origin, vec3 center, vfloat radius, vfloat facing, vec3 point, vec3 normal) {
     const vfloat spread = sphere_spread(origin, center, radius);
     const vfloat cone = spread > 0.0f ? warp_cone_pdf(spread > 0.0f ? spread : splat(1.0f)) : splat(0.0f);
     const vfloat area = area_pdf(sub(point, origin), normal, inverse_or_one(radius * radius * (4.0f * PI)));
-    return sphere_shines_on(origin, center, radius, facing) ? (facing > 0.0f ? cone : area) : splat(0.0f);
+    return facing > 0.0f ? cone : area;
+}
+
+// How far beyond the sphere an origin may seem to lie that is on it, as a factor of the distance's square.
+#define SPHERE_ROUNDING 1.00001f
+
+// Whether the side of the sphere that shines is all around the origin or turned to it: `facing` = +1, from outside; −1, from inside, and
+// from points of the sphere itself, which may lie to either side of it by a rounding.
+static vmask sphere_shines_on(vec3 origin, vec3 center, vfloat radius, vfloat facing) {
+    const vec3 to = sub(center, origin);
+    const vfloat distance2 = inner(to, to), radius2 = radius * radius;
+    return ((facing > 0.0f) & (distance2 > radius2)) | ((facing < 0.0f) & (distance2 <= radius2 * SPHERE_ROUNDING));
 }
 
 static AreaSample sphere_sample(vec3 origin, vec3 center, vfloat radius, vfloat facing, vfloat u, vfloat v) {

@@ -122,7 +122,8 @@ static LightSample light_sample_one(const Scene* scene, vec3 origin, vuint own, 
     s.pdf = (l->primitive == own) & !(sphere & (facing < 0.0f)) ? splat(0.0f) : s.pdf;
     const vec3 emitted = emission_sampled(scene, l, area.point, area.normal, u, v, s.pdf > 0.0f);
     s.radiance = choose(point, scale(lamp_intensity(scene, l, negate(s.direction)), inverse_or_one(distance2)), emitted);
-    s.primitive = (triangle | sphere | disk) ? l->primitive : splat_uint(NONE);
+    const vmask across = sphere & !sphere_shines_on(origin, center, radius, facing);   // its near side may be in the way
+    s.primitive = (triangle | sphere | disk) & !across ? l->primitive : splat_uint(NONE);
     s.delta = point | directional;
     s.infinite = directional | environment | sun;
     if (lane_any(s.infinite)) {

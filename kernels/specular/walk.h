@@ -98,7 +98,9 @@ static vec3 walk_light(const Scene* scene, const Path* path, const Vertex* v, co
     to.target = choose(end->surface, ray_end(c->last.point, end->point, end->normal, end->error), end->point);
     to.radiance = radiance;
     to.pdf = splat(1.0f);
-    to.primitive = end->surface ? end->light.primitive : splat_uint(NONE);
+    // A sphere that shines inwards may be in the way of its own light
+    const vmask inwards = (end->light.kind == LIGHT_AREA_SPHERE) & (end->light.row[LIGHT_ROW_FACING] < 0.0f);
+    to.primitive = end->surface & !inwards ? end->light.primitive : splat_uint(NONE);
     to.delta = mask_all();
     to.infinite = end->infinite;
     const ShadowRay shadow = shadow_ray(&c->last, &to, &c->in);

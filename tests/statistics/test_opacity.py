@@ -188,6 +188,19 @@ def test_half_a_lamp_shines_half(evidence: Evidence, studio: Studio) -> None:
             evidence.equal(f"{lamp['type']} {sampling}", whole * 0.25, quarter)
 
 
+@pytest.mark.long
+def test_a_shade_with_holes_that_shines_inwards(evidence: Evidence, studio: Studio) -> None:
+    """From outside its far side is seen through its near side, which takes its share of the light."""
+    shade = sphere([0.0, 0.0, 0.5], 1.0, material="shade", emission=[1.0, 1.0, 1.0])
+    floor = quad([-4.0, -4.0, -1.0], [8.0, 0.0, 0.0], [0.0, 8.0, 0.0], material="white")
+    camera = {"position": [0.0, -6.0, 2.0], "target": [0.0, 0.0, 0.5], "vertical_fov": 45.0}
+    materials = {"white": lambert(0.7), "shade": {**lambert(0.8), "opacity": 0.5}}
+    what = described(materials, [floor, {**shade, "flip_normals": True}], camera)
+    found = studio.tiles(what, spp=64, sampling="bsdf")
+    for way in ({}, {"sampling": "light"}, {"integrator": "bdpt"}, {"integrator": "photon"}, {"integrator": "reuse"}):
+        evidence.equal(f"{way}", studio.tiles(what, spp=64, **way), found)
+
+
 # --- what is known of holes without a look at the texture -------------------------------------------------------------
 
 

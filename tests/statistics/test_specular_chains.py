@@ -216,3 +216,13 @@ def test_no_table_no_chains(session: clrender.Session) -> None:
     what = scene([FLOOR], [lamp((0.0, 1.0, 0.0))], down(), grey=GREY)
     plain, asked = (session.render(what, size=SIZE, spp=2, **how).stats["image_sha256"] for how in ({}, CHAINS))
     assert plain == asked
+
+
+@pytest.mark.long
+def test_a_lamp_that_shines_inwards_is_closed(studio: Studio) -> None:
+    """No chain passes the near side to the far one, which is turned to it."""
+    lit = sphere((0.0, 3.0, 0.0), 1.0, material="grey", emission=[1.0, 1.0, 1.0])
+    glass = sphere((0.0, 1.0, 0.0), 0.7, material="glass")
+    camera = {"position": [0.0, 3.0, 6.0], "target": [0.0, 1.0, 0.0], "vertical_fov": 45.0}
+    what = scene([FLOOR, glass, {**lit, "flip_normals": True}], camera=camera, grey=GREY, glass=GLASS)
+    assert studio.image(what, spp=64, **CHAINS).max() == 0.0
