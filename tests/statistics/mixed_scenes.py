@@ -519,9 +519,17 @@ def _black(draw: Draw, name: str) -> Mixed:
             x, z = draw.between(-3, 3), draw.between(-3, 3)
             lamp = {"type": "disk", "center": [x, 6.0, z], "normal": [0.0, 1.0, 0.0], "radius": 0.7}
             things.shapes.append({**lamp, "emission": draw.color(1.0, 9.0)})
+        things.shapes.append(_closed(things.shapes[-1]))
     else:
         _hidden_lights(draw, things, lights, None if way == "outside" else camera["position"])
     return Mixed(name, _assembled(things, camera, lights, **more), 0.0)
+
+
+def _closed(lamp: Json) -> Json:
+    """A sphere that shines inwards only, above a disk."""
+    x, y, z = lamp["center"]
+    ball = {"type": "sphere", "center": [x, y + 2.0 * lamp["radius"], z], "radius": lamp["radius"]}
+    return {**ball, "flip_normals": True, "emission": lamp["emission"]}
 
 
 def _hidden_lights(draw: Draw, things: Things, lights: list[Json], inside: list[float] | None) -> None:

@@ -134,6 +134,10 @@ class Things:
             frozenset({0, *self._coordinates(name)}),
         )
         shape |= {"emission": emission} | ({"material": name} if white or draw.chance(0.7) else {})
+        if shape["type"] == "sphere" and not white and len(self.shapes) % 2:  # without a draw
+            shape["flip_normals"] = True
+            if "material" in shape:
+                self.materials[name] |= {"opacity": 0.5}
         self.shapes.append(shape)
 
     def colorable(self, name: str) -> bool:
