@@ -11,6 +11,7 @@ from clrender.aov.first_hits import (
     LAYER_SAMPLES,
     LayerArguments,
     LayerKind,
+    alpha_samples,
     first_hits,
     hit_counts,
 )
@@ -52,6 +53,7 @@ __all__ = [
     "check_aovs",
     "exact_channels",
     "exr_channels",
+    "alpha_samples",
     "first_hits",
     "hit_counts",
     "labels_told",

@@ -48,6 +48,7 @@ __all__ = [
     "LAYER_SAMPLES",
     "LayerArguments",
     "LayerKind",
+    "alpha_samples",
     "first_hits",
     "hit_counts",
 ]
@@ -253,7 +254,7 @@ def first_hits(
         passes = _Passes(team, asked, settings, should_stop, notify or (lambda line: None), apart, most)
         for name in wanted:
             if name not in (*_NUMBERS, *MATTES, *FLOWS, *LABELS, _TURNED):
-                found[name] = _layer(name, *passes.mean(name, _alpha_samples(settings) if name == "alpha" else samples))
+                found[name] = _layer(name, *passes.mean(name, alpha_samples(settings) if name == "alpha" else samples))
         if _TURNED in wanted:
             kind = _TURNED if flat.camera["segments"].any() else "normal"
             normal = found[kind] if kind in found else _layer(kind, *passes.mean(kind, samples))
@@ -309,8 +310,8 @@ def hit_counts(
         return np.array(film.counts, np.uint32)
 
 
-def _alpha_samples(settings: RenderSettings) -> int:
-    """Those of the image, so that both have the same edges; of an image that may end early, which comes later, some."""
+def alpha_samples(settings: RenderSettings) -> int:
+    """Samples of the layer alpha: those of the image, so that both have the same edges, or some if it may end early."""
     ends_early = settings.time_limit is not None or settings.error is not None
     return min(settings.spp, _ALPHA_SAMPLES) if ends_early else settings.spp
 

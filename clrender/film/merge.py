@@ -26,6 +26,10 @@ _SAME: Final = (
     "settings",
     "camera_exposure",
     "triangles",
+    "crop",
+    "faults",
+    "plugins",
+    "guiding_field_sha256",
 )
 
 
@@ -47,8 +51,8 @@ def merge_films(paths: Sequence[str | Path]) -> Film:
     Raises
     ------
     UsageError
-        When a file is no complete film, is of another request, or shares samples with another file; the message names
-        both files.
+        When a file is no complete film, is of a session that refits BVHs, is of another request, or shares samples with
+        another file; the message names both files.
     """
     if not paths:
         raise UsageError("no film was given; name the films to merge")
@@ -67,6 +71,11 @@ def merge_films(paths: Sequence[str | Path]) -> Film:
 def _loaded(path: str | Path) -> Film:
     film = Film.load(path)
     check_consistency(film, path)
+    if film.request.get("refit"):
+        raise UsageError(
+            f"{path}: was rendered by a session that refits BVHs, so its last digits depend on the scenes before it; "
+            "merge films of sessions without refit"
+        )
     return film
 
 

@@ -29,6 +29,7 @@ from clrender.wording import counted
 
 if TYPE_CHECKING:
     from clrender.device import Device
+    from clrender.guiding.field import GuidingField
     from clrender.rendering.rendered_image import Progress, RenderedImage
     from clrender.scene import Scene
 
@@ -243,18 +244,25 @@ def maps_in(
             f"{2 * replicate} or more"
         )
 
-    def rendered(aov: tuple[str, ...] = (), **changes: Any) -> RenderedImage:
-        one = dataclasses.replace(job, settings=dataclasses.replace(settings, **changes), aov=aov)
+    def rendered(
+        aov: tuple[str, ...] = (), field: GuidingField | None = job.guiding_field, **changes: Any
+    ) -> RenderedImage:
+        one = dataclasses.replace(job, settings=dataclasses.replace(settings, **changes), aov=aov, guiding_field=field)
         image = session.render(one, keep_film=False, on_progress=on_progress, should_stop=should_stop)
         if image.stats["spp"] < job.sample_count or (should_stop is not None and should_stop()):
             raise RenderError("the maps are not complete: they were stopped early")
         return image
 
-    by_strategy = {name: rendered(("stderr",), sampling=name) for name in STRATEGIES}
-    whole = by_strategy[settings.sampling]
+    whole = rendered(("stderr",))
+    # One field guides all of them, for the same samples
+    guided: dict[str, Any] = {"field": (field := whole.guiding_field), "guiding": "off" if field is None else "on"}
+    by_strategy = {
+        name: whole if name == settings.sampling else rendered(("stderr",), sampling=name, **guided)
+        for name in STRATEGIES
+    }
     limit = settings.max_depth
     depths = [depth for depth in range(most + 1) if limit is None or depth < limit]
-    sums = [rendered(max_depth=depth).linear for depth in depths]
+    sums = [rendered(max_depth=depth, **guided).linear for depth in depths]
     sums += [whole.linear] * (most + 2 - len(sums))
     parts = np.diff(np.stack(sums).astype(np.float64), axis=0, prepend=0.0)
     weights = np.array(LUMINANCE)

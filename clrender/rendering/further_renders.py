@@ -97,14 +97,14 @@ class FurtherRenders:
 
     def _again(self, **settings: Any) -> RenderJob:
         """The job that takes the samples of the image once more, without layers, under these settings."""
+        return self._bare(aov=(), **self._samples_again(**settings))
+
+    def _samples_again(self, **settings: Any) -> dict[str, Any]:
+        """The parts of a job that say which samples it takes and what guides them: as the image's, to the last one."""
         field, count = self.field(), self.image.stats["sample_count"]
         settings |= {"spp": self.job.first_sample + count, "guiding": "off" if field is None else "on"}
-        return self._bare(
-            settings=dataclasses.replace(self.job.settings, error=None, time_limit=None, **settings),
-            sample_count=count,
-            aov=(),
-            guiding_field=field,
-        )
+        again = dataclasses.replace(self.job.settings, error=None, time_limit=None, **settings)
+        return {"settings": again, "sample_count": count, "guiding_field": field}
 
     def _light_groups(self) -> None:
         """The parts of the light groups: the same samples again, with the lights of one group at a time."""
@@ -139,13 +139,10 @@ class FurtherRenders:
 
     def _shadow_catchers(self) -> None:
         """The layer of shadow catchers, and their shadows in alpha: the same samples, with and without objects."""
-        alpha, count, parts = self.image.alpha, self.image.stats["sample_count"], []
+        alpha, parts = self.image.alpha, []
         if alpha is None:
             raise _Stopped
-        settings = dataclasses.replace(
-            self.job.settings, spp=self.job.first_sample + count, error=None, time_limit=None
-        )
-        common = self._bare(settings=settings, sample_count=count, aov=("alpha",), guiding_field=None)
+        common = self._bare(aov=("alpha",), **self._samples_again())
         for scene in whole_and_bare(self.job.scene):
             part = self._part(dataclasses.replace(common, scene=scene))
             assert part.alpha is not None, "it is asked for"

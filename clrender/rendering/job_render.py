@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from clrender.aov import LABELS, labels_told, matte_names
+from clrender.aov import LABELS, alpha_samples, labels_told, matte_names
 from clrender.device import Device
 from clrender.device.launch import LaunchConfig
 from clrender.device.prepared import Prepared
@@ -133,6 +133,7 @@ class JobRender:
         self._layers = Layers(residency, job, self._plan.tile, launch, self._should_stop)
         self._prepared_stats: Mapping[str, Any] = {}
         self._guiding_field: GuidingField | None = None
+        self._has_prepared = False
         self._resumed: Mapping[str, int] = dict.fromkeys(("samples", "rays", "shadow_rays", "max_depth"), 0)
 
     @property
@@ -180,8 +181,11 @@ class JobRender:
         return struct
 
     def _field_of(self, image: RenderedImage, flat: FlatScene) -> GuidingField | None:
-        """The field that guided the image. Workers of a cluster keep theirs, so it is trained once more, to the bit."""
-        if image.guiding_field is not None or image.interrupted or self._cluster is None or not self._job.guided:
+        """The field that guided the image.
+
+        It is trained once more, to the bit, where workers of a cluster keep theirs, or a checkpoint had all samples.
+        """
+        if self._has_prepared or image.interrupted or not self._job.guided:
             return image.guiding_field
         with self._memory_held():
             self._prepared(flat)
@@ -343,6 +347,8 @@ class JobRender:
         mattes = {name: names for name, names in matte_names(job.scene).items() if name in wanted} if job.aov else {}
         incomplete = not tally.complete or lacking
         image = RenderedImage(linear, stats, film, incomplete, denoised, wanted, mattes, self._guiding_field)
+        if "alpha" in wanted:
+            stats["alpha_samples"] = alpha_samples(job.settings)
         if any(name in LABELS for name in wanted):
             areas: dict[str, dict[int, float]] = {name: self._layers.areas[name] for name in LABELS if name in wanted}
             image.labels = labels_told(job.scene, areas, {})
@@ -483,7 +489,7 @@ class JobRender:
     def _prepared(self, flat: FlatScene) -> Prepared:
         """The scene and kernels that the integrator renders with, after its preparation."""
         found = prepare(self._job, flat, self._residency, self._launch, self._stops)
-        self._prepared_stats, self._guiding_field = found.stats, found.result
+        self._prepared_stats, self._guiding_field, self._has_prepared = found.stats, found.result, True
         return found
 
     def _stops(self) -> bool:

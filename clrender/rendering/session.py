@@ -204,6 +204,9 @@ class Session:
             job.check_for_cluster()
         if checkpoint is None and resume:
             raise UsageError("resume has no effect without a checkpoint; name its file")
+        if resume and self._residency.refits:
+            text = "last digits depend on the scenes before it; resume in a session without refit"
+            raise UsageError(f"resume is not for a session that refits BVHs, whose {text}")
 
         def work() -> RenderedImage:
             render = partial(JobRender, self._residency, job, *self._callbacks(on_progress, should_stop))

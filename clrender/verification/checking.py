@@ -146,7 +146,7 @@ def verify(
         film = session.render_part(job, wanted, lambda here: _check(path, claim, here), on_progress)
         # Of shadow catchers the coverage comes from renders of its own
         covers = claim.has_alpha and not found.has_shadow_catchers
-        layers = session.layers(replace(job, aov=("alpha",))) if covers else {}
+        layers = session.layers(_alpha_job(job, claim)) if covers else {}
     alpha = layers["alpha"][..., 0] if "alpha" in layers else None
     comparison = Comparison.of(claim, film, [_rectangle(claim, tile) for tile in chosen.tolist()], alpha)
     faults = [explanation(comparison)] if comparison.differing else []
@@ -289,6 +289,12 @@ def _job(path: Path, claim: Claim, scene: Scene, field: GuidingField | str | Pat
         return RenderJob.of(scene, size=size, spp=claim.samples_end, **said)
     except (UsageError, TypeError, ValueError, OverflowError) as error:
         raise UsageError(f"{path}: cannot be rendered again here ({error})") from None
+
+
+def _alpha_job(job: RenderJob, claim: Claim) -> RenderJob:
+    """The job of the layer alpha alone, with as many samples as the file's."""
+    settings = replace(job.settings, spp=claim.provenance["alpha_samples"], error=None, time_limit=None)
+    return replace(job, settings=settings, aov=("alpha",))
 
 
 _NOT_SETTINGS: Final = (

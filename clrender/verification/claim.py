@@ -54,9 +54,12 @@ class Claim(ABC):
         Its contradictions, a sentence each.
     has_alpha : bool
         Whether it has coverage beside its colours, which `compare` then needs.
+    beside : str
+        What differs where the means of its pixels do not.
     """
 
     has_alpha = False
+    beside = "squares, on which error estimates rest, and not in the image"
 
     def __init__(self, request: Mapping[str, Any], ledger: Ledger, provenance: Mapping[str, Any]) -> None:
         self.request = dict(request)
@@ -140,6 +143,8 @@ def _of_data_set(path: Path) -> str:
 class ImageClaim(Claim):
     """Claim of an `.exr` or `.png` with its settings: pixels that have all samples of a render."""
 
+    beside = "coverage, and not in their colours"
+
     def __init__(self, path: Path, provenance: Mapping[str, Any]) -> None:
         missing = [key for key in ("settings", "first_sample", "sample_count", *_HASHES) if key not in provenance]
         if missing:
@@ -166,6 +171,8 @@ class ImageClaim(Claim):
         self._display = path.suffix.lower() in DISPLAY_ENDINGS
         self._alpha: npt.NDArray[Any] | None = read_alpha(path) if self._display else read_coverage(path)
         self.has_alpha = self._alpha is not None
+        if self.has_alpha and not isinstance(provenance.get("alpha_samples"), int):
+            raise UsageError(f"{path}: does not say of how many samples its alpha is; verify its .film")
         self._check_stored(path)
         ledger = Ledger(width, height)
         blocks = np.arange(len(ledger.taken()))
@@ -200,11 +207,9 @@ class ImageClaim(Claim):
             )
 
     def _stored_alpha(self, alpha: npt.NDArray[np.float32]) -> npt.NDArray[Any]:
-        """Coverage as the file stores it."""
-        if self._display:
-            made: npt.NDArray[Any] = np.rint(alpha * np.float32(255.0)).astype(np.uint8)
-            return made
-        return half_of(alpha).astype(np.float32) if self._stored.get("exr_type") == "half" else alpha
+        """Coverage as the file stores it; one for display may have been made from a file with half precision."""
+        stored = half_of(alpha).astype(np.float32) if self._stored.get("exr_type") == "half" else alpha
+        return np.rint(stored * np.float32(255.0)).astype(np.uint8) if self._display else stored
 
     def compare(
         self, film: Film, rows: slice, columns: slice, alpha: npt.NDArray[np.float32] | None = None

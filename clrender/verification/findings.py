@@ -42,6 +42,8 @@ class Comparison:
         Mean of each tile in the file and in the render.
     relative : float
         Median relative difference of the channels that differ.
+    beside : str
+        What differs where no channel does; see `Claim`.
     """
 
     checked: int
@@ -49,6 +51,7 @@ class Comparison:
     pixels: tuple[tuple[int, int], ...]
     means: npt.NDArray[np.float64]
     relative: float
+    beside: str
 
     @classmethod
     def of(
@@ -68,7 +71,7 @@ class Comparison:
                 ratios.append(np.abs(there - here)[other] / scale)
         every = np.concatenate(ratios)
         relative = float(np.median(every)) if len(every) else 0.0
-        return cls(len(tiles), tuple(differing), tuple(pixels), np.array(means), relative)
+        return cls(len(tiles), tuple(differing), tuple(pixels), np.array(means), relative, claim.beside)
 
 
 def explanation(comparison: Comparison) -> str:
@@ -81,7 +84,7 @@ def explanation(comparison: Comparison) -> str:
     first = f"{grouped(wrong)} of {counted(checked, 'tile')} rendered again {'differs' if wrong == 1 else 'differ'}"
     first += f", first {where}" if wrong > 1 else f": {where}"
     if comparison.relative == 0.0:
-        return f"{first}, in their squares, on which error estimates rest, and not in the image: the file was changed"
+        return f"{first}, in their {comparison.beside}: the file was changed"
     if 2 * wrong < checked or wrong < 2:
         return f"{first}: samples were changed, or a device computed them wrongly"
     if comparison.relative < _ROUNDING:

@@ -176,6 +176,7 @@ class Progressive:
             samples = min(max(int(state.film.ledger.taken().max(initial=1)), 1), _ALPHA_SAMPLES)
             layers = self._session.layers(_smaller(job, 1, samples, ("alpha",)))
             image.aovs |= _cropped(job, 1, layers)
+            image.stats["alpha_samples"] = samples
         return image
 
     def copied(self, alpha: bool = False) -> RenderedImage | None:

@@ -117,6 +117,18 @@ def test_groups_add_up_in_every_way(
         check(session, described(around, many), how)
 
 
+def test_groups_of_a_checkpoint_that_is_complete(device: Device, tmp_path: Path) -> None:
+    """Are guided as its image was."""
+    how: dict[str, Any] = {"size": SIZE, "spp": 8, "light_groups": True, "guiding": "on", "guiding_paths": 4096}
+    with clrender.Session(device) as session:
+        made = [
+            session.render(described(), **how, checkpoint=tmp_path / "a.film", resume=resume)
+            for resume in (False, True)
+        ]
+    for name, part in made[0].light_groups.items():
+        np.testing.assert_array_equal(made[1].light_groups[name], part)
+
+
 @pytest.mark.parametrize("around", [pytest.param(SKY, marks=pytest.mark.long), SUN], ids=["sky", "sun"])
 def test_a_group_is_what_its_lights_contribute(device: Device, around: dict[str, Any]) -> None:
     """The same as a scene that has no other lights, but for the noise of the light samples."""

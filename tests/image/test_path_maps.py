@@ -48,6 +48,14 @@ def test_parts_add_up_to_the_image(device: Device, maps: PathMaps) -> None:
     assert maps.noise["bsdf"] > 2.0 * maps.noise["mis"] > 0.0
 
 
+@pytest.mark.long
+def test_one_field_guides_all_parts(device: Device) -> None:
+    """So that they are of the same samples, and no part is negative."""
+    how: dict[str, Any] = {"guiding": "on", "guiding_paths": 8192, "size": (24, 24), "spp": 32}
+    made = clrender.path_maps(clrender.load("cornell"), bounces=3, device=device, **how)
+    assert made.bounces.min() > -1e-6
+
+
 def test_parts_of_a_closed_ball_are_powers_of_its_reflectance(device: Device) -> None:
     found = clrender.path_maps(closed(0.5), size=(16, 16), spp=64, bounces=4, device=device)
     means = found.bounces.astype(np.float64).mean(axis=(1, 2, 3))

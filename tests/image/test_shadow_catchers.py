@@ -91,6 +91,16 @@ def test_what_is_black_may_as_well_be_held_out(device: Device, integrator: str, 
     assert held.linear.max() > 0.1 and (held.linear == seen.linear).mean() > 0.95
 
 
+@pytest.mark.long
+def test_one_field_guides_the_image_and_its_shadows(device: Device) -> None:
+    """So that all are of the same samples, and what is solid stays so."""
+    how: _Table = {"guiding": "on", "guiding_paths": 4096, "aov": ("alpha", "instance")}
+    image = rendered(device, scene_of(catching(FLOOR), BALL), **how)
+    assert image.alpha is not None
+    solid = (image.mask("instance") == image.labels["instance"][-1].number) & (image.aovs["instance"][..., 1] == 1.0)
+    assert solid.sum() > 20 and (image.alpha[solid] == 1.0).all()
+
+
 @pytest.mark.parametrize(
     "integrator", [pytest.param(name, marks=() if name == "path" else pytest.mark.long) for name in INTEGRATORS]
 )

@@ -14,6 +14,7 @@ import clrender
 from clrender.device import Device
 from clrender.film import Film
 from clrender.film.merge import merge_films
+from clrender.rendering.rendered_image import RenderedImage
 
 SIZE = (50, 39)  # 4 x 3 tiles, cut off at two sides
 
@@ -52,11 +53,51 @@ def test_a_field_from_a_file_is_needed(device: Device, tmp_path: Path) -> None:
     assert field is not None
     field.save(tmp_path / "a.npy")
     image = clrender.render(room, guiding_field=tmp_path / "a.npy", **made)
-    for name in ("a.film", "a.png"):
-        image.save(tmp_path / name)
+    image.save(tmp_path / "a.film")
+    whole = merge_films([tmp_path / "a.film"])
+    for name in ("a.film", "a.png", "merged.exr"):
+        if name == "merged.exr":
+            RenderedImage(whole.mean(), whole.provenance, whole, False).save(tmp_path / name)
+        else:
+            image.save(tmp_path / name)
         with pytest.raises(clrender.UsageError, match="name it with --guiding-field"):
             clrender.verify(tmp_path / name, device=device)
         assert clrender.verify(tmp_path / name, 0.2, guiding_field=field, device=device).sound
+
+
+WAYS_TO_END: tuple[dict[str, Any], ...] = (
+    {"spp": 512, "time_limit": 1000.0},
+    {"spp": 16, "samples": (0, 8)},
+    {"spp": 320, "error": 0.9, "replicate_spp": 1},
+)
+
+
+@pytest.mark.parametrize("how", WAYS_TO_END, ids=str)
+def test_coverage_of_other_samples_than_the_image(device: Device, tmp_path: Path, how: dict[str, Any]) -> None:
+    """It has as many samples as its statistics say, in files for display of half precision, too."""
+    ball = clrender.Scene(
+        camera={"position": (0.0, 0.0, 3.0), "target": (0.0, 0.0, 0.0)},
+        shapes=[{"type": "sphere", "radius": 0.8}],
+        lights=[{"type": "environment", "radiance": (3.0, 1.0, 0.5)}],
+    ).with_hidden_environment()
+    image = clrender.render(ball, device=device, size=(32, 32), aov=("alpha",), **how)
+    for name in ("a.exr", "a.png"):
+        image.save(tmp_path / name)
+        found = clrender.verify(tmp_path / name, 1.0, scene=ball, device=device)
+        assert found.sound, found.faults
+
+
+def test_films_of_sessions_that_refit_are_alone(device: Device, tmp_path: Path) -> None:
+    """They neither merge nor are resumed or verified."""
+    room = clrender.load("room")
+    with clrender.Session(device, refit=True) as session:
+        image = session.render(room, size=(16, 16), spp=2, checkpoint=tmp_path / "a.film")
+        with pytest.raises(clrender.UsageError, match="resume in a session without refit"):
+            session.render(room, size=(16, 16), spp=4, checkpoint=tmp_path / "a.film", resume=True)
+    image.save(tmp_path / "b.film")
+    for refused in (lambda: merge_films([tmp_path / "b.film"]), lambda: clrender.verify(tmp_path / "b.film")):
+        with pytest.raises(clrender.UsageError, match="a session that refits BVHs"):
+            refused()
 
 
 @pytest.mark.long
