@@ -109,7 +109,7 @@ def tile_means(image: npt.ArrayLike, side: int) -> Floats:
     return means
 
 
-def compare_batches(scene: Scene, a: Batches, b: Batches, level: float = LEVEL) -> Pair:
+def compare_batches(scene: Scene, a: Batches, b: Batches, level: float = LEVEL, specular_chains: bool = False) -> Pair:
     """Test whether two sets of batches have the same means, in every tile and over the whole image.
 
     Half of `level` is spent on the tiles and their channels, by Welch's t-test and Holm's correction; half on the mean
@@ -125,6 +125,8 @@ def compare_batches(scene: Scene, a: Batches, b: Batches, level: float = LEVEL) 
     a, b : Batches
     level : float
         Probability that they are found to differ although they do not, if tile means are normally distributed.
+    specular_chains : bool
+        As for `clrender.agreement.verdict.verdict`.
     """
     shape = a.tiles.shape[1:]
     x, y = a.tiles.reshape(len(a.tiles), -1), b.tiles.reshape(len(b.tiles), -1)
@@ -161,7 +163,7 @@ def compare_batches(scene: Scene, a: Batches, b: Batches, level: float = LEVEL) 
     }
     below = bool(darker.any()) or (whole_differs and whole.z[0] < 0.0)
     above = bool(brighter.any()) or (whole_differs and whole.z[0] > 0.0)
-    return Pair(a.label, b.label, largest, numbers, verdict(a.name, b.name, scene, below, above))
+    return Pair(a.label, b.label, largest, numbers, verdict(a.name, b.name, scene, below, above, specular_chains))
 
 
 def _variance_around(tiles: Floats) -> Floats:

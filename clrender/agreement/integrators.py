@@ -23,7 +23,7 @@ from clrender.wording import quoted, suggestion
 if TYPE_CHECKING:
     from clrender.scene import Scene
 
-__all__ = ["check_integrators", "compare_integrators", "labels"]
+__all__ = ["check_integrators", "common_indirect_rays", "compare_integrators", "labels"]
 
 
 def compare_integrators(
@@ -80,14 +80,17 @@ def compare_integrators(
     each = -(-spp // batches)
     seeds = _seeds(seed, len(integrators) * batches)
 
+    common = {"radiosity_display": "gather", **common_indirect_rays(scene, integrators, notify), **settings}
+
     def settings_of_one(name: str, own: int) -> dict[str, Any]:
         """Settings for an integrator and a batch's seed."""
-        mine = {"radiosity_display": "gather", **settings, "integrator": name, "spp": each, "seed": own}
+        mine = {**common, "integrator": name, "spp": each, "seed": own}
         return settings_of(name, mine)
 
     # Before any rendering
+    chains = False
     for name in dict.fromkeys(integrators):
-        settings_for(scene, wanted, settings_of_one(name, seeds[0]))
+        chains |= settings_for(scene, wanted, settings_of_one(name, seeds[0])).specular_chains == "on"
         check_materials(scene, name)
     total = len(integrators) * batches * each * wanted[0] * wanted[1]
     reporter = _Reporter(notify, on_progress, total)
@@ -107,7 +110,20 @@ def compare_integrators(
             images = (image(session, name, number) for number in own)
             made.append(_gathered(label, name, tile_size, own, images))
     pairs = list(itertools.combinations(made, 2))
-    return made, [compare_batches(scene, a, b, LEVEL / len(pairs)) for a, b in pairs]
+    return made, [compare_batches(scene, a, b, LEVEL / len(pairs), chains) for a, b in pairs]
+
+
+def common_indirect_rays(
+    scene: Scene, integrators: Sequence[str], notify: Callable[[str], None] | None
+) -> dict[str, int]:
+    """The setting without which the scene's own would ask another question of some of the integrators."""
+    asked = scene.render.indirect_rays
+    takes = [INTEGRATORS[name].takes.get("indirect_rays", (asked,)) for name in integrators]
+    if asked != 0 or all(asked in each for each in takes):
+        return {}
+    if notify is not None:
+        notify("note: indirect_rays is 0 in the scene, which some of the integrators do not take; all of them take 1")
+    return {"indirect_rays": 1}
 
 
 def check_integrators(integrators: Sequence[str]) -> None:

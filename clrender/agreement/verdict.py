@@ -6,7 +6,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from clrender.integrators import BETWEEN_DIFFUSE, CAUSTICS, ENVIRONMENT_ON_DIFFUSE, INTEGRATORS, SOFT_SHADOWS
+from clrender.integrators import (
+    BETWEEN_DIFFUSE,
+    CAUSTICS,
+    DELTA_CAUSTICS,
+    ENVIRONMENT_ON_DIFFUSE,
+    INTEGRATORS,
+    SOFT_SHADOWS,
+)
 
 if TYPE_CHECKING:
     from clrender.scene import Scene
@@ -19,6 +26,8 @@ MAY: Final = "differ as they may"
 FAULT: Final = "differ where they should agree"
 
 _FLAT: Final = ("quad", "triangle", "disk")
+_MATT: Final = ("", "lambert", "oren_nayar")
+_LIGHTS_WITH_EXTENT: Final = ("environment", "sun_sky")
 
 
 @dataclass(frozen=True)
@@ -37,7 +46,9 @@ class Verdict:
     reason: str
 
 
-def verdict(first: str, second: str, scene: Scene, darker: bool, brighter: bool) -> Verdict:
+def verdict(
+    first: str, second: str, scene: Scene, darker: bool, brighter: bool, specular_chains: bool = False
+) -> Verdict:
     """Judge two integrators by where they differ significantly.
 
     Omitted light can only darken, except for soft shadows: a light sampled at its centre alone also moves its light.
@@ -49,8 +60,11 @@ def verdict(first: str, second: str, scene: Scene, darker: bool, brighter: bool)
     scene : Scene
     darker, brighter : bool
         Whether the first is somewhere darker than the second; whether it is somewhere brighter.
+    specular_chains : bool
+        Whether integrators that can sample light over specular chains do so.
     """
-    missing, others = _missing(first, second, scene), _missing(second, first, scene)
+    missing = _missing(first, second, scene, specular_chains)
+    others = _missing(second, first, scene, specular_chains)
     reasons = [f"{name} has no {_listed(out)}" for name, out in ((first, missing), (second, others)) if out]
     moved = SOFT_SHADOWS in (*missing, *others)
     inexact = [f"{n} is {INTEGRATORS[n].bias}, not unbiased" for n in (first, second) if _biased(n)]
@@ -78,10 +92,13 @@ def light_kinds(scene: Scene) -> frozenset[str]:
         if shape.material and kind not in ("mirror", "dielectric") and not _black(scene, shape.material)
     ]
     kinds = set()
-    if len(diffuse) > 1 or any(scene.instances()) or any(shape.type not in _FLAT for shape in diffuse):
+    scatters = any(medium.scatters for medium in scene.media.values())
+    if len(diffuse) > 1 or scatters or any(scene.instances()) or any(shape.type not in _FLAT for shape in diffuse):
         kinds.add(BETWEEN_DIFFUSE)
-    if diffuse and any(kind in ("mirror", "dielectric") for kind in types):
+    if diffuse and any(kind not in _MATT for kind in types):
         kinds.add(CAUSTICS)
+        if any(light.type not in _LIGHTS_WITH_EXTENT for light in scene.lights):
+            kinds.add(DELTA_CAUSTICS)
     if diffuse and any(shape.shines for shape in shapes):
         kinds.add(SOFT_SHADOWS)
     if diffuse and (around := scene.environment) and (around.file is not None or max(around.constant) > 0.0):
@@ -96,12 +113,14 @@ def _black(scene: Scene, material: str) -> bool:
     return isinstance(reflectance, tuple) and max(reflectance) == 0.0
 
 
-def _missing(name: str, other: str, scene: Scene) -> list[str]:
+def _missing(name: str, other: str, scene: Scene, specular_chains: bool) -> list[str]:
     """Light of this scene that `name` omits and `other` does not; kinds that are unknown here count as present."""
-    judged = {BETWEEN_DIFFUSE, CAUSTICS, SOFT_SHADOWS, ENVIRONMENT_ON_DIFFUSE}
+    judged = {BETWEEN_DIFFUSE, CAUSTICS, DELTA_CAUSTICS, SOFT_SHADOWS, ENVIRONMENT_ON_DIFFUSE}
     has = light_kinds(scene)
     out = [kind for kind in INTEGRATORS[name].leaves_out if kind in has or kind not in judged]
-    return [kind for kind in out if kind not in INTEGRATORS[other].leaves_out]
+    # Specular chains find some of such caustics, and not those of longer chains
+    found = {DELTA_CAUSTICS} if specular_chains and INTEGRATORS[other].specular_chains else set()
+    return [kind for kind in out if kind in found or kind not in INTEGRATORS[other].leaves_out]
 
 
 def _biased(name: str) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -17,6 +17,10 @@ from clrender.cli.outputs import check_distinct
 from clrender.cli.pages import check_page, write_page
 from clrender.wording import counted, grouped
 
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
 __all__ = ["compare"]
 
 _DISPLAYED: Final = (".png", ".jpg", ".jpeg")
@@ -26,6 +30,7 @@ _LINES: Final = (
     ("relmse", "relMSE"),
     ("mean_relative_difference", "mean relative difference"),
     ("max_difference", "largest difference"),
+    ("max_alpha_difference", "largest alpha difference"),
     ("flip", "FLIP"),
 )
 
@@ -64,7 +69,7 @@ _LINES: Final = (
 def compare(ctx: click.Context, /, first: str, second: str | None, integrators: str | None, **options: Any) -> None:
     """Measure the error of image A relative to the reference B.
 
-    Reads .npy .exr .hdr .film, and .png .jpg as displayed. Two films with replicates and different seeds are also
+    Reads .npy .exr .hdr .film, and .png .jpg as displayed; images with alpha are compared over black. Two films with replicates and different seeds are also
     tested for differences beyond their noise, per pixel and in the mean, with a family-wise error rate of 1 %.
 
     With --integrators: renders SCENE with each integrator, as independent batches of small images, and tests for each
@@ -94,8 +99,13 @@ def compare(ctx: click.Context, /, first: str, second: str | None, integrators: 
         check_distinct([output], files)
         check_page(output)
     tested = _films(*files)
-    image, reference = (read_linear(file)[0] for file in files)
-    numbers = compare_images(image, reference) | tested
+    (image, alpha), (reference, other) = (_covered(file) for file in files)
+    numbers = compare_images(image, reference) | _difference_of_alpha(alpha, other) | tested
+    numbers["identical"] &= not numbers.get("max_alpha_difference")
+    if (alpha is None) != (other is None):
+        with_alpha, without = (first, second) if other is None else (second, first)
+        text = f"{with_alpha} has alpha, and {without} has none, which counts as 1 everywhere"
+        click.echo(f"note: {text}", err=True)
     shown = [file.suffix.lower() in _DISPLAYED for file in files]
     if any(shown) and not all(shown):
         picture, linear = (first, second) if shown[0] else (second, first)
@@ -106,6 +116,32 @@ def compare(ctx: click.Context, /, first: str, second: str | None, integrators: 
 
         write_page(output, compare_page((first, second), image, reference, _lines(numbers)))
     click.echo(json.dumps(numbers, indent=2) if as_json else _table(_lines(numbers)))
+
+
+def _covered(file: Path) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32] | None]:
+    """A linear image, over black where it has alpha, and its alpha, (H, W), from 0 to 1."""
+    import numpy as np
+
+    from clrender.image.files import DISPLAY_ENDINGS, read_alpha, read_coverage
+
+    image, _ = read_linear(file)
+    if file.suffix.lower() not in DISPLAY_ENDINGS:
+        return image, read_coverage(file)
+    bytes_of_alpha = read_alpha(file)
+    if bytes_of_alpha is None:
+        return image, None
+    alpha = bytes_of_alpha.astype(np.float32) / np.float32(255.0)
+    return image * alpha[..., None], alpha
+
+
+def _difference_of_alpha(
+    first: npt.NDArray[np.float32] | None, second: npt.NDArray[np.float32] | None
+) -> dict[str, float]:
+    """The largest difference of coverage, if there is any."""
+    if first is None and second is None:
+        return {}
+    one, other = (1.0 if each is None else each for each in (first, second))
+    return {"max_alpha_difference": float(abs(one - other).max())}
 
 
 def _films(first: Path, second: Path) -> dict[str, Any]:
@@ -146,7 +182,8 @@ def _lines(numbers: dict[str, Any]) -> list[tuple[str, str]]:
         ("mean of A", " ".join(f"{value:.6g}" for value in numbers["mean"])),
         ("mean of B", " ".join(f"{value:.6g}" for value in numbers["reference_mean"])),
     ]
-    rows = means + [(name, "-" if numbers[key] is None else f"{numbers[key]:.6g}") for key, name in _LINES]
+    lines = [(numbers[key], name) for key, name in _LINES if key in numbers]
+    rows = means + [(name, "-" if value is None else f"{value:.6g}") for value, name in lines]
     rows.append(("identical", "yes" if numbers["identical"] else "no"))
     if "z_test" in numbers:
         tested = numbers["z_test"]

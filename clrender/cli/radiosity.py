@@ -80,6 +80,7 @@ def radiosity(
     """
     from clrender.drivers import select
     from clrender.film.unit import tile_side
+    from clrender.flatten.assembly import numbers_written_out
     from clrender.image.files import write_image
     from clrender.importers import load
     from clrender.meshes.data import COORDINATE_LIMIT
@@ -107,7 +108,8 @@ def radiosity(
         dynamic = DynamicRadiosity(description, chosen, sought, (wanted.width, wanted.height))
         seconds = []
         try:
-            motions, display = [Motion(shape, by)], wanted.radiosity_display
+            motions = [Motion(number, by) for number in numbers_written_out(description, shape)]
+            display = wanted.radiosity_display
             for index, frame in enumerate(frames(dynamic, chosen, struct, motions, count, wanted.spp, display)):
                 path = folder / f"frame-{index:04}.png"
                 write_image(path, frame.linear, {}, tone_map, exposure)

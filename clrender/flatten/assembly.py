@@ -38,7 +38,7 @@ from clrender.scene.shapes import AnyShape, Mesh
 from clrender.scene.values import SHAPE_LIMIT
 from clrender.wording import counted, grouped
 
-__all__ = ["Assembly", "assemble", "written_out"]
+__all__ = ["Assembly", "assemble", "numbers_written_out", "written_out"]
 
 _ONCE: Final = np.eye(4)[None, :3]
 
@@ -376,3 +376,17 @@ def written_out(scene: Scene) -> Scene:
             raise SceneError(f"{scene.source}: shapes[{index}] {text}; at most {grouped(SHAPE_LIMIT)} can be")
         shapes += written(group, array, scene, index, media)
     return scene.assembled(shapes, media)
+
+
+def numbers_written_out(scene: Scene, index: int) -> range:
+    """Indices of the shapes that `shapes[index]` becomes in `written_out`: one, or of an instance those of its group."""
+    scene = opened(scene)
+    counts = {
+        instance: len(shapes_of(scene, placed.group)) * len(placements(scene, instance))
+        for instance, placed in scene.instances()
+    }
+    if index in counts:
+        first = len(scene.shapes) - len(counts) + sum(count for each, count in counts.items() if each < index)
+        return range(first, first + counts[index])
+    first = index - sum(each < index for each in counts)
+    return range(first, first + 1)

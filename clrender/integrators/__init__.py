@@ -13,6 +13,7 @@ from clrender.files.package_data import integrator_names
 from clrender.integrators.descriptor import (
     BETWEEN_DIFFUSE,
     CAUSTICS,
+    DELTA_CAUSTICS,
     ENVIRONMENT_ON_DIFFUSE,
     SOFT_SHADOWS,
     Integrator,
@@ -22,6 +23,7 @@ from clrender.integrators.descriptor import (
 __all__ = [
     "BETWEEN_DIFFUSE",
     "CAUSTICS",
+    "DELTA_CAUSTICS",
     "ENVIRONMENT_ON_DIFFUSE",
     "INTEGRATORS",
     "SOFT_SHADOWS",

@@ -9,6 +9,7 @@ from typing import Final
 __all__ = [
     "BETWEEN_DIFFUSE",
     "CAUSTICS",
+    "DELTA_CAUSTICS",
     "ENVIRONMENT_ON_DIFFUSE",
     "SOFT_SHADOWS",
     "Integrator",
@@ -17,6 +18,7 @@ __all__ = [
 
 BETWEEN_DIFFUSE: Final = "light between diffuse surfaces"
 CAUSTICS: Final = "caustics"
+DELTA_CAUSTICS: Final = "caustics of lights without extent"
 SOFT_SHADOWS: Final = "soft shadows"
 ENVIRONMENT_ON_DIFFUSE: Final = "the environment on diffuse surfaces"
 

@@ -7,6 +7,7 @@ from typing import Final
 from clrender.integrators.descriptor import (
     BETWEEN_DIFFUSE,
     CAUSTICS,
+    DELTA_CAUSTICS,
     ENVIRONMENT_ON_DIFFUSE,
     SOFT_SHADOWS,
     Integrator,
@@ -17,5 +18,5 @@ __all__ = ["INTEGRATOR"]
 
 INTEGRATOR: Final = Integrator(
     Pipeline("integrator/whitted.cl", "integrator_whitted"),
-    leaves_out=(BETWEEN_DIFFUSE, CAUSTICS, SOFT_SHADOWS, ENVIRONMENT_ON_DIFFUSE),
+    leaves_out=(BETWEEN_DIFFUSE, CAUSTICS, DELTA_CAUSTICS, SOFT_SHADOWS, ENVIRONMENT_ON_DIFFUSE),
 )

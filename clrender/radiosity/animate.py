@@ -35,7 +35,7 @@ class Motion:
     Attributes
     ----------
     shape : int
-        Its index in the scene's list of shapes.
+        Its index among the shapes of the patches' scene; see `DynamicRadiosity.move`.
     by : three floats
         Metres per frame.
     """

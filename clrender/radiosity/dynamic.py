@@ -145,7 +145,8 @@ class DynamicRadiosity:
         Parameters
         ----------
         shape : int
-            Its index in the scene's list. The first move of a shape takes longer.
+            Its index among the shapes of `patches.scene`, in which instances are written out
+            (`clrender.flatten.assembly.numbers_written_out`). The first move of a shape takes longer.
         by : three floats
             Metres.
 

@@ -282,6 +282,22 @@ def test_compare_prints_a_table_or_json(tmp_path: Path) -> None:
     assert json.loads(call("compare", "b.exr", "b.exr", "--json", folder=tmp_path).stdout)["identical"]
 
 
+def test_compare_knows_of_alpha(tmp_path: Path) -> None:
+    """Colours are compared over black, and coverage beside them."""
+    covered = np.where(np.arange(30) < 15, 1.0, 0.5).astype(np.float32) * np.ones((20, 1), np.float32)
+    image = np.repeat(covered[..., None], 3, axis=2) * np.float32(0.5)
+    write_image(tmp_path / "a.png", image, alpha=covered)
+    write_image(tmp_path / "b.png", image)
+    write_image(tmp_path / "a.exr", image, channels={"A": covered})
+    write_image(tmp_path / "b.exr", image, channels={"A": np.ones_like(covered)})
+    for names in (("a.png", "b.png"), ("a.exr", "b.exr"), ("a.exr", "a.exr")):
+        found = call("compare", *names, "--json", folder=tmp_path)
+        numbers, same = json.loads(found.stdout), names[0] == names[1]
+        assert numbers["max_alpha_difference"] == pytest.approx(0.0 if same else 0.5, abs=0.003)
+        assert numbers["identical"] == same and numbers["max_difference"] < 0.01
+        assert ("b.png has none" in found.stderr) == (names[1] == "b.png")
+
+
 # --- bench -----------------------------------------------------------------------------------------------------------
 
 

@@ -14,12 +14,19 @@ from scipy import stats
 import clrender
 import clrender.agreement.integrators
 from clrender.agreement.batches import Batches, compare_batches, tile_means
-from clrender.agreement.integrators import check_integrators
+from clrender.agreement.integrators import check_integrators, common_indirect_rays
 from clrender.agreement.significance import has_outlier, holm, welch
 from clrender.agreement.verdict import AGREE, FAULT, MAY, MUST, light_kinds, verdict
 from clrender.cli import main
 from clrender.errors import UsageError
-from clrender.integrators import BETWEEN_DIFFUSE, CAUSTICS, ENVIRONMENT_ON_DIFFUSE, INTEGRATORS, SOFT_SHADOWS
+from clrender.integrators import (
+    BETWEEN_DIFFUSE,
+    CAUSTICS,
+    DELTA_CAUSTICS,
+    ENVIRONMENT_ON_DIFFUSE,
+    INTEGRATORS,
+    SOFT_SHADOWS,
+)
 from clrender.integrators.descriptor import Pipeline
 from clrender.scene import Scene, load
 from clrender.statistics.student_t import critical_value, p_value
@@ -251,14 +258,18 @@ def scene(*parts: dict[str, object], **materials: dict[str, object]) -> Scene:
         ([QUAD, QUAD, POINT], {BETWEEN_DIFFUSE}),
         ([QUAD, LAMP], {SOFT_SHADOWS}),
         ([QUAD, SKY], {ENVIRONMENT_ON_DIFFUSE}),
-        ([QUAD, {**BALL, "material": "glass"}, POINT], {CAUSTICS}),
+        ([QUAD, {**BALL, "material": "glass"}, POINT], {CAUSTICS, DELTA_CAUSTICS}),
+        ([QUAD, {**BALL, "material": "glass"}, SKY], {CAUSTICS, ENVIRONMENT_ON_DIFFUSE}),
         ([{**BALL, "material": "glass"}, SKY, LAMP], set()),
         ([{**BALL, "material": "black"}, SKY, LAMP], set()),
     ],
 )
 def test_the_light_that_a_scene_may_have(parts: list[dict[str, object]], kinds: set[str]) -> None:
     glass = {"type": "dielectric", "ior": 1.5}
-    assert light_kinds(scene(*parts, glass=glass, black={**WHITE, "reflectance": [0, 0, 0]})) == kinds
+    described = scene(*parts, glass=glass, black={**WHITE, "reflectance": [0, 0, 0]})
+    assert light_kinds(described) == kinds
+    foggy = described.changed(media={"fog": {"scattering": [0.1] * 3}}, fog="fog")
+    assert light_kinds(foggy) == kinds | {BETWEEN_DIFFUSE}
 
 
 def test_verdicts(cornell: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -276,12 +287,28 @@ def test_verdicts(cornell: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     assert verdict("path", "whitted", plane, False, True).kind == FAULT
     assert verdict("path", "direct", lamp, False, True).kind == FAULT
     assert "does not show" in verdict("path", "direct", cornell, False, False).reason
+    # Caustics of lights without extent, of which specular chains find some
+    glass = scene(QUAD, {**BALL, "material": "glass"}, POINT, glass={"type": "dielectric", "ior": 1.5})
+    assert verdict("path", "bdpt", glass, True, False).kind == MUST
+    assert verdict("path", "bdpt", glass, False, True).kind == FAULT
+    assert verdict("path", "reuse", glass, False, True).kind == FAULT
+    assert verdict("path", "reuse", glass, False, True, specular_chains=True).kind == MUST
+    assert verdict("path", "bdpt", glass, True, False, specular_chains=True).kind == MUST
     # One that is not unbiased, and one that leaves out what is not known here
     odd = clrender.integrators.Integrator(Pipeline("", ""), bias="consistent", leaves_out=("mirrors and glass",))
     monkeypatch.setattr("clrender.agreement.verdict.INTEGRATORS", {**INTEGRATORS, "odd": odd})
     assert verdict("path", "odd", plane, False, True).kind == MUST
     may = verdict("odd", "path", plane, False, True)
     assert may.kind == MAY and "odd is consistent, not unbiased" in may.reason
+
+
+def test_all_take_as_many_indirect_rays() -> None:
+    told: list[str] = []
+    direct_only = scene(QUAD, POINT).changed(render={"indirect_rays": 0})
+    assert common_indirect_rays(direct_only, ["path", "direct"], told.append) == {} and not told
+    assert common_indirect_rays(direct_only, ["path", "bdpt"], told.append) == {"indirect_rays": 1}
+    assert "all of them take 1" in told[0]
+    assert common_indirect_rays(scene(QUAD, POINT), ["path", "bdpt"], None) == {}
 
 
 def test_names_are_checked() -> None:

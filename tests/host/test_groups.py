@@ -16,7 +16,7 @@ from clrender import layout
 from clrender.cli import main
 from clrender.errors import SceneError
 from clrender.exporters import exported
-from clrender.flatten.assembly import assemble, written_out
+from clrender.flatten.assembly import assemble, numbers_written_out, written_out
 from clrender.flatten.bounds import scene_bounds
 from clrender.flatten.flat_scene import flatten
 from clrender.flatten.instances import NUMBER_LIMIT
@@ -170,6 +170,17 @@ def test_primitives_are_numbered_as_if_written_out() -> None:
     np.testing.assert_array_equal(instance[first:], np.repeat(np.arange(300), 13))
     # The scene's own box and sphere come first: a group's triangles are rows 12 to 23, its sphere is row 25
     np.testing.assert_array_equal(rows[first:], np.tile([*range(12, 24), 25], 300))
+
+
+def test_the_numbers_of_what_is_written_out() -> None:
+    """Shapes of instances come after all others, whatever the order of the scene."""
+    ball, group = {"type": "sphere"}, {"g": {"shapes": [{"type": "sphere", "radius": 0.1}, {"type": "sphere"}]}}
+    twice = np.stack([np.eye(4), np.eye(4)]).tolist()
+    shapes = [{"type": "instance", "group": "g"}, ball, {"type": "instance", "group": "g", "transforms": twice}, ball]
+    scene = Scene.model_validate({"camera": CAMERA, "groups": group, "shapes": shapes})
+    found = [numbers_written_out(scene, index) for index in range(4)]
+    assert found == [range(2, 4), range(0, 1), range(4, 8), range(1, 2)]
+    assert len(written_out(scene).shapes) == 8
 
 
 def test_guides_find_every_instance() -> None:
