@@ -69,8 +69,9 @@ _LINES: Final = (
 def compare(ctx: click.Context, /, first: str, second: str | None, integrators: str | None, **options: Any) -> None:
     """Measure the error of image A relative to the reference B.
 
-    Reads .npy .exr .hdr .film, and .png .jpg as displayed; images with alpha are compared over black. Two films with replicates and different seeds are also
-    tested for differences beyond their noise, per pixel and in the mean, with a family-wise error rate of 1 %.
+    Reads .npy .exr .hdr .film, and .png .jpg as displayed; colours are compared over black where there is alpha. Two
+    films with replicates and different seeds are also tested for differences beyond their noise, per pixel and in the
+    mean, with a family-wise error rate of 1 %.
 
     With --integrators: renders SCENE with each integrator, as independent batches of small images, and tests for each
     pair whether their means agree. Tiles are compared by t-tests, with a family-wise error rate of 1 % as long as
@@ -140,8 +141,10 @@ def _difference_of_alpha(
     """The largest difference of coverage, if there is any."""
     if first is None and second is None:
         return {}
-    one, other = (1.0 if each is None else each for each in (first, second))
-    return {"max_alpha_difference": float(abs(one - other).max())}
+    import numpy as np
+
+    one, other = (np.float32(1.0) if each is None else each for each in (first, second))
+    return {"max_alpha_difference": float(np.abs(one - other).max())}
 
 
 def _films(first: Path, second: Path) -> dict[str, Any]:

@@ -379,7 +379,7 @@ def written_out(scene: Scene) -> Scene:
 
 
 def numbers_written_out(scene: Scene, index: int) -> range:
-    """Indices of the shapes that `shapes[index]` becomes in `written_out`: one, or of an instance those of its group."""
+    """Indices in `written_out` of what `shapes[index]` becomes: one shape, or of an instance those of its group."""
     scene = opened(scene)
     counts = {
         instance: len(shapes_of(scene, placed.group)) * len(placements(scene, instance))
