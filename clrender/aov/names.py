@@ -17,6 +17,7 @@ __all__ = [
     "FLOWS",
     "LABELS",
     "MATTES",
+    "NAMED",
     "OF_FILM",
     "OF_RENDERS",
     "RANKS",
@@ -77,6 +78,9 @@ MATTES: Final[Mapping[str, str]] = {"crypto_object": "CryptoObject", "crypto_mat
 
 LABELS: Final = ("instance", "category", "part")
 """The layers of exact numbers; see `clrender.aov.labels`."""
+
+NAMED: Final = frozenset((*LABELS, *MATTES, "object", "material"))
+"""The layers that depend on names in the scene, or on the order of its tables, which its image does not."""
 
 _HALF: Final = ("alpha", "albedo", "emission", "normal", "normal_camera", "tangent")
 """Shares, colours and directions, for which half precision suffices."""

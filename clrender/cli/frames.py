@@ -135,12 +135,12 @@ def is_done(paths: Sequence[Path], job: RenderJob, how: Mapping[str, Any]) -> bo
     paths : sequence of pathlib.Path
     job : RenderJob
     how : mapping
-        ``tone_map``, ``exposure``, ``exr_type`` and ``exr_compression`` of files.
+        ``tone_map``, ``exposure``, ``exr_type``, ``exr_compression`` and ``exr_tile`` of files.
     """
     from clrender.image.exposure import photographic_stops
     from clrender.image.files import read_provenance
     from clrender.image.tone_map import record_of
-    from clrender.rendering.statistics import asked_layers
+    from clrender.rendering.statistics import asked_layers, layer_stats
 
     if not all(path.is_file() for path in paths):
         return False
@@ -148,7 +148,7 @@ def is_done(paths: Sequence[Path], job: RenderJob, how: Mapping[str, Any]) -> bo
     del request["sampler_sha256"]  # a part of the kernels
     exposure = how["exposure"] + photographic_stops(**(job.scene.camera.exposure or {}))
     wanted = {**how, **record_of(how["tone_map"], exposure)}
-    layers = {*asked_layers(job)}
+    layers, told = {*asked_layers(job)}, layer_stats(job)
     for path in paths:
         if path.suffix.lower() not in _EMBEDDED:
             continue
@@ -163,8 +163,11 @@ def is_done(paths: Sequence[Path], job: RenderJob, how: Mapping[str, Any]) -> bo
             return False
         if said.get("denoised") != job.denoise or any(stored[name] != wanted.get(name) for name in stored):
             return False
-        if not (layers if path.suffix.lower() == ".exr" else layers & {"alpha"}).issubset(held):
+        is_exr = path.suffix.lower() == ".exr"
+        if not (layers if is_exr else layers & {"alpha"}).issubset(held):
             return False
+        if is_exr and ("exr_tile" not in stored or any(said.get(name) != value for name, value in told.items())):
+            return False  # or of a version that did not record these
     return True
 
 

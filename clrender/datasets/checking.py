@@ -34,6 +34,15 @@ if TYPE_CHECKING:
 __all__ = ["DatasetVerification", "verify_dataset"]
 
 _HASHES: Final = ("scene_sha256", "linear_sha256")
+_INPUTS: Final = {
+    "names_sha256": "names or categories in the scene",
+    "exposure": "exposure of the camera (f_stop, shutter, iso)",
+    "flow_step": "flow_step of the camera",
+    "render": "settings in the scene's table render",
+    "cameras_sha256": "cameras in camera.file",
+    "files": "files that only [vary] names",
+}
+"""What each of the inputs of a manifest is in messages."""
 
 
 @dataclass(frozen=True)
@@ -227,6 +236,13 @@ def _plan(
         raise UsageError(
             f"{folder}: was made from another scene, or the scene has changed since; name the original with --scene"
         )
+    # Manifests of former versions do not say what else their files depend on
+    said = manifest.get("inputs", here["inputs"])
+    if said != here["inputs"]:
+        told = said if isinstance(said, dict) else {}
+        differing = sorted(key for key in {*told, *here["inputs"]} if told.get(key) != here["inputs"].get(key))
+        what = ", ".join(_INPUTS[key] for key in differing if key in _INPUTS) or "inputs"
+        raise UsageError(f"{folder}: was made with other {what} than those found here; restore the original ones")
     for key in ("kernel_sha256", "version"):
         if here[key] != manifest[key]:
             raise UsageError(

@@ -11,6 +11,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO, Any, Final
 
 from clrender.datasets.files import json_bytes
+from clrender.datasets.inputs import inputs_of
 from clrender.datasets.variation import DatasetPlan
 from clrender.datasets.writers.webdataset import END, archive_of
 from clrender.errors import RenderError, UsageError
@@ -36,6 +37,7 @@ def manifest_head(plan: DatasetPlan) -> dict[str, Any]:
         "spec": plan.spec.content(),
         "spec_sha256": plan.spec.sha256(),
         "scene_sha256": plan.base.sha256(),
+        "inputs": inputs_of(plan),
         "kernel_sha256": kernels_sha256(),
         "version": __version__,
         **({"plugins": plugins} if plugins else {}),
@@ -64,7 +66,9 @@ class Records:
         Raises
         ------
         UsageError
-            It has a manifest or a record that is not of this data set.
+            It has a manifest or a record that is not of this data set, or a record of an image with another scene.
+        SceneError
+            That image cannot be drawn.
         """
         records = itertools.islice((self.folder / RECORDS).glob("*.json"), 1)
         for path, expected in ((self.folder / MANIFEST, self.head), *((each, {"key": self._key}) for each in records)):
@@ -72,11 +76,20 @@ class Records:
                 said = json.loads(path.read_bytes())
             except (OSError, ValueError):
                 continue  # what is damaged is made again
-            if isinstance(said, dict) and any(said.get(key, value) != value for key, value in expected.items()):
+            if not isinstance(said, dict):
+                continue
+            if any(said.get(key, value) != value for key, value in expected.items()) or self._has_other_scene(said):
                 raise UsageError(
                     f"{self.folder}: has images of another data set, or by another version of clrender "
                     f"({path.relative_to(self.folder)}); name another folder, or delete this one"
                 )
+
+    def _has_other_scene(self, record: Mapping[str, Any]) -> bool:
+        """Whether a record is of another scene than the one drawn for its image here. This renders nothing."""
+        index, said = record.get("image"), record.get("scene_sha256")
+        if not (isinstance(index, int) and 0 <= index < self.plan.spec.images):
+            return False
+        return said is not None and said != self.plan.image(index).scene.sha256()
 
     def path(self, index: int) -> Path:
         """The file of an image's record."""

@@ -255,7 +255,7 @@ class RenderedImage:
             exact, attributes = exact_channels(self.aovs), matte_attributes(self.mattes)
             more = group_channels(self.light_groups) | amodal_channels(self.amodal) | band_channels(self.spectrum)
             exact, channels = exact | more.keys(), exr_channels(self.aovs) | more
-            stored = {"exr_type": exr_type, "exr_compression": exr_compression}
+            stored = {"exr_type": exr_type, "exr_compression": exr_compression, "exr_tile": exr_tile}
             told = {**self.stats, "stored": stored}
             write_image(path, self.picture, told, channels=channels, exr=exr, exact=exact, attributes=attributes)
         else:

@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from clrender.aov.names import FLOWS, NAMED
 from clrender.film.convergence import Convergence, interval_of_mean
 from clrender.film.replicates import image_error, replicate_counts
 from clrender.image.files import image_sha256
+from clrender.scene.content_hash import names_sha256
 
 if TYPE_CHECKING:
     from clrender.film import Film
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     from clrender.scheduling.member import Member
     from clrender.scheduling.run import Tally
 
-__all__ = ["asked_layers", "error_stats", "film_layers", "job_stats", "peak_rss", "render_stats"]
+__all__ = ["asked_layers", "error_stats", "film_layers", "job_stats", "layer_stats", "peak_rss", "render_stats"]
 
 _PEAK: Final = re.compile(rb"VmHWM:\s+(\d+) kB")
 
@@ -47,6 +49,7 @@ def job_stats(job: RenderJob, request: Mapping[str, Any]) -> dict[str, Any]:
     return {
         **field,
         **({"layers": layers} if layers else {}),
+        **layer_stats(job),
         "camera_exposure": job.scene.camera.exposure,
         "scene": job.scene.origin,
         "faults": job.scene.faults,
@@ -75,6 +78,26 @@ def asked_layers(job: RenderJob) -> list[str]:
     groups = ["light_groups"] if job.light_groups else []
     bands = [f"spectrum {job.bands}"] if job.bands else []
     return [*job.aov, *groups, *(f"amodal {name}" for name in job.amodal), *bands]
+
+
+def layer_stats(job: RenderJob) -> dict[str, Any]:
+    """What the layers of a job depend on, though its image and so the hash of its scene do not.
+
+    Parameters
+    ----------
+    job : RenderJob
+
+    Returns
+    -------
+    dict
+        ``names_sha256`` with layers, masks or light groups that tell of names; ``flow_step`` with layers of flows.
+    """
+    told = dict[str, Any]()
+    if job.light_groups or job.amodal or not NAMED.isdisjoint(job.aov):
+        told["names_sha256"] = names_sha256(job.scene)
+    if not FLOWS.isdisjoint(job.aov):
+        told["flow_step"] = job.scene.camera.flow_step
+    return told
 
 
 def render_stats(

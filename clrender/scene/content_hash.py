@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Set
-from typing import Any
+from collections.abc import Iterable, Set
+from typing import Any, Final
 
 from clrender.image.exposure import PHOTOGRAPHIC
 from clrender.scene.contents import HEAD, SceneContents
@@ -14,7 +14,10 @@ from clrender.scene.grid_placement import grid_placement
 from clrender.scene.medium import Density, Temperature
 from clrender.scene.values import Part
 
-__all__ = ["content_sha256", "put_at"]
+__all__ = ["content_sha256", "names_sha256", "put_at"]
+
+_NAMES: Final = ("name", "category", "light_group")
+"""Keys of shapes, instances and lights that change no image, but layers and labels."""
 
 
 def content_sha256(scene: SceneContents, left_out: Set[str]) -> str:
@@ -44,6 +47,39 @@ def content_sha256(scene: SceneContents, left_out: Set[str]) -> str:
         digest.update(parts[name])
     digest.update(b"}")
     return digest.hexdigest()
+
+
+def names_sha256(scene: SceneContents) -> str:
+    """Hash of what layers and labels tell of a scene though its image and its `content_sha256` do not depend on it.
+
+    These are names, categories and light groups, and the order of materials and groups, which numbers them and their
+    shapes. Unlike those of `content_sha256`, the hash depends on no file.
+
+    Parameters
+    ----------
+    scene : SceneContents
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits.
+    """
+    return scene.of_contents("names_sha256", lambda: _names_sha256(scene))
+
+
+def _names_sha256(scene: SceneContents) -> str:
+    lists: dict[str, Iterable[Part]] = {"shapes": scene.shapes, "lights": scene.lights}
+    lists |= {f"groups.{name}": group.shapes for name, group in scene.groups.items()}
+    named = {
+        place: [(index, *found) for index, part in enumerate(parts) if any(found := _names_of(part))]
+        for place, parts in lists.items()
+    }
+    told = {"names": named, "materials": [*scene.materials], "groups": [*scene.groups]}
+    return hashlib.sha256(_json(told)).hexdigest()
+
+
+def _names_of(part: Part) -> list[str | None]:
+    return [getattr(part, key, None) for key in _NAMES]
 
 
 def _head(scene: SceneContents) -> dict[str, bytes]:
@@ -106,7 +142,7 @@ def _contents(scene: SceneContents) -> dict[str, bytes]:
 
 def _without_names(table: dict[str, Any]) -> None:
     """Take away what changes no image: names for layers."""
-    for key in ("name", "category", "light_group"):
+    for key in _NAMES:
         table.pop(key, None)
 
 

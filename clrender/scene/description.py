@@ -7,6 +7,7 @@ a transform that squashes a sphere) is checked by the model that has them. `vali
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -530,6 +531,28 @@ class Scene(SceneContents):
             an IES file by its intensities, and none by its name.
         """
         return content_sha256(self, {"title", "render"})
+
+    def file_sha256(self, name: str) -> str | None:
+        """Hash of the bytes of a file as its description could name it.
+
+        Parameters
+        ----------
+        name : str
+            Relative to its folder, or absolute.
+
+        Returns
+        -------
+        str or None
+            64 hexadecimal digits; None if there is no such file, or it may not be read.
+        """
+        digest = hashlib.sha256()
+        try:
+            with self._files.opened(name, "file") as (file, _):
+                while data := file.read(1 << 20):
+                    digest.update(data)
+        except (SceneError, OSError):
+            return None
+        return digest.hexdigest()
 
     def content_sha256(self) -> str:
         """Hash of shapes, materials and lights alone, without camera and settings."""

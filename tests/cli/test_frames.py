@@ -10,14 +10,17 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from cli_support import call
 
 import clrender
-from clrender.cli.frames import Frames
-from clrender.image.files import read_image
+from clrender.cli.frames import Frames, is_done
+from clrender.image.files import read_image, write_image
+from clrender.rendering.job import RenderJob
+from clrender.rendering.statistics import job_stats, layer_stats
 
 SCENE = """
 [camera]
@@ -246,3 +249,72 @@ def test_what_is_refused(scene: Path, tmp_path: Path, arguments: tuple[str, ...]
 
 def test_numbers_of_frames() -> None:
     assert list(Frames(1, 6, 2)) == [1, 3, 5] and len(Frames(1, 6, 2)) == 3
+
+
+LAYERED = SCENE.replace('material = "w"\n', 'material = "w"\nname = "ball"\ncategory = "toy"\n').replace(
+    "[1, 1, 1]\n", '[1, 1, 1]\nlight_group = "sky"\n'
+)
+HOW = {"tone_map": "srgb", "exposure": 0.0, "exr_type": "float", "exr_compression": "zip", "exr_tile": None}
+OF_NAMES = {"names_sha256"}
+ASKED = (
+    ({"aov": ("instance",)}, {"shapes[0].name": "moon"}, OF_NAMES),
+    ({"aov": ("category",)}, {"shapes[0].category": "moon"}, OF_NAMES),
+    ({"aov": ("crypto_object",)}, {"shapes[0].name": None}, OF_NAMES),
+    ({"light_groups": True}, {"lights[0].light_group": "key"}, OF_NAMES),
+    ({"aov": ("instance",), "amodal": "all"}, {"shapes[0].name": "moon"}, OF_NAMES),
+    ({"aov": ("flow",)}, {"camera.flow_step": 0.25}, {"flow_step"}),
+    ({"aov": ("scene_flow",)}, {"camera.flow_step": -0.5}, {"flow_step"}),
+    ({"aov": ("part", "flow")}, {"camera.flow_step": 0.25}, {*OF_NAMES, "flow_step"}),
+)
+
+
+@pytest.mark.parametrize(("asked", "change", "recorded"), ASKED, ids=lambda each: str(each)[:40])
+def test_frames_with_layers_of_other_names_are_not_done(
+    scene: Path, tmp_path: Path, asked: dict[str, Any], change: dict[str, Any], recorded: set[str]
+) -> None:
+    """What the hash of the scene leaves out, since its image does not depend on it. Nothing is rendered."""
+    scene.write_text(LAYERED)
+    here = clrender.load(scene).changed({"camera.flow_step": 0.5})
+    there = here.changed(change)
+    assert there.sha256() == here.sha256()
+
+    def job(scene: clrender.Scene, **layers: Any) -> RenderJob:
+        return RenderJob.of(scene, size=(4, 3), spp=1, **layers)
+
+    def is_kept(made: RenderJob, wanted: RenderJob) -> bool:
+        stats = {**job_stats(made, made.request()), "samples": 12, "denoised": False}
+        stored = {name: HOW[name] for name in ("exr_type", "exr_compression", "exr_tile")}
+        path = tmp_path / "f_0.exr"
+        write_image(path, np.zeros((3, 4, 3), np.float32), {**stats, "stored": stored})
+        return is_done([path], wanted, HOW)
+
+    made = job(here, **asked)
+    assert {"names_sha256", "flow_step"} & job_stats(made, made.request()).keys() == recorded
+    assert is_kept(made, made) and is_kept(made, job(clrender.load(scene).changed({"camera.flow_step": 0.5}), **asked))
+    assert not is_kept(made, job(there, **asked))
+    assert is_kept(job(here, aov=("depth",)), job(there, aov=("depth",)))  # whose layers do not depend on it
+
+
+def test_orders_that_number_layers_count(scene: Path) -> None:
+    """Materials in another order are the same scene, but have other numbers in the layer `material`."""
+    one = clrender.load(scene).changed({"materials.a": {"type": "lambert", "reflectance": 0.5}})
+    other = one.changed({("materials",): dict(reversed(one.materials.items()))})
+    assert one.sha256() == other.sha256() and [*one.materials] != [*other.materials]
+    told = [layer_stats(RenderJob.of(each, size=(4, 3), spp=1, aov=("material",))) for each in (one, other)]
+    assert told[0] != told[1]
+
+
+def test_frames_with_other_tiles_or_names_are_rendered_again(scene: Path, tmp_path: Path) -> None:
+    def rendered(*more: str) -> list[str]:
+        pattern = ("-o", str(tmp_path / "f_%d.exr"), "--aov", "instance,category")
+        result = call("render", str(scene), "--frames", "0:0", *pattern, *SMALL, *more)
+        assert result.returncode == 0, result.stderr
+        return list(hashes(result.stdout))
+
+    scene.write_text(LAYERED)
+    assert rendered() == ["0"]
+    assert rendered("--resume") == []
+    assert rendered("--resume", "--exr-tile", "16") == ["0"]
+    assert rendered("--resume", "--exr-tile", "16") == []
+    scene.write_text(LAYERED.replace("toy", "tool"))
+    assert rendered("--resume", "--exr-tile", "16") == ["0"]
