@@ -15,6 +15,7 @@ import threading
 import weakref
 from collections.abc import Callable
 from functools import partial
+from time import monotonic
 from typing import Any, Final, TypeVar
 
 from clrender.process.pooled_threads import PooledThread
@@ -51,6 +52,7 @@ class Call:
         self._requests: queue.SimpleQueue[Callable[[], Any] | None] = queue.SimpleQueue()
         self._answers: queue.SimpleQueue[tuple[Any, Exception | None]] = queue.SimpleQueue()
         self._asking = threading.Lock()
+        self._deadline: float | None = None
         self._outcome: tuple[Any, BaseException | None] = None, None
 
     def run(self, work: Callable[[], _T]) -> _T:
@@ -120,10 +122,16 @@ class Call:
             self._requests.put(None)
 
     def _leave(self, thread: PooledThread) -> None:
-        """Stop waiting for callbacks' requests. If the work has not ended, it is asked to, and waited for briefly."""
+        """Stop waiting for callbacks' requests. If the work has not ended, it is asked to, and waited for briefly.
+
+        However often it is called, it waits for `PATIENCE` since the first time at most.
+        """
         self.abandoned = True
         self._answers.put((None, None))
-        thread.join(PATIENCE)
+        now = monotonic()
+        if self._deadline is None:
+            self._deadline = now + PATIENCE
+        thread.join(max(self._deadline - now, 0.0))
 
 
 def _wait_for_calls() -> None:

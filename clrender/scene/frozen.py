@@ -52,8 +52,10 @@ def frozen_array(array: NDArray[Any], copied: bool = False) -> NDArray[Any]:
     owners = [array]
     while isinstance(owners[-1].base, np.ndarray):
         owners.append(owners[-1].base)
-    if copied and any(owner.flags.writeable for owner in owners):
-        owners = [array.copy()]
+    # Memory that is not an array's own may change under it, as a mapped file does; only that of bytes never does
+    lent = not isinstance(owners[-1].base, bytes | None)
+    if copied and (lent or any(owner.flags.writeable for owner in owners)):
+        owners = [np.array(array, order="C")]
     for owner in owners:
         owner.flags.writeable = False
     return owners[0]

@@ -18,6 +18,7 @@ from clrender import scene as scenes
 from clrender.errors import SceneError
 from clrender.meshes.data import MeshData
 from clrender.scene.environment import EnvironmentPicture
+from clrender.scene.frozen import frozen_array
 from clrender.scene.groups import TransformArray
 
 MESH: dict[str, Any] = {"type": "mesh", "file": "a.ply", "material": "white"}
@@ -93,6 +94,27 @@ def test_arrays_cannot_be_written_to(tmp_path: Path) -> None:
     assert given.mesh(0).vertices.tolist() == np.eye(3).tolist()
     assert given.mesh(0).sha256() != scene.mesh(0).sha256()
     assert given.with_files(meshes={"a.ply": given.mesh(0)}).mesh(0) is given.mesh(0)  # no copy of what is read-only
+
+
+def test_arrays_over_memory_of_others_are_copied(tmp_path: Path) -> None:
+    """That they cannot be written to says nothing about the file or the buffer that they show."""
+    corners, file = np.eye(3, dtype=np.float32), tmp_path / "corners.npy"
+    np.save(file, corners)
+    buffer = bytearray(corners.tobytes())
+    mapped = np.load(file, mmap_mode="r")
+    viewed = np.frombuffer(memoryview(buffer).toreadonly(), np.float32).reshape(3, 3)
+    faces = np.array([[0, 1, 2]], np.uint32)
+    scene = room().with_files(meshes={name: MeshData(array, faces) for name, array in (("m", mapped), ("b", viewed))})
+    np.lib.format.open_memmap(file, "r+")[:] = 9.0  # type: ignore[no-untyped-call]
+    buffer[:] = bytes(len(buffer))
+    assert (mapped == 9.0).all()
+    assert not viewed.any()
+    for name in "mb":
+        kept = scene._files.meshes[name, None].vertices
+        assert type(kept) is np.ndarray
+        assert kept.tolist() == corners.tolist()
+    constant = np.frombuffer(corners.tobytes(), np.float32)
+    assert frozen_array(constant, copied=True) is constant  # nobody can write to bytes
 
 
 def test_contents_of_another_kind_are_refused() -> None:

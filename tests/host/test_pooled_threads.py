@@ -13,7 +13,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from clrender.process import pooled_threads
+from clrender.process import pooled_threads, shield
 from clrender.process.pooled_threads import PooledThread
 
 PLACE = contextvars.ContextVar("PLACE", default="nowhere")
@@ -182,7 +182,7 @@ def test_work_is_begun_once_and_not_kept() -> None:
 def test_a_process_that_was_forked_has_threads_of_its_own() -> None:
     script = """
 import os, sys
-from clrender.process import pooled_threads
+from clrender.process import pooled_threads, shield
 from clrender.process.pooled_threads import PooledThread
 
 def work():
@@ -199,6 +199,32 @@ if child == 0:
 sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
     assert subprocess.run([sys.executable, "-W", "ignore", "-c", script], timeout=60, check=False).returncode == 0
+
+
+def test_an_interrupted_call_is_patient_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All its waits for work that does not end take `PATIENCE` together, whatever interrupts them."""
+    clock, waits = [100.0], []
+    go = threading.Event()
+
+    def join(thread: PooledThread, timeout: float | None = None) -> None:
+        assert timeout is not None
+        waits.append(timeout)
+        clock[0] += min(timeout, 0.5) if len(waits) == 1 else timeout
+        if len(waits) == 1:
+            raise KeyboardInterrupt
+
+    def stop() -> None:
+        raise KeyboardInterrupt
+
+    call = shield.Call()
+    ask = call.callback(stop, None)
+    with monkeypatch.context() as patched:
+        patched.setattr(shield, "monotonic", lambda: clock[0])
+        patched.setattr(PooledThread, "join", join)
+        with pytest.raises(KeyboardInterrupt):
+            call.run(lambda: (ask(), go.wait(60.0)))
+    go.set()
+    assert waits == pytest.approx([shield.PATIENCE, shield.PATIENCE - 0.5])
 
 
 def test_a_process_waits_for_work_that_a_call_has_left() -> None:
