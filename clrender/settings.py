@@ -668,6 +668,8 @@ def _refuse_unused(wanted: RenderSettings, given: Mapping[str, str]) -> None:
             raise UsageError(text)
         if wanted.indirect_rays != 1:
             raise UsageError(f"{name} works with one indirect ray; leave out indirect_rays {wanted.indirect_rays}")
+    if "bands" in given and wanted.bands is not None and not wanted.spectral:
+        raise UsageError(f"{given['bands']} has no effect without spectral; set that as well, or leave it out")
     for name in ("guiding_paths", "guiding_memory"):
         if name in given and wanted.guiding == "off":
             raise UsageError(f"{given[name]} has no effect without guiding; set guiding to on or auto as well")

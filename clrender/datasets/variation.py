@@ -214,6 +214,9 @@ class DatasetPlan:
         except SceneError as error:
             raise SceneError(f"{self.source}: image {index}: {error}") from None
         width, height = spec.size or (scene.image.width, scene.image.height)
+        if spec.sensor is not None and spec.sensor.bayer is not None and min(width, height) < 2:
+            text = f"an image of {width} x {height} pixels has no mosaic; two a side are needed (size)"
+            raise SceneError(f"{self.source}: image {index}: sensor.bayer: {text}")
         words = philox(key_of(spec.seed, "render"), (0, 0, index & 0xFFFFFFFF, index >> 32))
         return Varied(index, scene, (width, height), int(words[0]), drawer.drawn, poses)
 

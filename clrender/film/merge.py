@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -10,6 +10,7 @@ from clrender.errors import UsageError
 from clrender.film.consistency import check_consistency
 from clrender.film.film import Film
 from clrender.image.files import image_sha256
+from clrender.wording import shown
 
 __all__ = ["merge_films"]
 
@@ -54,6 +55,9 @@ def merge_films(paths: Sequence[str | Path]) -> Film:
         When a file is no complete film, is of a session that refits BVHs, is of another request, or shares samples with
         another file; the message names both files.
     """
+    if isinstance(paths, str | bytes) or not isinstance(paths, Iterable):
+        raise UsageError(f"paths is {shown(paths)}, but must be a list of film files, such as [{str(paths)!r}]")
+    paths = list(paths)
     if not paths:
         raise UsageError("no film was given; name the films to merge")
     merged = _loaded(paths[0])

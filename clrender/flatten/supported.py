@@ -9,6 +9,7 @@ from clrender.flatten.emission import emits
 from clrender.flatten.material_rows import has_row
 from clrender.flatten.plugin_rows import used_plugins
 from clrender.integrators import INTEGRATORS
+from clrender.scene.camera import Camera
 from clrender.scene.description import Scene
 from clrender.scene.light_kinds import MOVING_LIGHTS
 from clrender.scene.materials import Dielectric, Principled, Subsurface, material_textures
@@ -138,13 +139,19 @@ def check_motion(scene: Scene, integrator: str) -> None:
     if moving and not times:
         raise SceneError(
             f"{scene.source}: {moving[0]}: the integrator {integrator} takes nothing that moves while the shutter is "
-            "open; leave camera.shutter out, or use --integrator path"
+            f"open; leave {_open_for(camera)} out, or use --integrator path"
         )
     if moving and camera.row_share < 1.0:
         raise SceneError(
             f"{scene.source}: camera.rolling_shutter: rows of one image have the same time in the integrator "
             f"{integrator}; leave it out, or use --integrator path"
         )
+
+
+def _open_for(camera: Camera) -> str:
+    """The keys of a camera for which an interval of time is rendered."""
+    keys = ["camera.shutter"] if isinstance(camera.shutter, tuple) and camera.shutter[0] != camera.shutter[1] else []
+    return " and ".join([*keys, *(["camera.rolling_shutter"] if camera.rolling_shutter > 0.0 else [])])
 
 
 def _refuse_masked(scene: Scene, integrator: str) -> None:
@@ -170,6 +177,11 @@ def _refuse_hidden(scene: Scene, integrator: str) -> None:
         if light is not None and not light.visible_to_camera
     ]
     if hidden and not INTEGRATORS[integrator].opacity:
+        if hidden[0].startswith("lights[") and (scene.origin or {}).get("hide_environment"):
+            raise SceneError(
+                f"{scene.source}: the environment is hidden (--alpha, hide_environment), which the integrator "
+                f"{integrator} does not take; leave that out, or use --integrator path"
+            )
         raise SceneError(
             f"{scene.source}: {hidden[0]}.visible_to_camera is false, which the integrator {integrator} does not take; "
             "leave it out, or use --integrator path"

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +27,7 @@ import numpy.typing as npt
 from clrender.errors import UsageError
 from clrender.exact.elementary import power_two_fifths
 from clrender.exact.matrices import inner, times
+from clrender.wording import shown
 
 __all__ = [
     "LUMINANCE",
@@ -71,6 +72,7 @@ _AGX_STOPS: Final = (-12.47393, 4.026069)
 _AGX_SIGMOID: Final = (15.5, -40.14, 31.96, -6.868, 0.4298, 0.1191, -0.00232)
 
 
+@runtime_checkable
 class DisplayMap(Protocol):
     """A tone map that is not one of the operators: linear Rec. 709 to display values."""
 
@@ -89,7 +91,14 @@ class DisplayMap(Protocol):
 
 
 def record_of(tone_map: str | DisplayMap, exposure: float) -> dict[str, Any]:
-    """What a display image says of how its pixels were stored."""
+    """What a display image says of how its pixels were stored.
+
+    Raises
+    ------
+    UsageError
+        It is no tone map.
+    """
+    _check_kind(tone_map)
     return {**({"tone_map": tone_map} if isinstance(tone_map, str) else tone_map.record), "exposure": exposure}
 
 
@@ -136,6 +145,12 @@ TONE_MAPS: Final = tuple(_OPERATORS)
 """Names of the operators."""
 
 
+def _check_kind(tone_map: object) -> None:
+    if not isinstance(tone_map, str | DisplayMap):
+        text = f"choose one of {', '.join(TONE_MAPS)}, or what clrender.display_view gives."
+        raise UsageError(f"tone_map is {shown(tone_map)}, but must be the name of a tone map; {text}")
+
+
 def check_display(tone_map: str | DisplayMap, exposure: float) -> None:
     """Check how an image is to be shown; see `display_values`.
 
@@ -144,6 +159,7 @@ def check_display(tone_map: str | DisplayMap, exposure: float) -> None:
     UsageError
         Unknown operator, or an exposure that is not a number between -128 and 128.
     """
+    _check_kind(tone_map)
     if isinstance(tone_map, str) and tone_map not in _OPERATORS:
         raise UsageError(f"tone map {tone_map!r} is unknown; choose one of {', '.join(TONE_MAPS)}.")
     if not abs(exposure) <= EXPOSURE_LIMIT:

@@ -289,6 +289,14 @@ class Scene(SceneContents):
         for kind, arrays in every.items():
             if not isinstance(arrays, Mapping | None):
                 raise SceneError(f"{kind} is {shown(arrays)}, but must be a table of arrays by the names of files")
+            named = self._named_files(kind) if arrays else set()
+            for name in arrays or ():
+                if not isinstance(name, str):
+                    raise SceneError(
+                        f"{kind}: {shown(name)} is no text; give the name of a file as the scene writes it"
+                    )
+                if name not in named:
+                    raise SceneError(f"{kind}: nothing in the scene names {quoted(name)}{suggestion(name, named)}")
         contents: dict[str, dict[Any, Any]] = {}
         if meshes:
             former = {name: mesh for (name, _), mesh in self._files.meshes.items()}
@@ -305,11 +313,6 @@ class Scene(SceneContents):
             contents["grids"] = {name: grid_of_array(name, array) for name, array in grids.items()}
         if curves:
             contents["curves"] = {name: strands_of_array(name, array) for name, array in curves.items()}
-        for kind in contents:
-            named = self._named_files(kind)
-            if unknown := [name for name in every[kind] or () if name not in named]:
-                known = suggestion(unknown[0], named)
-                raise SceneError(f"{kind}: nothing in the scene names {quoted(str(unknown[0]))}{known}")
         return self.with_files(**contents)
 
     def _named_files(self, kind: str) -> set[str]:

@@ -12,7 +12,7 @@ from clrender.errors import UsageError
 from clrender.exact.angles import power_of_two
 from clrender.exact.counters import key_of, philox, units
 from clrender.image.exact_display import srgb_bytes
-from clrender.limits import Choice, Domain, NotAllowed, Range
+from clrender.limits import Choice, Domain, Flag, NotAllowed, Range
 from clrender.sensor.bayer import PATTERNS, demosaiced, filter_colors
 from clrender.sensor.noise import normal, poisson
 
@@ -31,6 +31,8 @@ DOMAINS: Final[dict[str, Domain]] = {
     "gain": Range(0.0, 1e6, above=True),
     "bayer": Choice(tuple(PATTERNS)),
     "encoding": Choice(("linear", "srgb")),
+    "shot_noise": Flag(),
+    "demosaic": Flag(),
 }
 """Allowed values; None is allowed for `gain` and `bayer` too."""
 
@@ -149,7 +151,7 @@ class Sensor:
 
     def _recorded(self, light: npt.NDArray[np.float32], first: int, key: int, index: int) -> npt.NDArray[np.uint16]:
         """Numbers of some pixels, the first of which has this number in the image."""
-        values = np.nan_to_num(light.astype(np.float64), nan=0.0, posinf=1e30)
+        values = np.nan_to_num(light.astype(np.float64), nan=0.0, posinf=1e30, neginf=0.0)
         # What is far brighter fills the well anyhow
         means = np.clip(values * (power_of_two(self.exposure) * self.full_well), 0.0, 16.0 * self.full_well + 1000.0)
 

@@ -147,6 +147,12 @@ class ImageClaim(Claim):
 
     def __init__(self, path: Path, provenance: Mapping[str, Any]) -> None:
         missing = [key for key in ("settings", "first_sample", "sample_count", *_HASHES) if key not in provenance]
+        if missing == ["first_sample", "sample_count"] and provenance.get("merged_films"):
+            raise UsageError(
+                f"{path}: was merged from films between which parts are missing, so its pixels do not have the same "
+                "samples from a first to a last one, and only a .film records those of each pixel; verify its .film, "
+                "or merge all parts"
+            )
         if missing:
             cure = _of_data_set(path) or "render it again"
             raise UsageError(f"{path}: does not contain its settings ({missing[0]} is missing); {cure}")

@@ -144,6 +144,17 @@ def test_a_missing_shard_is_told(shards: Path, tmp_path: Path) -> None:
     assert held < asked and f", {held} of {asked} samples per pixel, of 2 films" in part
 
 
+def test_images_of_gaps_are_verified_by_their_film(shards: Path, tmp_path: Path) -> None:
+    exr, film = str(tmp_path / "gap.exr"), str(tmp_path / "gap.film")
+    assert call("merge", "1.film", "3.film", "-o", exr, "-o", film, folder=shards).returncode == 0
+    done = call("verify", exr)
+    assert done.returncode == 2
+    assert "was merged from films between which parts are missing" in done.stderr
+    assert "verify its .film" in done.stderr
+    done = call("verify", film)
+    assert done.returncode == 0, done.stderr
+
+
 def refused(folder: Path, *arguments: str) -> str:
     before = sorted(folder.iterdir())
     done = call("merge", *arguments, "-o", "refused.film", folder=folder)

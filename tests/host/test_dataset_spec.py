@@ -298,6 +298,10 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "an unknown setting": ({"render": {"sp": 3}}, r'render\.sp is an unknown setting; did you mean "spp"'),
     "a wrong setting": ({"render": {"spp": 0}}, "render: .*spp.*at least 1"),
     "a wrong sensor": ({"sensor": {"bits": 20}}, r"sensor\.bits is 20, but must be"),
+    "a mosaic of one pixel": (
+        {"size": [1, 1], "sensor": {"bayer": "rggb"}},
+        r"image 0: sensor\.bayer: an image of 1 x 1 pixels has no mosaic; two a side are needed \(size\)",
+    ),
     "a wrong filter": ({"sensor": {"bayer": "rgb"}}, r"sensor\.bayer is"),
     "a category that is not listed": (
         {"categories": ["toy"]},

@@ -22,6 +22,7 @@ from clrender.errors import RenderError, UsageError
 from clrender.film import Film
 from clrender.film.fixed_point import to_float64
 from clrender.film.ledger import Ledger
+from clrender.film.merge import merge_films
 from clrender.film.unit import Unit, UnitSums, slot_count, tile_side, tile_slots
 from clrender.process.huge_pages import LARGE_BYTES
 
@@ -381,6 +382,12 @@ def test_films_of_other_requests_are_refused_by_name(change: str) -> None:
     with pytest.raises(UsageError, match=rf"a\.film .*b\.film .*({change} .* and 8|6 x 4)"):
         film.merge(other, "a.film", "b.film")
     assert_equal(film, some_film(units=range(2)))
+
+
+@for_each("paths", ["a.film", Path("a.film"), b"a.film", 3])
+def test_films_to_merge_are_a_list(paths: Any) -> None:
+    with pytest.raises(UsageError, match=r"paths is .*, but must be a list of film files"):
+        merge_films(paths)
 
 
 def test_a_developed_film_has_no_sums_left(tmp_path: Path) -> None:

@@ -68,7 +68,7 @@ def test_devices_may_be_numbers_of_numpy() -> None:
         requested = requested_devices(given)
         assert requested == [1]
         assert type(requested[0]) is int
-    for wrong in (1.0, True, Path("cpu")):
+    for wrong in (1.0, True, Path("cpu"), b"x", bytearray(b"x")):
         with pytest.raises(UsageError, match=r"give an index of clrender\.devices"):
             Session(wrong)  # type: ignore[arg-type]
 

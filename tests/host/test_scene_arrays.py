@@ -137,6 +137,12 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"environments": {"sun": np.zeros((2, 4, 3))}}, 'environments: nothing in the scene names "sun"; known here: sky'),
     ({"grids": {"fog": np.zeros((2, 2, 2))}}, 'grids: nothing in the scene names "fog"; there is none here'),
     ({"curves": {"hair": np.ones((2, 4, 4))}}, 'curves: nothing in the scene names "hair"; there is none here'),
+    ({"meshes": {"Body": {"vertices": VERTICES}}}, 'meshes: nothing in the scene names "Body"; did you mean "body"?'),
+    (
+        {"textures": {Path("paint.png"): np.zeros((2, 2))}},
+        "paint.png') is no text; give the name of a file as the scene",
+    ),
+    ({"textures": {3: np.zeros((2, 2))}}, "textures: 3 is no text; give the name of a file as the scene writes it"),
     ({"meshes": [1]}, "meshes is a list of one, but must be a table of arrays by the names of files"),
     ({"meshes": {"body": {"vertices": VERTICES}}}, 'meshes: "body": faces are missing; add them'),
     ({"meshes": {"body": arrays(face=FACES)}}, 'meshes: "body": "face" is an unknown array; did you mean "faces"?'),
@@ -153,14 +159,17 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ),
     ({"meshes": {"body": arrays(colors=np.full((4, 3), 2.0))}}, "colors have numbers that are not between 0 and 1"),
     ({"meshes": {"body": 3}}, 'meshes: "body" is 3, but must be a table of arrays'),
-    ({"textures": {"p": np.zeros((2, 2, 2))}}, 'textures: "p" has the shape (2, 2, 2) of float64, but must have'),
-    ({"textures": {"p": np.zeros((2, 2), np.int32)}}, "of uint8, uint16, float16 or float32"),
-    ({"textures": {"p": np.full((2, 2), np.inf)}}, "has numbers that are not finite"),
-    ({"environments": {"e": np.zeros((2, 2))}}, 'environments: "e" has the shape (2, 2) of float64'),
-    ({"environments": {"e": np.full((2, 2, 3), -1.0)}}, "radiance must be"),
+    (
+        {"textures": {"paint.png": np.zeros((2, 2, 2))}},
+        'textures: "paint.png" has the shape (2, 2, 2) of float64, but must have',
+    ),
+    ({"textures": {"paint.png": np.zeros((2, 2), np.int32)}}, "of uint8, uint16, float16 or float32"),
+    ({"textures": {"paint.png": np.full((2, 2), np.inf)}}, "has numbers that are not finite"),
+    ({"environments": {"sky.exr": np.zeros((2, 2))}}, 'environments: "sky.exr" has the shape (2, 2) of float64'),
+    ({"environments": {"sky.exr": np.full((2, 2, 3), -1.0)}}, "radiance must be"),
     # Beyond single precision, and no numbers
-    ({"environments": {"e": np.full((2, 2, 3), 1e300)}}, "radiance must be"),
-    ({"textures": {"p": np.full((2, 2), 1e39)}}, "has numbers that are not finite"),
+    ({"environments": {"sky.exr": np.full((2, 2, 3), 1e300)}}, "radiance must be"),
+    ({"textures": {"paint.png": np.full((2, 2), 1e39)}}, "has numbers that are not finite"),
     ({"grids": {"g": np.full((2, 2, 2), 1e300)}}, "but numbers of grids are from 0 to"),
     ({"meshes": {"body": arrays(uvs=np.full((4, 2), 1e39))}}, "uvs have numbers that are not finite"),
     ({"grids": {"g": np.array([[[None]]])}}, 'grids: "g" is an array of object, but must be an array of real numbers'),
@@ -172,8 +181,14 @@ WRONG: list[tuple[dict[str, Any], str]] = [
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(("given", "words"), WRONG)
 def test_wrong_arrays_are_refused(given: dict[str, Any], words: str) -> None:
+    scene = described()
+    if given.get("grids", {}).keys() & {"g"}:
+        medium = {"smoke": {"scattering": [1.0, 1.0, 1.0], "density": {"file": "g"}}}
+        scene = scene.changed({"media": medium, "shapes[1]": {"type": "box", "size": [1, 1, 1], "interior": "smoke"}})
+    elif given.get("curves", {}).keys() & {"c"}:
+        scene = scene.changed({"shapes[1]": {"type": "curves", "file": "c", "material": "m"}})
     with pytest.raises(SceneError) as caught:
-        described().with_arrays(**given)
+        scene.with_arrays(**given)
     assert words in str(caught.value) and "\n" not in str(caught.value)
 
 

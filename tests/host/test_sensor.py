@@ -172,12 +172,21 @@ def test_deep_png_files(shape: tuple[int, ...]) -> None:
         ({"bayer": "rgbg"}, "bayer is"),
         ({"encoding": "gamma"}, "encoding is"),
         ({"gain": 0.0}, "gain is 0.0"),
+        ({"shot_noise": "no"}, "shot_noise is .*no.*, but must be true or false"),
+        ({"demosaic": 3}, "demosaic is 3, but must be true or false"),
         ({"black_level": 4095}, "black_level is 4095, but must be below 4095"),
     ],
 )
 def test_what_is_refused(given: dict[str, Any], words: str) -> None:
     with pytest.raises(UsageError, match=words):
         Sensor(**given)
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_is_no_radiance_is_recorded() -> None:
+    sensor = Sensor(read_noise=0.0, shot_noise=np.False_, black_level=10)  # type: ignore[arg-type]
+    image = np.array([-np.inf, np.nan, -1.0, np.inf], np.float32)[:, None, None] * np.ones((1, 1, 3), np.float32)
+    np.testing.assert_array_equal(sensor.raw(image)[:, 0, 0], [10, 10, 10, sensor.largest])
 
 
 def test_images_that_are_none() -> None:

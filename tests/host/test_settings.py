@@ -311,6 +311,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "direct": ({"integrator": "direct", "indirect_rays": 2}, "integrator direct takes 1 or 0 only"),
     "photons": ({"photons": 1000}, "photons has no effect with the integrator path; it belongs to photon"),
     "patches": ({"integrator": "photon", "patches": 9}, "patches has no effect with the integrator photon"),
+    "bands": ({"bands": (0, 6)}, "bands has no effect without spectral; set that as well, or leave it out"),
     "termination": ({"termination": 0.5}, "has no effect with the roulette throughput; it belongs to constant"),
 }  # fmt: skip
 

@@ -9,7 +9,7 @@ import pytest
 from cases import for_each
 
 from clrender.errors import UsageError
-from clrender.image.tone_map import TONE_MAPS, display_values, srgb_decode, srgb_encode, to_display
+from clrender.image.tone_map import TONE_MAPS, display_values, record_of, srgb_decode, srgb_encode, to_display
 
 
 def gray(value: float, tone_map: str, exposure: float = 0.0) -> float:
@@ -125,3 +125,10 @@ def test_exposures_that_are_none_are_refused(exposure: float) -> None:
 def test_an_unknown_operator_is_refused() -> None:
     with pytest.raises(UsageError, match=r"filmic.*linear, sqrt"):
         display_values(np.zeros(3), "filmic")
+
+
+def test_what_is_no_tone_map_is_refused() -> None:
+    for wrong in (123, None, b"srgb"):
+        for use in (lambda: display_values(np.zeros(3), wrong), lambda: record_of(wrong, 0.0)):  # type: ignore[arg-type]
+            with pytest.raises(UsageError, match=r"tone_map is .*, but must be the name of a tone map; choose one of"):
+                use()

@@ -160,6 +160,16 @@ def test_radiosity_refuses_what_is_hidden(device: Device, changes: dict[str, boo
         rendered(device, scene, integrator="radiosity")
 
 
+def test_radiosity_says_that_alpha_hides_the_environment(device: Device) -> None:
+    scene = described()
+    scene["materials"]["mirror"] = scene["materials"]["white"]
+    hidden = Scene.model_validate(scene).with_hidden_environment()
+    with pytest.raises(
+        SceneError, match=r"the environment is hidden \(--alpha, hide_environment\), which the integrator"
+    ):
+        clrender.render(hidden, device=device, size=SIZE, spp=8, integrator="radiosity")
+
+
 def test_hide_emitters_of_mitsuba(tmp_path: Path) -> None:
     """Lights that are shapes, and the environment; written again when nothing else is hidden."""
     text = """<scene version="3.0.0"><integrator type="path"><boolean name="hide_emitters" value="true"/></integrator>

@@ -222,6 +222,13 @@ def test_programs_without_moving_lights_know_none(tmp_path: Path) -> None:
 
 
 def test_radiosity_takes_none(tmp_path: Path) -> None:
-    scene = placed(tmp_path, TURN, shutter=[0.0, 1.0])
-    with pytest.raises(SceneError, match=r"lights\[0\]\.motion: the integrator radiosity takes nothing that moves"):
-        clrender.render(scene, integrator="radiosity", size=(8, 8), spp=1)
+    openings: dict[str, dict[str, Any]] = {
+        "camera.shutter out": {"shutter": [0.0, 1.0]},
+        "camera.rolling_shutter out": {"rolling_shutter": 1.0},
+        "camera.shutter and camera.rolling_shutter out": {"shutter": [0.0, 0.5], "rolling_shutter": 0.5},
+    }
+    for cure, opening in openings.items():
+        scene = placed(tmp_path, TURN, **opening)
+        words = rf"lights\[0\]\.motion: the integrator radiosity takes nothing that moves .*; leave {cure}, or"
+        with pytest.raises(SceneError, match=words):
+            clrender.render(scene, integrator="radiosity", size=(8, 8), spp=1)
