@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Mapping
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,12 @@ from clrender.extras import install_command, missing_extra
 __all__ = ["Denoiser", "check_denoiser"]
 
 _Image = npt.NDArray[np.float32]
+
+_DIM: Final = -10
+"""Binary exponent of the median radiance below which an image is brightened for the library, which takes what is below
+1e-8 for black when it chooses an exposure."""
+_BRIGHTEST: Final = 60
+"""Binary exponent that no pixel exceeds then."""
 
 
 def check_denoiser() -> None:
@@ -67,11 +73,21 @@ class Denoiser:
         number = int(self._device.get_int("version"))
         self.name = f"Open Image Denoise {number // 10000}.{number // 100 % 100}.{number % 100}"
 
-    def __call__(self, linear: npt.ArrayLike, albedo: npt.ArrayLike, normal: npt.ArrayLike) -> _Image:
+    def __call__(
+        self,
+        linear: npt.ArrayLike,
+        albedo: npt.ArrayLike,
+        normal: npt.ArrayLike,
+        coverage: npt.ArrayLike | None = None,
+    ) -> _Image:
         """Denoise a linear image.
 
         The guides are first denoised separately, and then treated as noise-free: this preserves edges and textures best
         (documentation of Open Image Denoise 2, "Prefiltering").
+
+        Of an image with coverage the colours are denoised as they are without it, and multiplied by it again, so that
+        its edges stay those of the coverage, whose noise they have in common. Beyond the edges the colours and guides
+        go on evenly meanwhile. What has no coverage stays as it is.
 
         Parameters
         ----------
@@ -81,6 +97,8 @@ class Denoiser:
             Between 0 and 1.
         normal : (H, W, 3) float32
             Each component between -1 and 1.
+        coverage : (H, W) float32, optional
+            0 to 1; only for images without a background, which are multiplied by it.
 
         Returns
         -------
@@ -91,9 +109,25 @@ class Denoiser:
         RenderError
             If the library fails.
         """
-        guides = {"albedo": _image(albedo), "normal": _image(normal)}
+        image, guides = _image(linear), {"albedo": _image(albedo), "normal": _image(normal)}
+        if coverage is None:
+            return self._guided(image, guides)
+        share = np.ascontiguousarray(coverage, np.float32)[..., None]
+        bare = {name: np.clip(_uncovered(guide, share), -1.0, 1.0) for name, guide in guides.items()}
+        denoised = self._guided(_uncovered(image, share), bare)
+        return np.where(share > 0.0, denoised * share, image)
+
+    def _guided(self, image: _Image, guides: Mapping[str, _Image]) -> _Image:
+        """A denoised image. The library is given one that is neither black nor very dim."""
+        sizes = np.abs(image)
+        lit = sizes[np.isfinite(sizes) & (sizes > 0.0)]
+        if not lit.size:
+            return image.copy()
         clean = {name: self._run({name: guide}, {}) for name, guide in guides.items()}
-        return self._run({"color": _image(linear), **clean}, {"hdr": True, "cleanAux": True})
+        stops = -int(np.frexp(np.median(lit))[1])
+        stops = min(stops, _BRIGHTEST - int(np.frexp(lit.max())[1])) if stops > -_DIM else 0
+        denoised = self._run({"color": np.ldexp(image, max(stops, 0)), **clean}, {"hdr": True, "cleanAux": True})
+        return np.ldexp(denoised, -max(stops, 0))
 
     def _run(self, images: Mapping[str, _Image], options: Mapping[str, bool]) -> _Image:
         """Run one filter on these images; returns its output."""
@@ -117,6 +151,35 @@ class Denoiser:
     def release(self) -> None:
         """Release the library's memory; the denoiser must not be used afterwards."""
         self._device.release()
+
+
+def _uncovered(image: _Image, coverage: _Image) -> _Image:
+    """An image divided by its coverage, (H, W, 1); pixels without any are even continuations of those around.
+
+    They are the means of pixels in squares, the smallest of 2, 4, 8, … a side that have one with coverage (Gortler,
+    Grzeszczuk, Szeliski and Cohen 1996, "The Lumigraph", section 3.4: pull and push).
+    """
+    has = coverage > 0.0
+    bare = np.divide(image, coverage, out=np.zeros_like(image), where=has)
+    sums, weights = bare, has.astype(np.float32)
+    finer: list[tuple[_Image, _Image]] = []
+    while max(weights.shape) > 1 and not weights.all():
+        finer.append((sums, weights))
+        sums, weights = _halved(sums), _halved(weights)
+    values = np.divide(sums, weights, out=np.zeros_like(sums), where=weights > 0.0)
+    for sums, weights in reversed(finer):
+        height, width = weights.shape[:2]
+        coarse = values.repeat(2, axis=0).repeat(2, axis=1)[:height, :width]
+        values = np.divide(sums, weights, out=np.ascontiguousarray(coarse), where=weights > 0.0)
+    return np.ascontiguousarray(values)
+
+
+def _halved(sums: _Image) -> _Image:
+    """Sums over two by two pixels."""
+    height, width, channels = sums.shape
+    even = np.pad(sums, ((0, height % 2), (0, width % 2), (0, 0)))
+    total: _Image = even.reshape((height + 1) // 2, 2, (width + 1) // 2, 2, channels).sum(axis=(1, 3))
+    return total
 
 
 def _image(array: npt.ArrayLike) -> _Image:

@@ -567,7 +567,9 @@ class JobRender:
     ) -> npt.NDArray[np.float32]:
         """The denoised image; it is noted in the statistics."""
         begin = time.perf_counter()
-        denoised = denoiser(linear, first["albedo"], first["normal"])
+        premultiplied = "alpha" in first and not self._job.scene.shows_environment
+        coverage = first["alpha"][..., 0] if premultiplied else None
+        denoised = denoiser(linear, first["albedo"], first["normal"], coverage)
         denoiser.release()
         seconds = time.perf_counter() - begin
         stats |= {"denoised": True, "denoiser": denoiser.name, "denoised_sha256": image_sha256(denoised)}

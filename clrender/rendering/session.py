@@ -499,8 +499,8 @@ def requested_devices(device: object) -> list[str | int | Device]:
         One is of another type.
     """
     given: list[str | int | Device] = []
-    several = isinstance(device, Iterable) and not isinstance(device, str | bytes | bytearray)
-    for one in device if several else [device]:  # type: ignore[union-attr]
+    whole = isinstance(device, str | bytes | bytearray) or not isinstance(device, Iterable)
+    for one in [device] if whole else device:  # type: ignore[attr-defined]
         if isinstance(one, (str, Integral, Device)) and not isinstance(one, bool):
             given.append(int(one) if isinstance(one, Integral) else one)
         elif one is not None:

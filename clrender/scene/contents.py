@@ -147,6 +147,12 @@ class SceneContents(Head):
         return self.of_contents("shadow catchers", lambda: any(shape.shadow_catcher for _, shape in self.all_shapes()))
 
     @property
+    def shows_environment(self) -> bool:
+        """Whether the camera sees an environment, or the sky, behind everything."""
+        around = (self.environment, self.sky)
+        return not self.has_shadow_catchers and any(light is not None and light.visible_to_camera for light in around)
+
+    @property
     def plain_shapes(self) -> tuple[AnyShape, ...]:
         """Its shapes, of a scene whose instances `clrender.flatten.assembly` has resolved."""
         return self.shapes  # type: ignore[return-value]

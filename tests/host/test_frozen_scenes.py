@@ -105,7 +105,7 @@ def test_arrays_over_memory_of_others_are_copied(tmp_path: Path) -> None:
     viewed = np.frombuffer(memoryview(buffer).toreadonly(), np.float32).reshape(3, 3)
     faces = np.array([[0, 1, 2]], np.uint32)
     scene = room().with_files(meshes={name: MeshData(array, faces) for name, array in (("m", mapped), ("b", viewed))})
-    np.lib.format.open_memmap(file, "r+")[:] = 9.0  # type: ignore[no-untyped-call]
+    np.lib.format.open_memmap(file, "r+")[:] = 9.0
     buffer[:] = bytes(len(buffer))
     assert (mapped == 9.0).all()
     assert not viewed.any()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -49,6 +50,67 @@ def test_edges_of_albedo_and_normal_stay_sharp() -> None:
     wrong = np.abs(denoised - expected)[2:-2, 2:-2] / expected[2:-2, 2:-2]
     # With a flat albedo the second is 0.17, with a flat normal the third 0.19.
     assert wrong.mean() < 0.05 and wrong[:, 28:32].mean() < 0.1 and wrong[28:32].mean() < 0.15
+
+
+@needs_library
+def test_black_stays_black_and_dim_images_as_dim() -> None:
+    """They were grey of 0.0013, whatever the scene."""
+    flat, normal = np.full((32, 32, 3), 0.5, np.float32), np.zeros((32, 32, 3), np.float32)
+    denoiser = Denoiser()
+    assert not denoiser(np.zeros((32, 32, 3)), flat, normal).any()
+    noise = np.random.default_rng(3).gamma(2.0, 0.5, (32, 32, 1)).astype(np.float32) * flat
+    usual = denoiser(noise, flat, normal).mean()
+    for exponent in (-14, -27, -40, -110):
+        dim = denoiser(np.ldexp(noise, exponent), flat, normal)
+        assert np.ldexp(dim.mean(), -exponent) == pytest.approx(usual, rel=0.02)
+
+
+@needs_library
+def test_coverage_and_colours_stay_together_at_edges() -> None:
+    """Over any background the edges are those of the coverage, and beyond them is nothing."""
+    random = np.random.default_rng(5)
+    rows, columns = np.mgrid[:48, :48] - 23.5
+    coverage = np.clip(18.0 - np.hypot(rows, columns), 0.0, 1.0)
+    coverage = (random.binomial(4, coverage) / 4.0).astype(np.float32)
+    share = coverage[..., None]
+    noise = random.gamma(4.0, 0.25, (48, 48, 1))
+    image = np.float32([0.7, 0.4, 0.2]) * noise * share
+    albedo, normal = 0.7 * share * np.ones(3), share * np.float32([0.0, 0.0, 1.0])
+    image[0, 0] = 0.25  # glows without covering anything
+    denoised = Denoiser()(image, albedo, normal, coverage)
+    edge = (coverage > 0.0) & (coverage < 1.0)
+    colors = denoised[edge] / coverage[edge][:, None]
+    np.testing.assert_allclose(colors.mean(axis=0), [0.7, 0.4, 0.2], rtol=0.05)
+    before = image[edge] / coverage[edge][:, None]
+    # 0.44 times; 0.89 without the coverage
+    assert (colors / [0.7, 0.4, 0.2]).std() < 0.6 * (before / [0.7, 0.4, 0.2]).std()
+    assert (denoised[0, 0] == 0.25).all()
+    denoised[0, 0] = 0.0
+    assert not denoised[coverage == 0.0].any()
+
+
+@needs_library
+def test_images_with_alpha_are_denoised_by_it_where_nothing_is_behind(device: object) -> None:
+    ball: dict[str, Any] = {
+        "camera": {"position": [0, 0, 4], "target": [0, 0, 0], "vertical_fov": 40.0},
+        "materials": {"white": {"type": "lambert", "reflectance": [0.8, 0.4, 0.2]}},
+        "shapes": [{"type": "sphere", "radius": 1.0, "material": "white"}],
+        "lights": [{"type": "environment", "radiance": [1, 1, 1]}],
+    }
+    scene = clrender.Scene(**ball)
+    how: dict[str, Any] = {"size": (32, 32), "spp": 4, "denoise": True, "aov": "alpha"}
+    hidden = clrender.render(scene.with_hidden_environment(), **how)
+    alpha, denoised = hidden.alpha, hidden.denoised
+    assert alpha is not None
+    assert denoised is not None
+    edge = (alpha > 0.0) & (alpha < 1.0)
+    np.testing.assert_allclose(
+        denoised[edge] / alpha[edge][:, None], hidden.linear[edge] / alpha[edge][:, None], rtol=0.2
+    )
+    assert not denoised[alpha == 0.0].any()
+    seen = clrender.render(scene, **how)
+    assert seen.denoised is not None
+    assert (seen.denoised[alpha == 0.0] > 0.8).all()
 
 
 @needs_library
