@@ -110,14 +110,14 @@ def is_deep(picture: ImageFile) -> bool:
 
 
 def deep_pixels(file: IO[bytes], picture: ImageFile) -> npt.NDArray[np.uint16]:
-    """Pixels of a PNG with 16 bits per channel: (H, W, 1) if grey, else (H, W, 3 or 4).
+    """Pixels of a PNG with 16 bits per channel: (H, W, 1) if grey, else (H, W, 3 or 4), also if one colour is clear.
 
     For colours, Pillow returns only the first byte of each channel. Decoded again with the opposite byte order, it
     returns the second.
     """
     modes = {str(tile.args) for tile in picture.tile}
     if modes == {"I;16B"}:
-        return np.asarray(picture).astype(np.uint16)[..., None]
+        return _with_clear(np.asarray(picture).astype(np.uint16)[..., None], picture)
     if not modes <= {"RGB;16B", "RGBA;16B"}:
         raise ValueError("it is grey with alpha in 16 bits, which is not read: save it without alpha")
     high = np.asarray(picture).astype(np.uint16)
@@ -126,7 +126,18 @@ def deep_pixels(file: IO[bytes], picture: ImageFile) -> npt.NDArray[np.uint16]:
     again.tile = [tile._replace(args=str(tile.args).replace("16B", "16L")) for tile in again.tile]
     high <<= 8
     high |= np.asarray(again)
-    return high
+    return _with_clear(high, picture)
+
+
+def _with_clear(pixels: npt.NDArray[np.uint16], picture: ImageFile) -> npt.NDArray[np.uint16]:
+    """Pixels with alpha, (H, W, 4), if a chunk `tRNS` declares one colour, or level of grey, to be clear."""
+    clear = picture.info.get("transparency")
+    if clear is None:
+        return pixels
+    whole = np.empty((*pixels.shape[:2], 4), np.uint16)
+    whole[..., :3] = pixels
+    whole[..., 3] = np.where((pixels == np.array(clear, np.uint16)).all(axis=2), 0, 65535)
+    return whole
 
 
 def open_display(file: IO[bytes], most: int = PIXEL_LIMIT) -> ImageFile:

@@ -11,7 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from clrender.image.display import check_size, deep_pixels, is_deep, open_display
-from clrender.image.raster import RASTER_ENDINGS, open_raster, raster_floats, raster_words
+from clrender.image.raster import (
+    RASTER_ENDINGS,
+    is_deep_raster,
+    open_raster,
+    raster_colors,
+    raster_floats,
+    raster_words,
+)
 from clrender.wording import grouped
 
 __all__ = ["CODED_ENDINGS", "PICTURE_ENDINGS", "PICTURE_LIMIT", "Picture", "open_picture", "picture_room"]
@@ -69,7 +76,7 @@ def picture_room(file: IO[bytes], ending: str) -> tuple[int, int, int]:
         return width, height, 16
     raster = open_raster(file, PICTURE_LIMIT)
     if raster is not None:
-        return *raster.size, 16 if raster.mode.startswith("F") else 4
+        return *raster.size, 16 if raster.mode.startswith("F") else 8 if is_deep_raster(raster) else 4
     picture = open_picture(file, ending)
     return picture.width, picture.height, picture.channels * (1 if picture.coding == "unorm8" else 2)
 
@@ -104,9 +111,10 @@ def open_picture(file: IO[bytes], ending: str) -> Picture:
         The file is damaged, or too large.
     """
     if ending == ".exr":
-        from clrender.image.exr import read_exr
+        from clrender.image.exr import exr_alpha, read_exr
 
-        return _of_floats(read_exr(file))
+        image = read_exr(file)
+        return _of_floats(image, exr_alpha(file))
     if ending == ".hdr":
         from clrender.image.radiance_hdr import read_hdr
 
@@ -132,8 +140,16 @@ def open_picture(file: IO[bytes], ending: str) -> Picture:
                 yield pixels[top : top + _BAND]
 
         return Picture(width, height, 1, "unorm16", words)
+    if raster is not None and is_deep_raster(raster):
+
+        def deep_colors() -> Iterator[npt.NDArray[Any]]:
+            pixels = raster_colors(file, raster)
+            for top in range(0, height, _BAND):
+                yield _padded(pixels[top : top + _BAND], 65535)
+
+        return Picture(width, height, 4, "unorm16", deep_colors)
     if raster is None and is_deep(picture):
-        grey = picture.mode.startswith("I")
+        grey = picture.mode.startswith("I") and "transparency" not in picture.info
 
         def deep() -> Iterator[npt.NDArray[Any]]:
             pixels = deep_pixels(file, picture)
@@ -174,11 +190,15 @@ def _open_webp(file: IO[bytes]) -> Any:
     return picture
 
 
-def _of_floats(image: npt.NDArray[np.float32]) -> Picture:
-    """An image of floats, in half precision if that is lossless, and as one channel if all three are equal."""
+def _of_floats(image: npt.NDArray[np.float32], alpha: npt.NDArray[np.float32] | None = None) -> Picture:
+    """An image of floats, in half precision if that is lossless, and as one channel if all three are equal.
+
+    With an alpha that is not 1 everywhere, it has four channels.
+    """
     height, width, _ = image.shape
     _check(width, height)
-    grey = half = True
+    alpha = None if alpha is None or bool((alpha == 1.0).all()) else alpha
+    grey, half = alpha is None, True
     for top in range(0, height, _BAND):
         band = image[top : top + _BAND]
         finite = np.isfinite(band).all(axis=2)
@@ -188,10 +208,15 @@ def _of_floats(image: npt.NDArray[np.float32]) -> Picture:
         grey = grey and bool((band == band[..., :1]).all())
         with np.errstate(over="ignore"):
             half = half and bool((band.astype(np.float16) == band).all())
+            if alpha is not None:
+                covers = alpha[top : top + _BAND]
+                half = half and bool((covers.astype(np.float16) == covers).all())
 
     def bands() -> Iterator[npt.NDArray[Any]]:
         for top in range(0, height, _BAND):
             rows = image[top : top + _BAND, :, : 1 if grey else 3]
+            if alpha is not None:
+                rows = np.concatenate([rows, alpha[top : top + _BAND, :, None]], axis=2)
             yield _padded(rows.astype(np.float16).view(np.uint16) if half else rows, 0x3C00 if half else 1)
 
     return Picture(width, height, 1 if grey else 4, "half" if half else "float", bands)

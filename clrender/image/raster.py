@@ -7,6 +7,8 @@ until pixels are requested, and a file that cannot contain as many pixels as it 
 from __future__ import annotations
 
 import os
+import re
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
@@ -21,7 +23,16 @@ from clrender.image.tone_map import srgb_decode
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
 
-__all__ = ["RASTER_ENDINGS", "open_raster", "raster_ending", "raster_floats", "raster_words", "read_raster"]
+__all__ = [
+    "RASTER_ENDINGS",
+    "is_deep_raster",
+    "open_raster",
+    "raster_colors",
+    "raster_ending",
+    "raster_floats",
+    "raster_words",
+    "read_raster",
+]
 
 
 @dataclass(frozen=True)
@@ -124,6 +135,70 @@ def raster_words(picture: ImageFile) -> npt.NDArray[np.uint16]:
     return pixels.astype(np.uint16)[..., None]
 
 
+def is_deep_raster(picture: ImageFile) -> bool:
+    """Whether a TIFF or PPM has colours of more than 8 bits, which `raster_colors` reads.
+
+    Not those of a TIFF in CMYK or multiplied by alpha, of which Pillow gives 8 bits.
+    """
+    return picture.mode in ("RGB", "RGBA") and (_most_of_ppm(picture) > 255 or bool(_words_of_tiff(picture)))
+
+
+def raster_colors(file: IO[bytes], picture: ImageFile) -> npt.NDArray[np.uint16]:
+    """Pixels of a picture of `is_deep_raster`: (H, W, 3 or 4) uint16, where 65535 is 1.
+
+    Raises
+    ------
+    ValueError, or whatever Pillow raises
+        The file is damaged.
+    """
+    if (most := _most_of_ppm(picture)) > 255:
+        return _ppm_words(file, picture, most)
+    # Pillow keeps the first byte of each number; read in the other order of bytes, the second one is the first
+    turned = _words_of_tiff(picture)
+    high = np.asarray(picture).astype(np.uint16)
+    file.seek(0)
+    again = _FORMATS["TIFF"].open(file)
+    again.tile = [tile._replace(args=(mode, *tile.args[1:])) for tile, mode in zip(again.tile, turned, strict=True)]
+    high <<= 8
+    high |= np.asarray(again)
+    return high
+
+
+def _words_of_tiff(picture: ImageFile) -> list[str]:
+    """Pillow's raw modes of the parts of a TIFF in the other order of bytes; none if it is not of 16 bits."""
+    turned = {"L": "B", "B": "L", "N": "B" if sys.byteorder == "little" else "L"}
+    kinds = [tile.args[0] for tile in picture.tile if isinstance(tile.args, tuple) and tile.args]
+    found = [re.fullmatch(r"((?:RGB|RGBA|RGBX|[RGBA]);16)([LBN])", str(kind)) for kind in kinds]
+    if picture.format != "TIFF" or len(kinds) < len(picture.tile):
+        return []
+    return [f"{each[1]}{turned[each[2]]}" for each in found if each] if all(found) else []
+
+
+def _most_of_ppm(picture: ImageFile) -> int:
+    """The number that stands for 1 in a PPM; 0 of other files."""
+    if picture.format != "PPM" or picture.mode != "RGB" or not picture.tile:
+        return 0
+    args = picture.tile[0].args
+    return int(args[1]) if isinstance(args, tuple) else 255
+
+
+def _ppm_words(file: IO[bytes], picture: ImageFile, most: int) -> npt.NDArray[np.uint16]:
+    (width, height), tile = picture.size, picture.tile[0]
+    count = width * height * 3
+    file.seek(tile.offset)
+    if tile.codec_name == "ppm_plain":
+        words = re.sub(rb"#[^\r\n]*", b"", file.read()).split()[:count]
+        numbers = np.array(words, "S6").astype(np.int64)
+    else:
+        data = file.read(2 * count)
+        numbers = np.frombuffer(data, ">u2", len(data) // 2).astype(np.int64)
+    if len(numbers) < count:
+        raise ValueError("it is truncated")
+    if numbers.min() < 0 or numbers.max() > most:
+        raise ValueError(f"it has numbers above {most}, which it says is the largest")
+    return ((numbers * 131070 + most) // (2 * most)).astype(np.uint16).reshape(height, width, 3)
+
+
 def read_raster(file: IO[bytes], most: int) -> npt.NDArray[np.float32]:
     """A picture as (H, W, 3) linear values: decoded from sRGB to 0..1, or floats as they are.
 
@@ -138,8 +213,13 @@ def read_raster(file: IO[bytes], most: int) -> npt.NDArray[np.float32]:
     with picture:
         if picture.mode.startswith("F"):
             return raster_floats(picture)
-        deep = picture.mode.startswith("I")
-        pixels = np.repeat(raster_words(picture), 3, axis=2) if deep else np.asarray(picture.convert("RGB"))
+        deep = picture.mode.startswith("I") or is_deep_raster(picture)
+        if picture.mode.startswith("I"):
+            pixels: npt.NDArray[Any] = np.repeat(raster_words(picture), 3, axis=2)
+        elif deep:
+            pixels = raster_colors(file, picture)[..., :3]
+        else:
+            pixels = np.asarray(picture.convert("RGB"))
     largest = 65535 if deep else 255
     linear: npt.NDArray[np.float32] = srgb_decode(np.arange(largest + 1) / largest).astype(np.float32)[pixels]
     return linear

@@ -28,6 +28,7 @@ from clrender.errors import UsageError
 from clrender.files.access import open_input
 from clrender.image.colorimetry import REC_709, rec_709_matrix
 from clrender.image.files import read_image, read_provenance, write_image
+from clrender.image.pictures import open_picture
 from clrender.image.tone_map import srgb_decode, to_display
 
 Picture = npt.NDArray[np.float32]
@@ -122,6 +123,26 @@ def test_exr_of_mixed_and_grey_channels(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_image(exr(tmp_path / "a.exr", mixed)), expected)
     grey = read_image(exr(tmp_path / "b.exr", {"Y": np.ascontiguousarray(image[..., 0])}))
     np.testing.assert_array_equal(grey, np.repeat(image[..., :1], 3, axis=2))
+
+
+@for_each("kind", ["RGB", "Y", "half"])
+def test_exr_pictures_have_their_alpha(tmp_path: Path, kind: str) -> None:
+    image, alpha = ramp(), ramp()[..., 1] / np.float32(8.0)
+    if kind == "half":
+        image, alpha = image.astype(np.float16), alpha.astype(np.float16)
+    colors = {"Y": np.ascontiguousarray(image[..., 0])} if kind == "Y" else planes(image)
+    exr(tmp_path / "a.exr", {**colors, "A": np.ascontiguousarray(alpha)})
+    with (tmp_path / "a.exr").open("rb") as file:
+        picture = open_picture(file, ".exr")
+        texels = np.concatenate(list(picture.bands()))
+    assert (picture.channels, picture.coding) == (4, "half" if kind == "half" else "float")
+    texels = texels.view(np.float16) if kind == "half" else texels
+    np.testing.assert_array_equal(texels[..., :3], np.repeat(image[..., :1], 3, axis=2) if kind == "Y" else image)
+    np.testing.assert_array_equal(texels[..., 3], np.clip(alpha, 0.0, 1.0))
+    assert texels[..., 3].min() < texels[..., 3].max()
+    exr(tmp_path / "b.exr", {"Y": np.ascontiguousarray(image[..., 0]), "A": np.ones_like(image[..., 0])})
+    with (tmp_path / "b.exr").open("rb") as file:
+        assert open_picture(file, ".exr").channels == 1  # opaque
 
 
 COMPRESSIONS = ("NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "B44A", "DWAA", "DWAB")
@@ -265,7 +286,7 @@ def test_hdr_is_as_limited_as_every_image(tmp_path: Path) -> None:
 # --- PNG and JPEG ----------------------------------------------------------------------------------------------------
 
 
-def png(pixels: npt.NDArray[Any], color: int) -> bytes:
+def png(pixels: npt.NDArray[Any], color: int, clear: tuple[int, ...] = ()) -> bytes:
     """PNG of 16 bits a channel; Pillow writes none of colours."""
 
     def chunk(name: bytes, data: bytes) -> bytes:
@@ -274,6 +295,8 @@ def png(pixels: npt.NDArray[Any], color: int) -> bytes:
     height, width = pixels.shape[:2]
     rows = b"".join(b"\0" + row.astype(">u2").tobytes() for row in pixels)
     header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, color, 0, 0, 0))
+    if clear:
+        header += chunk(b"tRNS", struct.pack(f">{len(clear)}H", *clear))
     return b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
 
 
@@ -283,6 +306,23 @@ def test_png_of_sixteen_bits_keeps_them(tmp_path: Path, color: int, channels: in
     (tmp_path / "a.png").write_bytes(png(pixels, color))
     expected = srgb_decode(pixels[..., :3] / 65535).astype(np.float32)
     np.testing.assert_array_equal(read_image(tmp_path / "a.png"), np.broadcast_to(expected, (9, 11, 3)))
+
+
+@for_each("clear", [(40000,), (40000, 3, 65535)])
+def test_png_of_sixteen_bits_with_a_clear_colour(tmp_path: Path, clear: tuple[int, ...]) -> None:
+    """Of 16 bits: what differs in the lower eight is not clear."""
+    pixels = np.full((2, 3, len(clear)), 257)
+    pixels[0, 1] = clear
+    pixels[1, 2] = np.array(clear) ^ 1
+    (tmp_path / "a.png").write_bytes(png(pixels, 0 if len(clear) == 1 else 2, clear))
+    with (tmp_path / "a.png").open("rb") as file:
+        picture = open_picture(file, ".png")
+        texels = np.concatenate(list(picture.bands()))
+    assert (picture.channels, picture.coding) == (4, "unorm16")
+    np.testing.assert_array_equal(texels[..., :3], np.broadcast_to(pixels, (2, 3, 3)))
+    assert texels[..., 3].tolist() == [[65535, 0, 65535], [65535, 65535, 65535]]
+    expected = srgb_decode(pixels / 65535).astype(np.float32)
+    np.testing.assert_array_equal(read_image(tmp_path / "a.png"), np.broadcast_to(expected, (2, 3, 3)))
 
 
 def test_png_of_sixteen_bits_that_cannot_be_read(tmp_path: Path) -> None:

@@ -7,12 +7,15 @@ import struct
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
+from cases import for_each
 from PIL import Image
 
 from clrender.errors import SceneError, UsageError
+from clrender.image.deep_png import deep_png_bytes
 from clrender.image.files import read_image, write_image
 from clrender.image.pictures import open_picture, picture_room
 from clrender.scene.environment import EnvironmentPicture
@@ -70,6 +73,58 @@ def test_a_gif_has_its_palette(tmp_path: Path) -> None:
     with Image.open(tmp_path / "a.gif") as picture:
         picture.convert("RGBA").save(tmp_path / "a.png")
     np.testing.assert_array_equal(texels(tmp_path / "a.gif"), texels(tmp_path / "a.png"))
+
+
+DEEP = RNG.integers(0, 65536, (9, 13, 3), np.uint16)
+DEEP_ALPHA = np.dstack([DEEP, DEEP[..., :1]])
+
+
+@for_each("alpha", [False, True])
+@for_each("how", [(1, 1), (5, 1), (5, 2), (8, 1)])
+def test_sixteen_bits_of_colour_in_a_tiff(tmp_path: Path, alpha: bool, how: tuple[int, int]) -> None:
+    """Plain, by LZW without and with differences, and by deflate."""
+    pixels, path = DEEP_ALPHA if alpha else DEEP, tmp_path / "a.tif"
+    turned = pixels[..., [2, 1, 0, 3]] if alpha else pixels[..., ::-1]
+    cv2.imwrite(str(path), turned, [cv2.IMWRITE_TIFF_COMPRESSION, how[0], cv2.IMWRITE_TIFF_PREDICTOR, how[1]])
+    (tmp_path / "a.png").write_bytes(deep_png_bytes(DEEP))
+    assert texels(path).dtype == np.uint16
+    np.testing.assert_array_equal(texels(path)[..., : pixels.shape[2]], pixels)
+    np.testing.assert_array_equal(read_image(path), read_image(tmp_path / "a.png"))
+    with path.open("rb") as file:
+        assert picture_room(file, ".tif") == (13, 9, 8)
+
+
+def test_a_tiff_of_the_other_order_of_bytes(tmp_path: Path) -> None:
+    """Written by hand: uncompressed, big-endian."""
+    rows = DEEP.astype(">u2").tobytes()
+    tags = [(256, 3, 1, 13), (257, 3, 1, 9), (258, 3, 3, 8 + 126), (259, 3, 1, 1), (262, 3, 1, 2), (273, 4, 1, 146)]
+    tags += [(277, 3, 1, 3), (278, 3, 1, 9), (279, 4, 1, len(rows)), (284, 3, 1, 1)]
+    entries = b"".join(
+        struct.pack(">HHI", tag, kind, count) + struct.pack(">HH" if kind == 3 and count == 1 else ">I", *(
+            (value, 0) if kind == 3 and count == 1 else (value,)
+        ))
+        for tag, kind, count, value in tags
+    )  # fmt: skip
+    head = b"MM\0*" + struct.pack(">IH", 8, len(tags)) + entries + struct.pack(">I", 0)
+    path = tmp_path / "a.tif"
+    path.write_bytes(head.ljust(134, b"\0") + struct.pack(">HHH", 16, 16, 16).ljust(12, b"\0") + rows)
+    np.testing.assert_array_equal(texels(path)[..., :3], DEEP)
+
+
+@for_each("most", [65535, 1023])
+@for_each("plain", [False, True])
+def test_sixteen_bits_of_colour_in_a_ppm(tmp_path: Path, most: int, plain: bool) -> None:
+    numbers, path = DEEP & np.uint16(most), tmp_path / "a.ppm"
+    body = " ".join(map(str, numbers.ravel())).encode() if plain else numbers.astype(">u2").tobytes()
+    path.write_bytes(b"P%d 13 9 %d\n" % (3 if plain else 6, most) + body)
+    found = texels(path)
+    assert found.dtype == np.uint16
+    np.testing.assert_array_equal(found[..., :3], np.rint(numbers.astype(np.float64) * 65535.0 / most))
+    (tmp_path / "a.png").write_bytes(deep_png_bytes(np.ascontiguousarray(found[..., :3])))
+    np.testing.assert_array_equal(read_image(path), read_image(tmp_path / "a.png"))
+    path.write_bytes(path.read_bytes()[:-9])
+    with pytest.raises(ValueError, match="truncated"):
+        texels(path)
 
 
 @pytest.mark.parametrize("file", ["a.tif", "a.pgm"])
