@@ -424,7 +424,10 @@ def _layers(aov: str | None, outputs: Sequence[Path]) -> tuple[str, ...]:
     layers = check_aovs(name.strip() for name in aov.split(",") if name.strip())
     if not layers:
         raise UsageError(f"--aov is {aov!r}, but must be a list of {', '.join(AOVS)}")
-    _check_layers(True, "--aov", outputs)
+    if layers == ("alpha",):
+        _check_alpha("--aov alpha", outputs)
+    else:
+        _check_layers(True, "--aov", outputs)
     return layers
 
 
@@ -436,11 +439,16 @@ def _check_layers(wanted: bool, option: str, outputs: Sequence[Path]) -> None:
 
 def _with_alpha(layers: Sequence[str], outputs: Sequence[Path]) -> tuple[str, ...]:
     """The layers and alpha, after checking that an output can hold it."""
+    _check_alpha("--alpha", outputs)
+    return tuple(dict.fromkeys((*layers, "alpha")))
+
+
+def _check_alpha(option: str, outputs: Sequence[Path]) -> None:
+    """Check that an output can hold a fourth channel."""
     if not any(path.suffix.lower() in (".png", ".exr") for path in outputs):
         raise UsageError(
-            "--alpha: only .png and .exr files hold a fourth channel; name one with -o, such as -o image.png"
+            f"{option}: only .png and .exr files hold a fourth channel; name one with -o, such as -o image.png"
         )
-    return tuple(dict.fromkeys((*layers, "alpha")))
 
 
 def _check_exr(layers: Sequence[str], exr: Mapping[str, Any]) -> None:

@@ -28,7 +28,7 @@ def lost_light(job: RenderJob, flat: FlatScene) -> str:
 
 
 def outcome_told(job: RenderJob, flat: FlatScene, tally: Tally, image: RenderedImage) -> Iterator[str]:
-    """Lines on which devices failed, which samples were lost, and why an image is black.
+    """Lines on which devices failed, which samples were lost, why an image is black, and what alpha does not fit to.
 
     Parameters
     ----------
@@ -39,7 +39,12 @@ def outcome_told(job: RenderJob, flat: FlatScene, tally: Tally, image: RenderedI
     image : RenderedImage
     """
     yield from failures_told(tally)
-    stats = image.stats
+    stats, alpha = image.stats, image.alpha
+    if alpha is not None and job.scene.shows_environment and (alpha < 1.0).any():
+        yield (
+            "note: the colours hold the environment, which alpha leaves out; hide it to put another background there "
+            "(--alpha, or hide_environment)"
+        )
     if lost := stats["nonfinite_samples"]:
         yield (
             f"warning: {grouped(lost)} of {counted(stats['samples'], 'sample')} "

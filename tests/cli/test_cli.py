@@ -174,6 +174,7 @@ BAD_COMMAND_LINES: dict[str, tuple[str, tuple[str, ...]]] = {
     "unknown layer": ("render room -o a.exr --aov albedo,dept", ("'dept'", '"depth"')),
     "no layer": ("render room -o a.exr --aov=", ("--aov is ''", "albedo, emission")),
     "layers nowhere to go": ("render room -o a.png --aov depth", ("--aov", "only .exr", "-o image.exr")),
+    "alpha nowhere to go": ("render room -o a.jpg --aov alpha", ("--aov alpha", "only .png and .exr", "-o image.png")),
     "a wide .jpg": ("render room -o a.jpg --size 65501x1", ("a.jpg", "65500 pixels a side", "65501 x 1", ".png")),
     "a place that takes no files": ("render room -o /proc/a.png", ("/proc/a.png", "'/proc' takes no files")),
     "tiles of no .exr": ("render room -o a.png --exr-tile 64", ("--exr-tile", "no output is an .exr")),

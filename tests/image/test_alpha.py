@@ -11,6 +11,7 @@ from PIL import Image
 
 import clrender
 from clrender.aov.first_hits import _Passes
+from clrender.cli import main
 from clrender.image.files import read_alpha, read_image
 from clrender.scene import Scene
 
@@ -129,6 +130,26 @@ def test_alpha_does_not_wait_for_all_samples_of_a_render_that_ends_early(
         for how in ways:
             session.render(described(), size=(8, 6), aov="alpha", **how)
     assert asked == [("alpha", 256), ("alpha", 256), ("alpha", 300)]
+
+
+def test_colours_that_hold_what_alpha_leaves_out_are_noted(device: Device) -> None:
+    lines: list[str] = []
+    with clrender.Session(device.info.index, notify=lines.append) as session:
+        for scene in (described(), described().with_hidden_environment(), described(lights=[])):
+            session.render(scene, size=(8, 6), spp=1, aov="alpha")
+        session.render(described(), size=(8, 6), spp=1, aov="depth")
+    noted = [line for line in lines if "alpha" in line]
+    assert len(noted) == 1
+    assert noted[0].startswith("note: the colours hold the environment, which alpha leaves out; hide it")
+
+
+def test_a_png_may_be_the_only_output_of_alpha(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "s.json").write_text(described().changed({"lights[0].visible_to_camera": False}).model_dump_json(exclude_unset=True))
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as end:
+        main(["render", "s.json", "-o", "a.png", "--aov", "alpha", "--size", "8x6", "--spp", "1", "--quiet"])
+    assert end.value.code == 0
+    assert np.asarray(Image.open(tmp_path / "a.png")).shape == (6, 8, 4)
 
 
 def test_files_with_a_fourth_channel(device: Device, tmp_path: Path) -> None:
