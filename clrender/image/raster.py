@@ -158,7 +158,10 @@ def raster_colors(file: IO[bytes], picture: ImageFile) -> npt.NDArray[np.uint16]
     high = np.asarray(picture).astype(np.uint16)
     file.seek(0)
     again = _FORMATS["TIFF"].open(file)
-    again.tile = [tile._replace(args=(mode, *tile.args[1:])) for tile, mode in zip(again.tile, turned, strict=True)]
+    again.tile = [
+        tile._replace(args=(mode, *(tile.args or ())[1:]))  # its arguments are a tuple, as `turned` says
+        for tile, mode in zip(again.tile, turned, strict=True)
+    ]
     high <<= 8
     high |= np.asarray(again)
     return high

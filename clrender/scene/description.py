@@ -242,7 +242,7 @@ class Scene(SceneContents):
         """A copy of the scene that uses arrays in the place of the files of these names.
 
         Arrays are NumPy's, or anything that can be turned into those, such as tensors in the memory of the host. They
-        are copied unless they are read-only.
+        are copied unless they are read-only and nothing else can write to their memory.
 
         Parameters
         ----------

@@ -144,7 +144,9 @@ def test_colours_that_hold_what_alpha_leaves_out_are_noted(device: Device) -> No
 
 
 def test_a_png_may_be_the_only_output_of_alpha(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "s.json").write_text(described().changed({"lights[0].visible_to_camera": False}).model_dump_json(exclude_unset=True))
+    (tmp_path / "s.json").write_text(
+        described().changed({"lights[0].visible_to_camera": False}).model_dump_json(exclude_unset=True)
+    )
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit) as end:
         main(["render", "s.json", "-o", "a.png", "--aov", "alpha", "--size", "8x6", "--spp", "1", "--quiet"])

@@ -74,8 +74,8 @@ def test_coverage_and_colours_stay_together_at_edges() -> None:
     coverage = (random.binomial(4, coverage) / 4.0).astype(np.float32)
     share = coverage[..., None]
     noise = random.gamma(4.0, 0.25, (48, 48, 1))
-    image = np.float32([0.7, 0.4, 0.2]) * noise * share
-    albedo, normal = 0.7 * share * np.ones(3), share * np.float32([0.0, 0.0, 1.0])
+    image = np.array([0.7, 0.4, 0.2], np.float32) * noise * share
+    albedo, normal = 0.7 * share * np.ones(3), share * np.array([0.0, 0.0, 1.0], np.float32)
     image[0, 0] = 0.25  # glows without covering anything
     denoised = Denoiser()(image, albedo, normal, coverage)
     edge = (coverage > 0.0) & (coverage < 1.0)
