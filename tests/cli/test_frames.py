@@ -268,7 +268,9 @@ ASKED = (
 )
 
 
-@pytest.mark.parametrize(("asked", "change", "recorded"), ASKED, ids=lambda each: str(each)[:40])
+@pytest.mark.parametrize(
+    ("asked", "change", "recorded"), ASKED, ids=lambda each: str(sorted(each) if isinstance(each, set) else each)[:40]
+)
 def test_frames_with_layers_of_other_names_are_not_done(
     scene: Path, tmp_path: Path, asked: dict[str, Any], change: dict[str, Any], recorded: set[str]
 ) -> None:
