@@ -30,6 +30,7 @@ from clrender.cli import main
 from clrender.errors import UsageError
 from clrender.image.files import read_image
 from clrender.scene import Camera
+from clrender.settings import FIRST_LOOK, REPLICATE_SPP, settings_for
 from clrender.version import __version__
 
 if sys.version_info >= (3, 11):
@@ -336,6 +337,44 @@ def test_the_command_to_render_has_options_that_there_are() -> None:
     assert "1,2,3x4" in words
     plain = program.render_command(Path("a.json"), Path("a.exr"), program.RenderOptions())
     assert not {"--max-depth", "--error", "--time", "--device", "--denoise", "--alpha", "--crop"} & set(plain)
+
+
+def rendering(**values: Any) -> list[str]:
+    return program.render_command(Path("a.json"), Path("a.exr"), program.RenderOptions(**values))
+
+
+@for_each("integrator", ["path", "bdpt", "photon", "reuse", "direct"])
+def test_the_defaults_suit_every_integrator(integrator: str) -> None:
+    words = rendering(integrator=integrator)
+    assert "--light-sampler" not in words
+    settings_for(clrender.load("room"), None, {"integrator": integrator, "spp": int(words[words.index("--spp") + 1])})
+    assert "power" in rendering(light_sampler="power")
+    tree = ast.parse((FOLDER / "interface.py").read_text(encoding="utf-8"))
+    defaults = [
+        ast.unparse(each.keywords[-1].value)
+        for each in ast.walk(tree)
+        if isinstance(each, ast.Call) and any("_LIGHT_SAMPLERS" in ast.unparse(key.value) for key in each.keywords)
+    ]
+    assert defaults == ["'auto'"]
+
+
+@for_each(
+    ("spp", "more", "expected"),
+    [
+        (64, "", None),
+        (255, "", None),
+        (256, "", 256),
+        (300, "", 288),
+        (300, "--replicate-spp 4", 300),
+    ],
+)
+def test_samples_with_an_error_are_as_many_as_its_test_needs(spp: int, more: str, expected: int | None) -> None:
+    words = rendering(spp=spp, error=0.02, more=more)
+    given = {"error": 0.02} if expected is None else {"error": 0.02, "spp": expected}
+    assert ("--spp" in words) == ("spp" in given)
+    assert expected is None or words[words.index("--spp") + 1] == str(expected)
+    made = settings_for(clrender.load("room"), None, given | ({"replicate_spp": 4} if more else {}))
+    assert program._LEAST_OF_ERROR == FIRST_LOOK * REPLICATE_SPP <= made.spp
 
 
 def test_the_scene_file_is_one(tmp_path: Path) -> None:

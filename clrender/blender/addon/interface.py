@@ -27,6 +27,7 @@ _INTEGRATORS: Final = (
     ("direct", "Direct light", "Without indirect light"),
 )
 _LIGHT_SAMPLERS: Final = (
+    ("auto", "Automatic", "What the integrator and the scene suit"),
     ("bvh", "Light BVH", "By power, distance and direction"),
     ("power", "Power", "By power alone, whose cost does not depend on the number of lights"),
     ("uniform", "Uniform", "All lights alike"),
@@ -37,6 +38,10 @@ _FILTERS: Final = (
     ("tent", "Tent", "2 pixels wide"),
     ("gaussian", "Gaussian", "3 pixels wide"),
     ("mitchell", "Mitchell", "4 pixels wide, sharper"),
+)
+_ERROR: Final = (
+    "Stop when most pixels are within this relative error; 0: never. "
+    "Samples are then the most of a pixel; below 256, too few for an estimate, they do not count"
 )
 _SHARED: Final = (
     *("DATA_PT_camera_dof", "DATA_PT_camera_dof_aperture", "DATA_PT_EEVEE_light", "EEVEE_WORLD_PT_surface"),
@@ -71,10 +76,10 @@ Settings: Final = _class(
         "spp": _integer("Samples", 64, 1, "Samples per pixel"),
         "seed": _integer("Seed", 0, 0, "Of the random numbers"),
         "integrator": bpy.props.EnumProperty(name="Integrator", items=_INTEGRATORS, default="path"),
-        "light_sampler": bpy.props.EnumProperty(name="Light Sampler", items=_LIGHT_SAMPLERS, default="bvh"),
+        "light_sampler": bpy.props.EnumProperty(name="Light Sampler", items=_LIGHT_SAMPLERS, default="auto"),
         "filter": bpy.props.EnumProperty(name="Pixel Filter", items=_FILTERS, default="blackman-harris"),
         "max_depth": _integer("Depth", 0, 0, "Most scattering events of a path; 0: no limit"),
-        "error": _number("Error", "Stop when most pixels are within this relative error; 0: never", max=1.0),
+        "error": _number("Error", _ERROR, max=1.0),
         "seconds": _number("Time Limit", "Stop after this many seconds; 0: never"),
         "device": _text("Device", "auto, cpu, gpu, all, a number of `clrender devices`, or a part of a name"),
         "denoise": bpy.props.BoolProperty(name="Denoise", description="With Open Image Denoise, if it is installed"),

@@ -33,6 +33,9 @@ INTERRUPTED: Final = 130
 _POLL: Final = 0.1
 _PATIENCE: Final = 30.0
 """Seconds in which a program that was interrupted has to end."""
+_REPLICATE: Final = 16
+_LEAST_OF_ERROR: Final = 16 * _REPLICATE
+"""Samples per pixel of a replicate, by which `--error` estimates, and before its first test; as `clrender.settings`."""
 _OWN: Final = ("PYTHONHOME", "PYTHONEXECUTABLE")
 """Variables with which Blender's Python would disturb another one."""
 
@@ -44,9 +47,11 @@ class RenderOptions:
     Attributes
     ----------
     spp : int
+        With an error the most that a pixel gets; too few for its first test stand for no limit but clrender's own.
     seed : int
     integrator : str
     light_sampler : str
+        ``auto``: what clrender takes for the integrator.
     filter : str
     max_depth : int
         0: no limit.
@@ -66,7 +71,7 @@ class RenderOptions:
     spp: int = 64
     seed: int = 0
     integrator: str = "path"
-    light_sampler: str = "bvh"
+    light_sampler: str = "auto"
     filter: str = "blackman-harris"
     max_depth: int = 0
     error: float = 0.0
@@ -135,8 +140,8 @@ def render_command(scene: Path, output: Path, options: RenderOptions) -> list[st
     options : RenderOptions
     """
     words = ["render", str(scene), "-o", str(output), "--progress", "json"]
-    words += ["--spp", str(options.spp), "--seed", str(options.seed)]
-    words += ["--integrator", options.integrator, "--light-sampler", options.light_sampler]
+    words += [*_samples(options), "--seed", str(options.seed), "--integrator", options.integrator]
+    words += ["--light-sampler", options.light_sampler] if options.light_sampler != "auto" else []
     words += ["--filter", options.filter]
     # Blender's filter of that name is 1.5 pixels wide
     words += ["--filter-radius", "0.75"] if options.filter == "blackman-harris" else []
@@ -150,6 +155,14 @@ def render_command(scene: Path, output: Path, options: RenderOptions) -> list[st
         left, upper, width, height = options.crop
         words += ["--crop", f"{left},{upper},{width}x{height}"]
     return words + shlex.split(options.more)
+
+
+def _samples(options: RenderOptions) -> list[str]:
+    if options.error <= 0.0:
+        return ["--spp", str(options.spp)]
+    # Whole replicates, unless the other options say how large those are
+    size = 1 if "--replicate-spp" in options.more else _REPLICATE
+    return ["--spp", str(options.spp // size * size)] if options.spp >= _LEAST_OF_ERROR else []
 
 
 def region(
