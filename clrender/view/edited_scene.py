@@ -17,6 +17,7 @@ from clrender.rendering.job import RenderJob
 from clrender.scene import Scene
 from clrender.scene.camera import Camera
 from clrender.scene.former_keys import present_keys
+from clrender.scene.spectra import SpectralColor
 from clrender.scene.validation_errors import scene_error
 from clrender.settings import IMAGE, SETTINGS, present, settings_of
 from clrender.view.environments import environment_light, is_environment
@@ -315,19 +316,26 @@ def camera_toml(camera: Camera) -> str:
 
 
 def _with_values(part: Part, values: Mapping[str, Any], allowed: Sequence[str], at: str) -> Any:
-    """A table of the scene with other numbers, colours, names and truth values.
+    """A table of the scene with other numbers, colours, names and truth values; of a spectrum another factor.
 
     Raises
     ------
     UsageError, SceneError
         There is no such key, or the value is not allowed.
     """
-    values = present_keys(type(part), values, at)
-    for key, value in values.items():
+    values = dict(present_keys(type(part), values, at))
+    for key, value in tuple(values.items()):
         if key not in allowed:
             raise UsageError(f"{at}: {shown(key)} cannot be changed here{nearest(key, allowed)}")
         if not is_plain(value):
             raise UsageError(f"{at}.{key} is {shown(value)}, but must be a number, a colour or a name")
+        color = getattr(part, key)
+        if isinstance(color, SpectralColor) and value is not None:
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise UsageError(
+                    f"{at}.{key} is a spectrum, which {shown(value)} would replace; give a number, its factor"
+                )
+            values[key] = {**color.spectrum.model_dump(exclude_unset=True), "scale": value}
     merged: dict[str, Any] = {key: getattr(part, key) for key in part.model_fields_set}
     merged = {key: value for key, value in {**merged, **values}.items() if key not in values or value is not None}
     try:

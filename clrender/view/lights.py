@@ -11,8 +11,9 @@ from clrender.scene.camera import Camera
 from clrender.scene.groups import Instance
 from clrender.scene.light_kinds import LIGHT_TYPES, DirectionalLight, Light, PointLight, SpotLight
 from clrender.scene.shapes import AnyShape, Quad, Sphere
+from clrender.scene.spectra import SpectralColor
 from clrender.scene.values import cross, length
-from clrender.view.parameters import parameters
+from clrender.view.parameters import parameters, spectrum_words
 
 __all__ = [
     "ADDED",
@@ -176,14 +177,25 @@ def label_of(place: str, part: Emitter) -> str:
     return f"{name} ({place})"
 
 
+def _factor(part: Emitter, told: dict[str, Any]) -> dict[str, Any]:
+    color = getattr(part, told["name"])
+    if not isinstance(color, SpectralColor):
+        return told
+    about = {"kind": "number", "value": color.spectrum.scale, "schema": {"type": "number", "minimum": 0.0}}
+    return {**told, **about, "help": f"factor of its {spectrum_words(color)}"}
+
+
 def emitter_keys(part: Emitter) -> list[str]:
     """Keys of a light or shining shape that may be changed."""
     return [each["name"] for each in emitter_parameters(part) if each["kind"] != "fixed"]
 
 
 def emitter_parameters(part: Emitter) -> list[dict[str, Any]]:
-    """As of `clrender.view.parameters.parameters`. Alternatives that the scene does not use are left out."""
-    known = [each for each in parameters(part) if each["value"] is not None]
+    """As of `clrender.view.parameters.parameters`. Alternatives that the scene does not use are left out.
+
+    Light with a spectrum is a number, the factor of the spectrum.
+    """
+    known = [_factor(part, each) for each in parameters(part) if each["value"] is not None]
     if part.type in LIGHT_TYPES:
         return known
     return [each for each in known if each["name"] in _SHAPE_KEYS]

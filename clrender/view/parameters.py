@@ -6,10 +6,12 @@ import functools
 import math
 from typing import TYPE_CHECKING, Any, Final
 
+from clrender.scene.spectra import SpectralColor
+
 if TYPE_CHECKING:
     from clrender.scene.values import Part
 
-__all__ = ["changeable", "is_plain", "parameters"]
+__all__ = ["changeable", "is_plain", "parameters", "spectrum_words"]
 
 _STRUCTURE: Final = ("type", "plugin", "file", "materials", "normal_map", "bump_map")
 """Keys that are no numbers: what a material or light is, and what it is made of."""
@@ -53,7 +55,12 @@ def changeable(part: Part) -> list[str]:
 
 
 def is_plain(value: object) -> bool:
-    """Whether a value is a number, a flag, a name, nothing, or three numbers: never a texture, and so never a file."""
+    """Whether a value is a number, a flag, a name, nothing, or three numbers: never a texture, and so never a file.
+
+    Nor is the colour of a spectrum three numbers: they would replace the spectrum.
+    """
+    if isinstance(value, SpectralColor):
+        return False
     if isinstance(value, list | tuple):
         return len(value) == 3 and all(isinstance(each, int | float) and is_plain(each) for each in value)
     if isinstance(value, float):
@@ -96,8 +103,20 @@ def _is_vector(schema: dict[str, Any]) -> bool:
     return schema["type"] == "array" and float(schema["items"].get("minimum", 0.0)) < 0.0
 
 
+def spectrum_words(color: SpectralColor) -> str:
+    """A spectrum in a few words, without its factor."""
+    spectrum = color.spectrum
+    if spectrum.illuminant is not None:
+        return f"spectrum {spectrum.illuminant}"
+    if spectrum.blackbody is not None:
+        return f"black body of {spectrum.blackbody:g} K"
+    return f"spectrum, {spectrum.wavelengths[0]:g} to {spectrum.wavelengths[-1]:g} nm"
+
+
 def _described(value: Any) -> str:
     """A value that cannot be changed here, in a few words."""
+    if isinstance(value, SpectralColor):
+        return f"{spectrum_words(value)}, times {value.spectrum.scale:g}"
     texture = getattr(value, "texture", None)
     if isinstance(texture, str):
         return f"texture {texture}"[:80]

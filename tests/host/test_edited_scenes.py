@@ -201,6 +201,46 @@ def test_every_number_of_a_light_can_be_given_back(lit: EditedScene) -> None:
         assert emitters(lit.with_light(place, given).checked.scene)[place] == part
 
 
+def test_a_spectrum_stays_one_and_its_factor_can_be_changed() -> None:
+    """Three numbers would give the light another spectrum, without a word."""
+    table = {"wavelengths": [400, 700], "values": [0.1, 0.6]}
+    scene = {
+        **LIT,
+        "materials": {"white": {"type": "lambert", "reflectance": table}},
+        "lights": [{"type": "point", "position": [0, 3, 0], "intensity": {"illuminant": "FL11", "scale": 20.0}}],
+        "render": {"spectral": True},
+    }
+    scene["shapes"] = [*LIT["shapes"][:1], {**LIT["shapes"][1], "emission": {"blackbody": 3000.0}}]
+    edited = EditedScene.of(clrender.Scene.model_validate(scene), {"width": 32, "height": 24})
+    told = {each["name"]: each for each in emitter_parameters(edited.emitters["lights[0]"])}["intensity"]
+    assert (told["kind"], told["value"], told["help"]) == ("number", 20.0, "factor of its spectrum FL11")
+    lamp = {each["name"]: each for each in emitter_parameters(edited.emitters["shapes[1]"])}["emission"]
+    assert (lamp["kind"], lamp["value"], lamp["help"]) == ("number", 1.0, "factor of its black body of 3000 K")
+    parameters = tables.scene(edited)["materials"]["white"]["parameters"]
+    white = next(each for each in parameters if each["name"] == "reflectance")
+    assert (white["kind"], white["value"]) == ("fixed", "spectrum, 400 to 700 nm, times 1")
+
+    brighter = edited.with_light("lights[0]", {"intensity": 40.0}).with_light("shapes[1]", {"emission": 2})
+    wanted = {**scene, "lights": [{**scene["lights"][0], "intensity": {"illuminant": "FL11", "scale": 40.0}}]}
+    wanted["shapes"] = [*LIT["shapes"][:1], {**LIT["shapes"][1], "emission": {"blackbody": 3000.0, "scale": 2.0}}]
+    made = brighter.checked.scene
+    expected = clrender.Scene.model_validate(wanted)
+    assert made.lights == expected.lights and made.shapes == expected.shapes
+    assert made.lights[0].intensity.spectrum.illuminant == "FL11"
+    assert np.array_equal(made.lights[0].intensity.values, expected.lights[0].intensity.values)
+    assert 'illuminant = "FL11"' in table_text(brighter, "light", "lights[0]")
+    other = edited.with_material("white", {"reflectance": 0.5}).checked.scene.materials["white"]
+    assert other.reflectance.spectrum.scale == 0.5 and other.reflectance.spectrum.values == (0.1, 0.6)
+    for change in (
+        lambda: edited.with_light("lights[0]", {"intensity": [1.0, 2.0, 3.0]}),
+        lambda: edited.with_material("white", {"reflectance": [0.5, 0.5, 0.5]}),
+    ):
+        with pytest.raises(UsageError, match="is a spectrum"):
+            change()
+    with pytest.raises(ClrenderError, match=r"lights\[0\]\.intensity"):
+        edited.with_light("lights[0]", {"intensity": -1.0})
+
+
 def test_places_and_directions_are_no_colours(lit: EditedScene) -> None:
     kinds = {each["name"]: each["kind"] for each in emitter_parameters(lit.scene.lights[1])}
     assert {name for name, kind in kinds.items() if kind == "vector"} == {"position", "direction"}
