@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from clrender.errors import UsageError
 from clrender.exporters.own import toml_text
 from clrender.image.exposure import photographic_stops
+from clrender.integrators import INTEGRATORS
 from clrender.limits import nearest, shown
 from clrender.rendering.job import RenderJob
 from clrender.scene import Scene
@@ -46,6 +47,9 @@ _ONLY_WITH: Final = {
 }
 """Settings that only count beside another: of this value, or (None) of any."""
 
+_OF_ERRORS: Final = ("error", "replicate_spp")
+"""Settings for estimates of errors, which biased integrators have none of."""
+
 
 @dataclass(frozen=True)
 class EditedScene:
@@ -65,7 +69,7 @@ class EditedScene:
     settings : mapping
         Those that were changed.
     checked : RenderJob
-        All of it but the camera.
+        All of it, but the camera may have moved since.
     """
 
     scene: Scene
@@ -98,8 +102,14 @@ class EditedScene:
         settings: Mapping[str, Any],
     ) -> EditedScene:
         changed = scene.changed({("materials", name): material for name, material in materials.items()})
-        checked = RenderJob.of(with_emitters(changed, lights), **{**given, **settings})
+        seen = changed if camera is scene.camera else changed.with_checked(camera=camera)
+        checked = RenderJob.of(with_emitters(seen, lights), **_in_force(scene, given, settings))
         return cls(scene, given, camera, materials, lights, settings, checked)
+
+    @property
+    def asked(self) -> Mapping[str, Any]:
+        """Settings of the command line and of viewers that have an effect together."""
+        return _in_force(self.scene, self.given, self.settings)
 
     @property
     def job(self) -> RenderJob:
@@ -118,7 +128,7 @@ class EditedScene:
         Raises
         ------
         SceneError
-            There is no such camera.
+            There is no such camera, or the integrator takes none that moves.
         """
         values = {name: getattr(self.camera, name) for name in self.camera.model_fields_set}
         if self.camera.motion and "motion" not in keys and any(name in keys for name in POSE):
@@ -126,12 +136,18 @@ class EditedScene:
         values |= keys
         values = {name: value for name, value in values.items() if value is not None}
         try:
-            return dataclasses.replace(self, camera=Camera.model_validate(values))
+            camera = Camera.model_validate(values)
         except ValidationError as error:
             raise scene_error(error, Camera, "camera") from None
+        if _timing(camera) == _timing(self.camera):
+            return dataclasses.replace(self, camera=camera)
+        # Not all integrators take what moves while the shutter is open
+        return self._made(self.scene, self.given, camera, self.materials, self.lights, self.settings)
 
     def set(self, values: Mapping[str, Any]) -> EditedScene:
         """With other settings; None takes a change back. What no longer has an effect is forgotten.
+
+        What the command line gave and the integrator does not take rests, until another one takes it.
 
         Raises
         ------
@@ -146,11 +162,7 @@ class EditedScene:
         settings = {**self.settings, **values}
         settings = {name: value for name, value in settings.items() if value is not None}
         merged = {**self.scene.render.model_dump(), **self.given, **settings}
-        kept = settings_of(str(merged["integrator"]), settings)
-        for name, (other, value) in _ONLY_WITH.items():
-            there = merged.get(other)
-            if there is None or (value is not None and there != value):
-                kept.pop(name, None)
+        kept = _taken(settings, merged)
         kept |= {name: settings[name] for name in values if name in settings}
         return self._made(self.scene, self.given, self.camera, self.materials, self.lights, kept)
 
@@ -302,6 +314,47 @@ class EditedScene:
             or self.materials != other.materials
             or self.lights != other.lights
         )
+
+
+def _timing(camera: Camera) -> tuple[Any, ...]:
+    """What of a camera decides which integrators take it."""
+    return camera.motion, camera.interval, camera.row_share
+
+
+def _in_force(scene: Scene, given: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of the command line, as far as they count beside those of viewers, and those."""
+    if not settings:
+        return dict(given)  # all: one without an effect is refused, as by `clrender render`
+    return {**_taken(given, {**scene.render.model_dump(), **given, **settings}), **settings}
+
+
+def _taken(values: Mapping[str, Any], merged: Mapping[str, Any]) -> dict[str, Any]:
+    """Of some settings those that the integrator takes and that have an effect beside all others.
+
+    Parameters
+    ----------
+    values : mapping
+    merged : mapping
+        All settings, these among them.
+    """
+    integrator = INTEGRATORS.get(str(merged["integrator"]))
+    if integrator is None:
+        return dict(values)
+    kept = {
+        name: value
+        for name, value in settings_of(str(merged["integrator"]), values).items()
+        if value in integrator.takes.get(name, (value,))
+        if integrator.has_errors or name not in _OF_ERRORS
+        if integrator.specular_chains or name != "specular_chains"
+    }
+    for name, (other, value) in _ONLY_WITH.items():
+        there = merged.get(other) if integrator.has_errors or other not in _OF_ERRORS else None
+        if there is None or (value is not None and there != value):
+            kept.pop(name, None)
+    if merged.get("guiding") == "off":
+        for name in ("guiding_paths", "guiding_memory"):
+            kept.pop(name, None)
+    return kept
 
 
 def pose_as_opened(camera: Camera) -> dict[str, Any]:

@@ -58,7 +58,7 @@ def command_line(edited: EditedScene, scene: str, *, whole: bool) -> str:
         file can hold.
     """
     settings = edited.checked.settings
-    given = {**edited.given, **edited.settings}
+    given = edited.asked
     words = ["clrender", "render", scene]
     if whole and ("width" in given or "height" in given):
         words += ["--size", f"{settings.width}x{settings.height}"]

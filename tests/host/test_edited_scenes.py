@@ -237,7 +237,7 @@ def test_a_spectrum_stays_one_and_its_factor_can_be_changed() -> None:
     ):
         with pytest.raises(UsageError, match="is a spectrum"):
             change()
-    with pytest.raises(ClrenderError, match=r"lights\[0\]\.intensity"):
+    with pytest.raises(ClrenderError, match=r"lights\[0\]: intensity\.scale"):
         edited.with_light("lights[0]", {"intensity": -1.0})
 
 

@@ -35,7 +35,7 @@ from clrender.view.frames import Frame, Frames, encode
 from clrender.view.guard import Guard
 from clrender.view.image_state import ImageState
 from clrender.view.inbox import Inbox
-from clrender.view.keep import table_text
+from clrender.view.keep import command_line, table_text
 from clrender.view.messages import MESSAGE_BYTES, MoveCamera, Probe, Restart, parse
 from clrender.view.parameters import changeable, parameters
 from clrender.view.priority import lower_priority
@@ -166,6 +166,56 @@ def test_settings_of_another_integrator_are_forgotten(edited: EditedScene) -> No
     ending = edited.set({"roulette": "constant", "termination": 0.5})
     assert ending.set({"roulette": None}).settings == {}
     assert ending.set({"termination": None}).settings == {"roulette": "constant"}
+
+
+@for_each(
+    ("asked", "change"),
+    [
+        ({"guiding": "on", "guiding_paths": 100}, {"integrator": "bdpt"}),
+        ({"guiding": "on"}, {"integrator": "bdpt"}),
+        ({"guiding": "on", "guiding_paths": 100}, {"guiding": "off"}),
+        ({"error": 0.1, "share": 0.9, "replicate_spp": 32}, {"integrator": "photon"}),
+        ({"light_sampler": "bvh"}, {"integrator": "photon"}),
+        ({"indirect_rays": 2, "sampling": "light"}, {"integrator": "bdpt"}),
+        ({"roulette": "constant", "termination": 0.5}, {"roulette": "throughput"}),
+    ],
+)
+def test_what_the_command_line_gave_stands_in_the_way_of_no_integrator(
+    asked: dict[str, Any], change: dict[str, Any]
+) -> None:
+    edited = EditedScene.of(clrender.load("room"), asked)
+    other = edited.set(change)
+    made = other.checked.settings
+    assert all(getattr(made, name) == value for name, value in change.items())
+    words = command_line(other, "room", whole=True)
+    for name in asked.keys() - change.keys():
+        assert str(SETTINGS[name].option) not in words.split()
+    back = other.set(dict.fromkeys(other.settings))
+    assert back.checked.settings == edited.checked.settings
+    with pytest.raises(UsageError):
+        EditedScene.of(clrender.load("room"), {**asked, **change})
+
+
+def test_a_setting_that_was_turned_off_does_not_come_back_with_another_integrator() -> None:
+    edited = EditedScene.of(clrender.load("room"), {"guiding": "on"}).set({"guiding": "off"})
+    assert edited.set({"integrator": "bdpt"}).checked.settings.integrator == "bdpt"
+
+
+def test_a_camera_that_rests_after_an_edit_is_one_that_rests() -> None:
+    scene = clrender.load("cornell")
+    keys = [{"time": 0.0, "position": [0, 1, 5]}, {"time": 1.0, "position": [1, 1, 5]}]
+    moving = scene.changed({"camera": scene.camera.changed({"shutter": (0.0, 1.0), "motion": keys})})
+    edited = EditedScene.of(moving, {})
+    with pytest.raises(ClrenderError, match="takes nothing that moves"):
+        edited.set({"integrator": "radiosity"})
+    resting = edited.moved({"position": [0.5, 1.0, 5.0]})
+    solved = resting.set({"integrator": "radiosity"})
+    assert solved.job.settings.integrator == "radiosity" and not solved.job.scene.camera.motion
+    with pytest.raises(ClrenderError, match="takes nothing that moves"):
+        solved.moved({"motion": keys})
+    with pytest.raises(ClrenderError, match="takes nothing that moves"):
+        solved.reset("camera")
+    assert resting.moved({"motion": keys}).job.scene.camera.motion
 
 
 def test_a_scene_that_is_read_again_keeps_the_camera_unless_it_has_another(edited: EditedScene) -> None:
