@@ -86,10 +86,11 @@ class Broadcaster:
         with self._lock:
             self._retained[kind] = content
 
-    def notice(self, line: str) -> None:
-        """Send all viewers, and later ones, a line that the renderer wants to be read."""
+    def notice(self, line: str, *, later: bool = True) -> None:
+        """Send all viewers, and later ones unless not, a line that the renderer wants to be read."""
         with self._lock:
-            self._notices.append(line)
+            if later:
+                self._notices.append(line)
             for viewer in self._viewers.values():
                 viewer.send("notice", {"message": line}, newest=False)
 

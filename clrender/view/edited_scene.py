@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from pydantic import ValidationError
 
-from clrender.errors import UsageError
+from clrender.errors import ClrenderError, UsageError
 from clrender.exporters.own import toml_text
 from clrender.image.exposure import photographic_stops
 from clrender.integrators import INTEGRATORS
@@ -293,15 +294,49 @@ class EditedScene:
         return self._made(self.scene, self.given, camera, materials, lights, settings)
 
     def reread(self, scene: Scene) -> EditedScene:
-        """Of the scene as it is now: changed materials and lights are forgotten, and the camera where it has another.
+        """Of the scene as it is now: its camera counts if it has another one than before.
+
+        Changed materials and lights are forgotten, unless what the scene consists of is the same. A changed setting
+        that the scene does not take, such as a crop that is not within its image, is forgotten; if none is it alone,
+        all are.
 
         Raises
         ------
         UsageError, SceneError
-            It cannot be rendered with these settings.
+            It cannot be rendered with the settings of the command line.
         """
         camera = self.camera if scene.camera == self.scene.camera else scene.camera
-        return self._made(scene, self.given, camera, {}, {}, self.settings)
+        materials, lights = self.materials, self.lights
+        if (materials or lights) and not _is_same(scene, self.scene):
+            materials, lights = {}, {}
+
+        def with_settings(settings: Mapping[str, Any]) -> EditedScene:
+            return self._made(scene, self.given, camera, materials, lights, settings)
+
+        with contextlib.suppress(ClrenderError):
+            return with_settings(self.settings)
+        bare = with_settings({})  # raises what the file itself is to blame for
+        own = {**scene.render.model_dump(), **self.given}
+        for without in self.settings:
+            others = {name: value for name, value in self.settings.items() if name != without}
+            with contextlib.suppress(ClrenderError):
+                return with_settings(_taken(others, {**own, **others}))
+        return bare
+
+    @property
+    def edits(self) -> list[str]:
+        """What viewers have changed: ``camera``, names of settings, ``materials.NAME``, and places of lights."""
+        return [
+            *(["camera"] if self.camera != self.scene.camera else []),
+            *sorted(self.settings),
+            *(f"materials.{name}" for name in sorted(self.materials)),
+            *sorted(self.lights),
+        ]
+
+    def ended(self, before: EditedScene) -> list[str]:
+        """Edits of a scene before that this one has no more; a camera that is the same has not ended."""
+        left = {*self.edits, *(["camera"] if self.camera == before.camera else [])}
+        return [name for name in before.edits if name not in left]
 
     def restarts(self, other: EditedScene) -> bool:
         """Whether another edited scene has another image, of which samples are of no use here."""
@@ -314,6 +349,11 @@ class EditedScene:
             or self.materials != other.materials
             or self.lights != other.lights
         )
+
+
+def _is_same(scene: Scene, other: Scene) -> bool:
+    """Whether two scenes consist of the same, but for camera, image and settings."""
+    return scene.plugins == other.plugins and scene.content_sha256() == other.content_sha256()
 
 
 def _timing(camera: Camera) -> tuple[Any, ...]:

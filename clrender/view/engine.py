@@ -30,6 +30,7 @@ from clrender.view.progressive import Progressive
 from clrender.view.status import Problems, StatusReporter, sentence
 from clrender.view.viewer import Viewer
 from clrender.view.watch import Source, Watcher
+from clrender.wording import counted
 
 if TYPE_CHECKING:
     from clrender.view.tracer import Tracer
@@ -38,6 +39,8 @@ __all__ = ["Engine"]
 
 _PATIENCE: Final = 5.0
 """Seconds to wait at the end for a device that does not come back."""
+_MOST_TOLD: Final = 6
+"""Edits that are named where a scene that was read anew has ended some."""
 
 
 class Engine:
@@ -404,11 +407,15 @@ class Engine:
             self._problems.add("scene", sentence(error))
             return
         self._problems.clear()
+        ended = edited.ended(self._edited)
         self._edited = edited
         self._history.clear()
         self._progressive.restart(edited.job, self._broadcaster.camera_ids)
         self._send_state()
         self._broadcaster.send("scene", described)
+        if ended:
+            told = ", ".join(ended[:_MOST_TOLD]) + (", …" if len(ended) > _MOST_TOLD else "")
+            self._broadcaster.notice(f"the scene has changed: {counted(len(ended), 'edit')} ended: {told}", later=False)
 
     # --- the thread that watches files, and the one that probes devices ---
 

@@ -135,10 +135,5 @@ def state(edited: EditedScene) -> dict[str, Any]:
         "camera_toml": camera_toml(edited.camera),
         "camera_stops": photographic_stops(**(edited.camera.exposure or {})),
         "settings": {name: getattr(settings, name) for name in SETTINGS if name not in NOT_LIVE},
-        "changed": [
-            *(["camera"] if edited.camera != edited.scene.camera else []),
-            *sorted(edited.settings),
-            *(f"materials.{name}" for name in sorted(edited.materials)),
-            *sorted(edited.lights),
-        ],
+        "changed": edited.edits,
     }

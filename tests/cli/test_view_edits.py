@@ -213,9 +213,13 @@ def test_a_scene_that_is_read_again_has_nothing_to_undo(opened: Callable[..., An
     before = page.until_done()
     page.say("camera", camera={"vertical_fov": 20.0})
     assert page.until_done() != before
+    red = next(name for name in clrender.load(model).materials if "red" in name)
+    page.say("material", name=red, values={"reflectance": [0.5, 0.5, 0.5]})
+    page.until_done()
     time.sleep(0.3)  # a change that comes while the files are looked at for the first time is none
     library.write_text("newmtl red\nKd 0.1 0.1 0.8\n")
     page.until(lambda m: m.kind == "scene")
+    page.until(lambda m: m.kind == "notice" and f"1 edit ended: materials.{red}" in m.content["message"])
     page.until(lambda m: m.kind == "state" and m.content["undo"] is None and m.content["status"] == "done")
     scene = clrender.load(model)
     name = next(name for name in scene.materials if "red" in name)

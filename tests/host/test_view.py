@@ -223,9 +223,46 @@ def test_a_scene_that_is_read_again_keeps_the_camera_unless_it_has_another(edite
     scene = edited.scene
     again = moved.reread(scene.model_copy())
     assert again.camera == moved.camera
-    assert not again.materials
     other = scene.changed({"camera": scene.camera.changed({"vertical_fov": 30.0})})
     assert moved.reread(other).camera.vertical_fov == 30.0
+
+
+def test_a_scene_that_is_read_again_keeps_edits_of_what_is_the_same(edited: EditedScene) -> None:
+    """Where its camera alone is another, as that of a file of cameras, no material or light is reset."""
+    moved = edited.moved({"position": [0.5, 2.0, 5.0]}).with_material("white", {"reflectance": [0, 0, 0]})
+    moved = moved.without_light("lights[0]") if edited.scene.lights else moved
+    scene = edited.scene
+    other = scene.changed({"camera": scene.camera.changed({"vertical_fov": 30.0})})
+    again = moved.reread(other)
+    assert again.scene is other and again.materials == moved.materials and again.lights == moved.lights
+    assert again.checked.scene.materials["white"].reflectance == (0.0, 0.0, 0.0)
+    assert again.ended(moved) == ["camera"]
+    assert moved.reread(scene.model_copy()).ended(moved) == []
+    same = scene.changed({"camera": scene.camera.changed({"position": (0.5, 2.0, 5.0)})})
+    assert moved.reread(same).ended(moved) == []
+    red = scene.changed({"materials.white.reflectance": (1.0, 0.0, 0.0)})
+    changed = moved.reread(red)
+    assert not changed.materials and not changed.lights and changed.camera == moved.camera
+    assert changed.ended(moved) == [name for name in moved.edits if name != "camera"]
+
+
+def test_settings_that_the_scene_does_not_take_any_more_are_forgotten() -> None:
+    scene = clrender.load("room")
+    small = scene.changed({"image.width": 40, "image.height": 30})
+    edited = EditedScene.of(scene, {}).set({"crop": (100, 80, 50, 40), "seed": 3, "max_depth": 5})
+    again = edited.reread(small)
+    assert again.settings == {"seed": 3, "max_depth": 5} and again.checked.settings.film_size == (40, 30)
+    assert again.ended(edited) == ["crop"]
+    # Those that belong to one that is forgotten, too
+    box = clrender.load("cornell")
+    solved = EditedScene.of(box, {}).set({"integrator": "radiosity", "patches": 500, "seed": 3})
+    keys = [{"time": 0.0, "position": [0, 1, 5]}, {"time": 1.0, "position": [1, 1, 5]}]
+    moving = box.changed({"camera": box.camera.changed({"shutter": (0.0, 1.0), "motion": keys})})
+    assert solved.reread(moving).settings == {"seed": 3}
+    # And what the command line asks for is the file's affair
+    given = EditedScene.of(scene, {"crop": (100, 80, 50, 40)}).set({"seed": 3})
+    with pytest.raises(UsageError, match="not within the image of 40 x 30"):
+        given.reread(small)
 
 
 @pytest.mark.parametrize(
