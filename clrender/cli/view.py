@@ -123,6 +123,7 @@ def view(
                     description,
                     device=list(devices) or None,
                     source=source,
+                    reading=() if reading["camera"] is None else ("--camera", str(reading["camera"])),
                     outputs=outputs,
                     background=True,
                     tone_map=tone_map,

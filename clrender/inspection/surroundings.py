@@ -120,7 +120,11 @@ def pose_of(camera: Camera) -> dict[str, Any]:
         "up": list(up),
         "forward": list(forward),
         "fov": float(opened.vertical_fov) if opened.type == "perspective" else 45.0,
-        "projects": opened.type == "perspective" and not any(opened.lens_shift) and not opened.mirrored,
+        # A sample of a camera that moves was taken from where it was at the time of the sample
+        "projects": opened.type == "perspective"
+        and not any(opened.lens_shift)
+        and not opened.mirrored
+        and camera.track is None,
     }
 
 

@@ -56,6 +56,8 @@ class Engine:
         As of `Session`.
     source : Source, optional
         To read the scene anew from when its files change.
+    reading : sequence of str
+        Options of the command line that read the scene and that it does not know itself, such as ``--camera FILE``.
     outputs : sequence of path
         Files that a viewer may have written; no others are.
     tone_map : str
@@ -82,6 +84,7 @@ class Engine:
         *,
         device: Any = None,
         source: Source | None = None,
+        reading: Sequence[str] = (),
         outputs: Sequence[str | Path] = (),
         tone_map: str = "srgb",
         exposure: float = 0.0,
@@ -95,6 +98,7 @@ class Engine:
         self._status = StatusReporter(self._broadcaster)
         self._edited = EditedScene.of(scene, settings)
         self._history = History()
+        self._reading = tuple(reading)
         self._outputs = {str(path): Path(path) for path in outputs}
         self._inbox = Inbox()
         self._problems = Problems()
@@ -301,7 +305,7 @@ class Engine:
                 self._show_edited(found[0])
                 viewer.reply("undone" if back else "redone", message, {"label": found[1]})
             case messages.CopyTable():
-                viewer.reply("table", message, {"text": table_text(edited, message.what, message.name)})
+                viewer.reply("table", message, {"text": table_text(edited, message.what, message.name, self._reading)})
             case messages.DeviceChoice():
                 session, self._device = self._opened(message.device)
                 self._discard(self._progressive.use(session))
@@ -328,7 +332,11 @@ class Engine:
         # Only here: a view starts a quarter of a second earlier without
         from clrender.view.tracer import Tracer, surroundings, traced_job
 
-        job, pixel = traced_job(self._edited.job, (message.x, message.y), message.samples)
+        job = self._edited.job
+        samples = message.samples
+        if job.settings.error is not None and (taken := self._progressive.samples_of(message.x, message.y)) > 0:
+            samples = min(samples, taken)
+        job, pixel = traced_job(job, (message.x, message.y), samples)
         self._tracer = self._tracer or Tracer(self._background)
         device = self._progressive.session.devices[0].info.index
         self._tracer.ask(viewer, message, job, pixel, device, surroundings(self._progressive, self._edited))

@@ -6,7 +6,7 @@ import shlex
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import IO, TYPE_CHECKING, Any, Final
 
 from clrender.errors import UsageError
@@ -45,7 +45,7 @@ def kept_scene(edited: EditedScene) -> Scene:
     return edited.job.scene.with_checked(image=image, render=Render(**changed))
 
 
-def command_line(edited: EditedScene, scene: str, *, whole: bool) -> str:
+def command_line(edited: EditedScene, scene: str, *, whole: bool, reading: Sequence[str] = ()) -> str:
     """The command that renders a scene file with a view's settings.
 
     Parameters
@@ -56,6 +56,8 @@ def command_line(edited: EditedScene, scene: str, *, whole: bool) -> str:
     whole : bool
         Whether all settings that were given are options, and how the scene was read, and not only those that no scene
         file can hold.
+    reading : sequence of str
+        With ``whole``: options by which the scene was read that it does not know itself, such as ``--camera FILE``.
     """
     settings = edited.checked.settings
     given = edited.asked
@@ -75,14 +77,14 @@ def command_line(edited: EditedScene, scene: str, *, whole: bool) -> str:
         else:
             words += [setting.option, Region.text(value) if isinstance(setting.domain, Region) else str(value)]
     if whole:
-        words += _reading(edited.scene.origin or {})
+        words += [*_reading(edited.scene.origin or {}), *reading]
     for plugin in edited.scene.plugins:
         words += ["--plugin", plugin.source]
     return shlex.join([*words, "-o", "image.png"])
 
 
 def _reading(origin: Mapping[str, Any]) -> Iterator[str]:
-    """Options by which a scene was read; a camera is a table of its own."""
+    """Options by which a scene was read, as far as it knows them: of a camera's file it does not know the name."""
     for key, option in _READING.items():
         if key in origin:
             yield from (option, str(origin[key]))
@@ -94,7 +96,7 @@ def _reading(origin: Mapping[str, Any]) -> Iterator[str]:
         yield "--hide-environment"
 
 
-def table_text(edited: EditedScene, what: str, name: str) -> str:
+def table_text(edited: EditedScene, what: str, name: str, reading: Sequence[str] = ()) -> str:
     """A table of the scene as it is now, in TOML, or the settings as a command line.
 
     Parameters
@@ -104,6 +106,8 @@ def table_text(edited: EditedScene, what: str, name: str) -> str:
         ``camera``, ``settings``, ``material`` or ``light``.
     name : str
         Of the material, or the place of the light.
+    reading : sequence of str
+        As of `command_line`.
 
     Raises
     ------
@@ -114,7 +118,7 @@ def table_text(edited: EditedScene, what: str, name: str) -> str:
     if what == "camera":
         return camera_toml(edited.camera)
     if what == "settings":
-        return command_line(edited, edited.scene.source, whole=True) + "\n"
+        return command_line(edited, edited.scene.source, whole=True, reading=reading) + "\n"
     known: Mapping[str, Any] = scene.materials if what == "material" else edited.emitters
     if name not in known:
         raise UsageError(f"there is no {what} {shown(name)}{nearest(name, known)}")

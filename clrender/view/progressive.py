@@ -202,6 +202,13 @@ class Progressive:
         row, column = min(y // step, height - 1), min(x // step, width - 1)
         return {name: layer[row, column] for name, layer in layers.items()}
 
+    def samples_of(self, x: int, y: int) -> int:
+        """Samples that a pixel of the image has so far; 0 where there is none."""
+        state = self.image_state
+        if state is None or state.film is None or x >= state.width or y >= state.height:
+            return 0
+        return int(state.film.counts[y, x])
+
     def cloud(self) -> tuple[Pixels, Pixels, int] | None:
         """Points that the camera sees, their radiance, and the rows of the grid of pixels that they are of."""
         self.probed(0, 0)

@@ -63,7 +63,7 @@ def traced_job(job: RenderJob, pixel: tuple[int, int], samples: int) -> tuple[Re
     pixel : (int, int)
         Column and row in the image that is shown: the crop, where there is one.
     samples : int
-        At most so many are taken.
+        At most so many are taken. Where the image stops by its error, the caller limits them to those of the pixel.
 
     Raises
     ------

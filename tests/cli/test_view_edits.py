@@ -262,6 +262,8 @@ def test_a_view_begins_with_the_camera_of_a_file_and_follows_it(cache_folder: Pa
         page.until_done()
         assert page.newest["state"].content["camera"]["position"] == [1.0, 1.5, 4.0]
         assert page.newest["state"].content["changed"] == []
+        page.say("copy", what="settings", name="", id=1)
+        assert f"--camera {camera} -o" in page.until_kind("table", id=1).content["text"]
         time.sleep(1.0)
         camera.write_text(camera.read_text().replace("1.0, 1.5, 4.0", "1.0, 1.25, 4.5"))
         page.until(lambda m: m.kind == "state" and m.content["camera"]["position"] == [1.0, 1.25, 4.5])

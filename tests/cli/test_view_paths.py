@@ -14,6 +14,7 @@ from view_clients import EngineClient, Received
 
 import clrender
 from clrender.errors import DeviceError
+from clrender.inspection.surroundings import pose_of
 from clrender.process.stages import STAGES
 from clrender.view import tracer
 from clrender.view.edited_scene import EditedScene
@@ -54,6 +55,19 @@ def test_the_paths_of_a_pixel_are_those_of_the_image(opened: Callable[..., Any])
 
 
 @pytest.mark.thorough
+def test_paths_of_an_image_with_an_error_are_those_that_its_pixel_has(opened: Callable[..., Any]) -> None:
+    """Which stops sooner than others: with more samples the list would be of another number."""
+    _, page = opened(error=0.5, spp=4096, replicate_spp=1)
+    page.until_done()
+    page.say("probe", x=40, y=50)
+    told = page.until_kind("probe").content
+    assert 0 < told["samples"] < 4096
+    found = answered(page, 1, x=40, y=50, samples=4096).content["paths"]
+    assert found["spp"] == told["samples"]
+    assert bits(found["radiance"]) == bits(np.array(told["radiance"], np.float32))
+
+
+@pytest.mark.thorough
 def test_bidirectional_paths_tell_what_is_splatted(opened: Callable[..., Any]) -> None:
     _, page = opened(integrator="bdpt", spp=4)
     page.until_done()
@@ -84,6 +98,14 @@ def test_a_traced_job_is_the_first_samples_of_the_whole_image() -> None:
     assert pixel == (13, 7) and (job.first_sample, job.sample_count) == (0, 256)
     assert job.settings.crop is None and job.settings.error is None and job.settings.spp == 1024
     assert job_of(spp=16)[0].sample_count == 16
+
+
+def test_paths_are_not_drawn_over_the_image_of_a_camera_that_moves() -> None:
+    camera = clrender.load("room").camera
+    keys = [{"time": 0.0, "position": [0, 1, 5]}, {"time": 1.0, "position": [1, 1, 5]}]
+    assert pose_of(camera)["projects"]
+    assert not pose_of(camera.changed({"shutter": (0.0, 1.0), "motion": keys}))["projects"]
+    assert pose_of(camera.changed({"motion": keys}))["projects"]  # the shutter opens for a moment
 
 
 class Asker:

@@ -39,6 +39,7 @@ from clrender.view.keep import command_line, table_text
 from clrender.view.messages import MESSAGE_BYTES, MoveCamera, Probe, Restart, parse
 from clrender.view.parameters import changeable, parameters
 from clrender.view.priority import lower_priority
+from clrender.view.progressive import Progressive
 from clrender.view.viewer import Viewer
 from clrender.view.watch import Watcher
 
@@ -759,6 +760,14 @@ def test_the_threads_that_render_let_others_go_first() -> None:
     assert niceness() == before
 
 
+def test_a_pixel_has_as_many_samples_as_were_taken_of_it() -> None:
+    counts = np.array([[16, 48, 32]])
+    state = SimpleNamespace(width=3, height=1, film=SimpleNamespace(counts=counts))
+    having: Any = SimpleNamespace(image_state=state)
+    assert [Progressive.samples_of(having, x, 0) for x in range(4)] == [16, 48, 32, 0]
+    assert Progressive.samples_of(SimpleNamespace(image_state=None), 0, 0) == 0  # type: ignore[arg-type]
+
+
 def test_the_copied_command_reads_the_scene_in_the_same_way(tmp_path: Path) -> None:
     (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\n")
     path = str(tmp_path / "m.obj")
@@ -766,3 +775,5 @@ def test_the_copied_command_reads_the_scene_in_the_same_way(tmp_path: Path) -> N
     command = table_text(EditedScene.of(scene, {"spp": 4}), "settings", "")
     assert "--spp 4" in command and "--up z --environment 0.5 --hide-environment -o image.png" in command
     assert "--environment" not in table_text(EditedScene.of(clrender.load("room"), {}), "settings", "")
+    seen = EditedScene.of(clrender.load(path, camera={"position": [0, 0, 5], "target": [0, 0, 0]}), {})
+    assert "--camera 'my cam.toml#b' -o" in table_text(seen, "settings", "", ("--camera", "my cam.toml#b"))
