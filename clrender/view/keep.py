@@ -7,11 +7,13 @@ import shutil
 import tempfile
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from typing import IO, TYPE_CHECKING, Any, Final
 
-from clrender.errors import UsageError
+from clrender.errors import SceneError, UsageError
 from clrender.exporters import exported, scene_text
 from clrender.exporters.own import toml_text
+from clrender.files.named import allowed_file
 from clrender.limits import Flag, Region, nearest, shown
 from clrender.scene.defaults import Image, Render
 from clrender.settings import SETTINGS, WORK
@@ -28,6 +30,7 @@ ARCHIVE: Final = "scene.zip"
 _SCENE: Final = "scene.toml"
 _FOLDER: Final = "scene-files"
 _READING: Final = {"time_at": "--time-at", "variant": "--variant", "up": "--up", "environment": "--environment"}
+_FILE_KEYS: Final = ("file", "texture")
 _EPOCH: Final = (1980, 1, 1, 0, 0, 0)
 """Time of all files in an archive: the same scene makes the same archive."""
 
@@ -112,7 +115,7 @@ def table_text(edited: EditedScene, what: str, name: str, reading: Sequence[str]
     Raises
     ------
     UsageError
-        There is none of that name.
+        There is none of that name, or it has a picture or a mesh that no other scene file could name.
     """
     scene = edited.checked.scene
     if what == "camera":
@@ -123,7 +126,26 @@ def table_text(edited: EditedScene, what: str, name: str, reading: Sequence[str]
     if name not in known:
         raise UsageError(f"there is no {what} {shown(name)}{nearest(name, known)}")
     table = known[name].model_dump(mode="json", exclude_none=True, exclude_unset=True)
+    files = scene.files
+    for file in _named_files(table):
+        with suppress(SceneError):
+            if (files.base_folder / file).is_file() and allowed_file(file, files.base_folder, files.allow_paths, name):
+                continue
+        raise UsageError(
+            f"the {what} {shown(name)} names {shown(file)}, which is no file beside the scene but a part of "
+            f"{scene.source}: use Download scene, which has it as a file"
+        )
     return toml_text({"materials": {name: table}} if what == "material" else {name.partition("[")[0]: [table]})
+
+
+def _named_files(table: Mapping[str, Any] | Sequence[Any]) -> Iterator[str]:
+    """Names of files in a table, or in a list of them."""
+    for key, value in table.items() if isinstance(table, Mapping) else enumerate(table):
+        if isinstance(value, str):
+            if key in _FILE_KEYS:
+                yield value
+        elif isinstance(value, Mapping | list):
+            yield from _named_files(value)
 
 
 def write_archive(edited: EditedScene, file: IO[bytes]) -> None:

@@ -265,7 +265,8 @@ def test_a_changed_light_is_that_of_the_scene_and_nothing_else_changes(lit: Edit
     told = tables.scene(changed)["emitters"]
     assert told["shapes[1]"]["label"] == "lamp (shapes[1])"
     assert {each["name"]: each["value"] for each in told["lights[0]"]["parameters"]}["intensity"] == (1.0, 2.0, 3.0)
-    assert not changed.reread(lit.scene.model_copy()).lights
+    assert changed.reread(lit.scene.model_copy()).lights == changed.lights
+    assert not changed.reread(lit.scene.changed({"lights[0].intensity": [7.0, 7.0, 7.0]})).lights
 
 
 @pytest.mark.parametrize(
@@ -439,6 +440,24 @@ def test_tables_are_told_as_a_scene_file_has_them(lit: EditedScene) -> None:
     for what in ("material", "light"):
         with pytest.raises(UsageError, match=f"no {what}"):
             table_text(edited, what, "nothing")
+
+
+def test_a_table_that_names_what_no_scene_file_could_is_refused(pictured: EditedScene, tmp_path: Path) -> None:
+    """Of a model with its pictures inside: another scene that is given the table would find nothing there."""
+    assert 'texture = "tiles.png"' in table_text(pictured, "material", "tiles")
+    assert 'file = "sky.png"' in table_text(pictured, "light", "lights[0]")
+    scene = clrender.Scene.model_validate(
+        {
+            **LIT,
+            "materials": {"white": {"type": "lambert", "reflectance": {"texture": "/images/0"}}},
+            "lights": [*LIT["lights"][:3], {"type": "environment", "file": "around"}],
+        }
+    )
+    edited = EditedScene.of(scene.placed("model.glb", tmp_path), {})
+    for what, name in (("material", "white"), ("light", "lights[3]")):
+        with pytest.raises(UsageError, match=r"is no file beside the scene but a part of model\.glb: use Download"):
+            table_text(edited, what, name)
+    assert "intensity" in table_text(edited, "light", "lights[0]")
 
 
 def test_the_command_line_has_what_was_asked_for_and_is_one(lit: EditedScene) -> None:
