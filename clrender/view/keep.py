@@ -133,7 +133,7 @@ def table_text(edited: EditedScene, what: str, name: str, reading: Sequence[str]
                 continue
         raise UsageError(
             f"the {what} {shown(name)} names {shown(file)}, which is no file beside the scene but a part of "
-            f"{scene.source}: use Download scene, which has it as a file"
+            f"{scene.source}: use Download scene of the page, which has it as a file"
         )
     return toml_text({"materials": {name: table}} if what == "material" else {name.partition("[")[0]: [table]})
 

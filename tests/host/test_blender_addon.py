@@ -385,26 +385,37 @@ def test_the_scene_file_is_one(tmp_path: Path) -> None:
     glass = {"type": "principled", "transmission": 1.0, "thin": True}
     converted = {
         "camera": {"position": [0.0, 0.0, 9.0]},
-        "materials": {"glass": glass, "pane": glass, "leaf": {**glass, "opacity": 0.5}},
+        "materials": {"glass": glass, "pane": glass, "both": glass, "leaf": {**glass, "opacity": 0.5}},
         "shapes": [
             {"type": "mesh", "name": "clrender 0", "file": "a.ply", "material": "glass"},
             {"type": "mesh", "name": "clrender 1", "file": "a.ply", "material": "pane"},
             {"type": "mesh", "name": "clrender 2", "file": "a.ply", "material": "leaf"},
+            {"type": "mesh", "name": "clrender 3", "file": "a.ply", "material": "both"},
+            {"type": "mesh", "name": "clrender 4", "file": "a.ply", "material": "both"},
         ],
         "lights": [{"type": "environment", "radiance": [1.0, 1.0, 1.0]}],
     }
     table, _ = camera_table(BlenderCamera(pose().tolist(), 32, 16))
     _, shapes, _ = light_tables(BlenderLight("key", pose().tolist(), "AREA", visible_camera=False))
-    objects = {"clrender 0": Placed("ball"), "clrender 1": Placed("pane", visible_camera=False)}
+    objects = {"clrender 0": Placed("ball"), "clrender 1": Placed("pane", visible_camera=False, is_open=True)}
     objects["clrender 2"] = Placed("leaf", shadow_catcher=True)
-    parts = SceneParts(table, 32, 16, shapes=shapes, objects=objects, sheets={"pane"})
+    objects |= {"clrender 3": Placed("bulb"), "clrender 4": Placed("window", is_open=True)}
+    parts = SceneParts(table, 32, 16, shapes=shapes, objects=objects)
     path = tmp_path / "scene.json"
     path.write_text(json.dumps(assembled(converted, parts)), encoding="utf-8")
     scene = clrender.load(path, strict=True)
-    assert [shape.name for shape in scene.shapes] == ["ball", "pane", "leaf", "key"]
-    assert [getattr(shape, "visible_to_camera", None) for shape in scene.shapes] == [True, False, True, False]
+    assert [shape.name for shape in scene.shapes] == ["ball", "pane", "leaf", "bulb", "window", "key"]
+    assert [getattr(shape, "visible_to_camera", None) for shape in scene.shapes] == [
+        True,
+        False,
+        True,
+        True,
+        True,
+        False,
+    ]
     assert getattr(scene.shapes[2], "shadow_catcher", False)
     assert [getattr(scene.materials[name], "thin", None) for name in ("glass", "pane", "leaf")] == [False, True, True]
+    assert [scene.materials[shape.material].thin for shape in scene.shapes[3:5]] == [False, True]
     assert LAMP in scene.materials
     assert not scene.lights
     assert (scene.image.width, scene.image.height) == (32, 16)

@@ -455,7 +455,9 @@ def test_a_table_that_names_what_no_scene_file_could_is_refused(pictured: Edited
     )
     edited = EditedScene.of(scene.placed("model.glb", tmp_path), {})
     for what, name in (("material", "white"), ("light", "lights[3]")):
-        with pytest.raises(UsageError, match=r"is no file beside the scene but a part of model\.glb: use Download"):
+        with pytest.raises(
+            UsageError, match=r"is no file beside the scene but a part of model\.glb: use Download scene"
+        ):
             table_text(edited, what, name)
     assert "intensity" in table_text(edited, "light", "lights[0]")
 

@@ -52,11 +52,15 @@ class ExportError(Exception):
 
 @dataclass
 class _Collected:
-    """Objects of a scene of their own, which is exported, and what the file cannot say of them."""
+    """Objects of a scene of their own, which is exported, and what the file cannot say of them.
+
+    The sheets are names of meshes with open edges.
+    """
 
     parts: SceneParts
     scene: Any
     meshes: dict[Any, Any] = field(default_factory=dict)
+    sheets: set[str] = field(default_factory=set)
     bare: Any = None
     notes: list[str] = field(default_factory=list)
 
@@ -167,7 +171,8 @@ def _take_mesh(instance: Any, depsgraph: Any, collected: _Collected) -> None:
     made.matrix_world = instance.matrix_world.copy()
     collected.scene.collection.objects.link(made)
     catcher = bool(getattr(placed, "is_shadow_catcher", False))
-    collected.parts.objects[made.name] = Placed(placed.original.name, bool(placed.visible_camera), catcher)
+    is_open = mesh.name in collected.sheets
+    collected.parts.objects[made.name] = Placed(placed.original.name, bool(placed.visible_camera), catcher, is_open)
 
 
 def _applied(placed: Any, depsgraph: Any) -> Any:
@@ -199,7 +204,7 @@ def _finished(mesh: Any, materials: Sequence[Any], collected: _Collected) -> Any
     for name, material in used.items():
         _tell_of_nodes(name, material, collected)
     if not _is_closed(mesh):
-        collected.parts.sheets |= set(used)
+        collected.sheets.add(mesh.name)
         _shine_from_behind(mesh)
     return mesh
 

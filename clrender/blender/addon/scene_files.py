@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,11 +19,14 @@ class Placed:
     ----------
     name : str
     visible_camera, shadow_catcher : bool
+    is_open : bool
+        Whether its mesh has open edges, and so no inside.
     """
 
     name: str
     visible_camera: bool = True
     shadow_catcher: bool = False
+    is_open: bool = False
 
 
 @dataclass
@@ -41,8 +44,6 @@ class SceneParts:
     environment : dict or None
     objects : dict of str to Placed
         By the names that the glTF file has for them.
-    sheets : set of str
-        Names of materials of meshes with open edges, which have no inside.
     """
 
     camera: dict[str, Any]
@@ -52,7 +53,6 @@ class SceneParts:
     shapes: list[dict[str, Any]] = field(default_factory=list)
     environment: dict[str, Any] | None = None
     objects: dict[str, Placed] = field(default_factory=dict)
-    sheets: set[str] = field(default_factory=set)
 
 
 def assembled(converted: Mapping[str, Any], parts: SceneParts) -> dict[str, Any]:
@@ -65,8 +65,8 @@ def assembled(converted: Mapping[str, Any], parts: SceneParts) -> dict[str, Any]
         that have none, and are replaced.
     parts : SceneParts
     """
-    shapes = [_shape(shape, parts.objects) for shape in converted.get("shapes", [])]
-    materials = {n: _material(n, each, parts.sheets) for n, each in converted.get("materials", {}).items()}
+    materials, groups, own = _solids(converted, parts.objects)
+    shapes = [_shape(shape, parts.objects) for shape in own]
     if any(shape.get("material") == LAMP for shape in parts.shapes):
         materials[LAMP] = dict(LAMP_MATERIAL)
     return {
@@ -75,6 +75,7 @@ def assembled(converted: Mapping[str, Any], parts: SceneParts) -> dict[str, Any]
         "image": {"width": parts.width, "height": parts.height},
         "materials": materials,
         "shapes": [*shapes, *parts.shapes],
+        **({"groups": groups} if groups else {}),
         "lights": [*parts.lights, *([] if parts.environment is None else [parts.environment])],
     }
 
@@ -91,9 +92,40 @@ def _shape(shape: Mapping[str, Any], objects: Mapping[str, Placed]) -> dict[str,
     return made
 
 
-def _material(name: str, material: Mapping[str, Any], sheets: Collection[str]) -> dict[str, Any]:
-    """A material; glTF has no solids without a thickness, but all that lets light through in Blender is one."""
-    made = dict(material)
-    if made.get("thin") and name not in sheets and "opacity" not in made:
-        del made["thin"]
-    return made
+def _solids(
+    converted: Mapping[str, Any], objects: Mapping[str, Placed]
+) -> tuple[dict[str, Any], dict[str, Any], list[dict[str, Any]]]:
+    """Materials, groups and shapes, of which those that let light through are solids in closed meshes.
+
+    glTF has no solids without a thickness, but all that lets light through in Blender is one. A material of closed and
+    open meshes becomes two.
+    """
+    shapes = [dict(shape) for shape in converted.get("shapes", [])]
+    groups = {
+        name: {**group, "shapes": [dict(shape) for shape in group["shapes"]]}
+        for name, group in converted.get("groups", {}).items()
+    }
+    is_open: list[tuple[dict[str, Any], bool]] = []
+    open_groups = set()
+    for shape in shapes:
+        placed = objects.get(shape.get("name", ""))
+        sheet = placed is not None and placed.is_open
+        is_open.append((shape, sheet))
+        if sheet and "group" in shape:
+            open_groups.add(shape["group"])
+    is_open += [(shape, name in open_groups) for name, group in groups.items() for shape in group["shapes"]]
+    materials = {name: dict(each) for name, each in converted.get("materials", {}).items()}
+    of_sheets = {shape.get("material") for shape, sheet in is_open if sheet}
+    for name in [each for each, material in materials.items() if material.get("thin") and "opacity" not in material]:
+        solid = {key: value for key, value in materials[name].items() if key != "thin"}
+        if name not in of_sheets:
+            materials[name] = solid
+            continue
+        inside = f"{name} (solid)"
+        while inside in materials:
+            inside += "_"
+        for shape, sheet in is_open:
+            if not sheet and shape.get("material") == name:
+                shape["material"] = inside
+                materials[inside] = solid
+    return materials, groups, shapes

@@ -19,7 +19,7 @@ export function createSettingsPanel(hub, say) {
   const device = make("div", { class: "cv-fields" });
   const about = make("p", { class: "cv-note", hidden: true });
   const reset = make("button", { type: "button", onclick: () => hub.send({ type: "reset", what: "settings" }) }, "Reset settings");
-  const asCommand = { label: "Copy as command", what: "Command", where: "It renders the scene file; what else was edited is in Download scene." };
+  const asCommand = { label: "Copy as command", what: "Command", where: "It renders the scene file, without edits of its camera, materials and lights." };
   const copying = createCopyButton(say, asCommand, tableOf(hub, () => ({ what: "settings" })));
   const restart = make("button", { type: "button", onclick: () => hub.send({ type: "restart" }) }, "Restart");
   let fields = new Map(); // name -> {setting, field}
