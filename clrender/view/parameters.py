@@ -91,7 +91,9 @@ def parameters(part: Part) -> list[dict[str, Any]]:
     for name in _STRUCTURE[1:]:
         value = getattr(part, name, None)
         if value is not None:
-            table.append({"name": name, "value": _described(value), "kind": "fixed", "schema": {}, "optional": False, "help": ""})
+            table.append(
+                {"name": name, "value": _described(value), "kind": "fixed", "schema": {}, "optional": False, "help": ""}
+            )
     return table
 
 

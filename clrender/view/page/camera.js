@@ -23,19 +23,25 @@ export function directions(camera) {
 const mirror = (camera) => (camera.mirrored ? -1 : 1);
 const isOrthographic = (camera) => camera.type === "orthographic";
 
-// Vertical, radians; of calibrated cameras, whose numbers are for an image of a height, it is that without distortion.
-function fieldOfView(camera, imageHeight) {
+// Vertical, radians; of calibrated cameras, whose numbers may be for the image as it is, it is that without distortion.
+function fieldOfView(camera, image) {
   if (camera.type === "panoramic") return Math.PI;
-  if (camera.type === "intrinsics") return 2 * Math.atan2(camera.resolution?.[1] ?? imageHeight, 2 * (camera.fy ?? camera.fx));
+  if (camera.type === "intrinsics") return 2 * Math.atan2(camera.resolution?.[1] ?? image.height, 2 * (camera.fy ?? camera.fx));
   return ((camera.vertical_fov ?? 60) * Math.PI) / 180;
 }
 
 // Of what the image shows at the target's distance, metres; angles are what fisheyes and panoramas show evenly.
-function visibleHeight(camera, imageHeight) {
+function visibleHeight(camera, image) {
   if (isOrthographic(camera)) return camera.height;
-  const angle = fieldOfView(camera, imageHeight);
+  const angle = fieldOfView(camera, image);
   const isAngular = camera.type === "panoramic" || camera.type === "fisheye";
   return distanceToTarget(camera) * (isAngular ? angle : 2 * Math.tan(angle / 2));
+}
+
+// Of what the image shows across a square, its width as a share of its height.
+function squareness(camera, image) {
+  if (camera.type === "panoramic") return (2 * image.height) / image.width;
+  return camera.type === "intrinsics" ? (camera.fy ?? camera.fx) / camera.fx : 1;
 }
 
 export function distanceToTarget(camera) {
@@ -66,18 +72,19 @@ export function orbit(camera, across, down) {
   return { ...camera, position: add(camera.target, swung(back, camera, -Math.PI * across * mirror(camera), -Math.PI * down)) };
 }
 
-/** The head is turned: the position stays. The height of the image, pixels, counts for calibrated cameras. */
-export function look(camera, across, down, imageHeight) {
+/** The head is turned: the position stays. Some cameras show more or less by the `width` and `height` of the image. */
+export function look(camera, across, down, image) {
   const ahead = minus(camera.target, camera.position);
-  const angle = fieldOfView(camera, imageHeight);
-  return { ...camera, target: add(camera.position, swung(ahead, camera, -angle * across * mirror(camera), -angle * down)) };
+  const angle = fieldOfView(camera, image);
+  return { ...camera, target: add(camera.position, swung(ahead, camera, -angle * across * squareness(camera, image) * mirror(camera), -angle * down)) };
 }
 
 /** Sideways, so that what lies at the target's distance stays under the pointer. */
-export function pan(camera, across, down, imageHeight) {
+export function pan(camera, across, down, image) {
   const { right, above } = directions(camera);
-  const height = visibleHeight(camera, imageHeight);
-  const move = add(right.map((x) => -across * mirror(camera) * height * x), above, down * height);
+  const height = visibleHeight(camera, image);
+  const width = height * squareness(camera, image) * mirror(camera);
+  const move = add(right.map((x) => -across * width * x), above, down * height);
   return { ...camera, position: add(camera.position, move), target: add(camera.target, move) };
 }
 

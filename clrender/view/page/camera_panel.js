@@ -57,7 +57,7 @@ export function createCamera(hub) {
     if (camera === null) return;
     const { height, settings } = hub.newest("state");
     const part = height / settings.height;
-    move((now) => change(now, across * part, down * part, settings.height));
+    move((now) => change(now, across * part, down * part, settings));
   }
 
   function move(change) {
