@@ -282,7 +282,8 @@ def test_a_camera_move_waits_for_a_busy_engine(view: view_of) -> None:
         const { createCamera } = await import('/page/camera_panel.js');
         const camera = createCamera(hub);
         const begin = { position: [0, 0, 4], target: [0, 0, 0], up: [0, 1, 0], vertical_fov: 40 };
-        const state = (changed) => tell({ type: 'state', camera: { ...begin, ...changed }, height: 48, settings: { height: 48 } });
+        const size = { height: 48, settings: { width: 64, height: 48 } };
+        const state = (changed) => tell({ type: 'state', camera: { ...begin, ...changed }, ...size });
         const next = async () => { await wait(60); return sent.at(-1); };
         state({});
         camera.pan(0.5, 0);
@@ -319,13 +320,14 @@ def test_materials_beyond_the_list_follow_the_engine(view: view_of) -> None:
         const panel = createTablePanel(hub, () => {}, MATERIALS);
         const box = document.createElement('div');
         box.append(...panel.content);
-        const parameters = (value) => [{ name: 'reflectance', value, kind: 'color', schema: {}, optional: false, help: '' }];
+        const about = { name: 'reflectance', kind: 'color', schema: {}, optional: false, help: '' };
+        const parameters = (value) => [{ ...about, value }];
         const table = (value) => ({ type: 'lambert', parameters: parameters(value) });
         const seen = {};
         const shown = () => [...box.querySelectorAll('.cv-color input[type=number]')].map((input) => input.value);
         const scene = (materials) => tell({ type: 'scene', materials, material_count: 1003 });
         scene({ first: table([0.1, 0.1, 0.1]) });
-        const notes = [...box.querySelectorAll('.cv-note')].filter((note) => !note.hidden).map((note) => note.textContent);
+        const notes = [...box.querySelectorAll('.cv-note:not([hidden])')].map((note) => note.textContent);
         panel.choose('toString', parameters([0.8, 0.1, 0.05]));
         seen.picked = shown();
         scene({ first: table([0.1, 0.1, 0.1]), toString: table([0.33, 0.1, 0.05]) });
@@ -376,7 +378,8 @@ def test_paths_are_traced_when_the_connection_is_back(view: view_of) -> None:
         const panel = createPathsPanel(hub, { overlay: () => {} });
         const box = document.createElement('div');
         box.append(...panel.content);
-        const status = () => [box.querySelector('.lp-status').textContent, box.querySelector('button:not(.cv-undo)').hidden];
+        const [line, cancel] = ['.lp-status', 'button:not(.cv-undo)'].map((name) => box.querySelector(name));
+        const status = () => [line.textContent, cancel.hidden];
         const texts = [];
         transport.onstate('open');
         panel.open(true);
