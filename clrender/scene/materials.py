@@ -219,6 +219,12 @@ class _Refracting(Part):
         return self
 
     @property
+    def derived_keys(self) -> frozenset[str]:
+        """Keys whose values follow from others, and cannot be changed alone."""
+        said = self.dispersion is not None and self.dispersion.abbe is None
+        return frozenset({"ior"}) if said else frozenset()
+
+    @property
     def spectral_ior(self) -> float:
         """`ior`, with its values by wavelength if there is a dispersion."""
         return self.ior if self.dispersion is None else self.dispersion.indices(self.ior)

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Engine"]
 
+_MOST_PICKED: Final = 500
+"""Materials and lights that are listed because they were picked or edited; the newest."""
 _PATIENCE: Final = 5.0
 """Seconds to wait at the end for a device that does not come back."""
 _MOST_TOLD: Final = 6
@@ -99,6 +101,7 @@ class Engine:
         self._edited = EditedScene.of(scene, settings)
         self._history = History()
         self._reading = tuple(reading)
+        self._picked: dict[str, None] = {}  # materials and places of lights, which pages go on to show
         self._outputs = {str(path): Path(path) for path in outputs}
         self._inbox = Inbox()
         self._problems = Problems()
@@ -275,11 +278,13 @@ class Engine:
                 label = ", ".join(names).replace("_", " ")
                 self._render_edited(edited.set(message.settings), label, (viewer.number, "settings", *names))
             case messages.SetMaterial():
+                self._pick(message.name)
                 names = sorted(message.values)
                 label = f"{', '.join(names).replace('_', ' ')} of material {message.name}"
                 changed = edited.with_material(message.name, message.values)
                 self._render_edited(changed, label, (viewer.number, "material", message.name, *names))
             case messages.SetLight():
+                self._pick(message.name)
                 names = sorted(message.values)
                 label = f"{', '.join(names).replace('_', ' ')} of {message.name}"
                 changed = edited.with_light(message.name, message.values)
@@ -315,7 +320,9 @@ class Engine:
             case messages.Restart():
                 self._progressive.restart(edited.job, self._broadcaster.camera_ids, only_camera=True)
             case messages.Probe():
-                viewer.reply("probe", message, probe(self._progressive, edited, message.x, message.y))
+                seen = probe(self._progressive, edited, message.x, message.y)
+                self._pick(seen["material"])
+                viewer.reply("probe", message, seen)
             case messages.Outline():
                 width, height, path = self._progressive.outline(message.object)
                 about = {"object": message.object, "width": width, "height": height, "path": path}
@@ -326,6 +333,14 @@ class Engine:
                 self._stop_paths(viewer)
             case messages.Save():
                 viewer.reply("saved", message, self._saved(message))
+
+    def _pick(self, name: str | None) -> None:
+        """List a material or light from now on, also where the scene has too many to list: pages show it."""
+        if name is not None:
+            self._picked.pop(name, None)
+            self._picked[name] = None
+            while len(self._picked) > _MOST_PICKED:
+                del self._picked[next(iter(self._picked))]
 
     def _trace(self, viewer: Viewer, message: messages.Paths) -> None:
         """Have the light paths of a pixel traced, of the scene as it is now."""
@@ -375,7 +390,7 @@ class Engine:
             self._progressive.extend(edited.job, self._broadcaster.camera_ids)
         self._send_state()  # before scenes and replies: whoever sees those knows that another image begins
         if edited.checked.scene is not before.checked.scene:
-            self._broadcaster.send_if_changed("scene", tables.scene(edited))
+            self._broadcaster.send_if_changed("scene", tables.scene(edited, self._picked))
 
     def _opened(self, device: Any) -> tuple[Session, str]:
         """A session whose devices are open, and their names."""
@@ -410,7 +425,7 @@ class Engine:
         """Render a scene that was read anew."""
         try:
             edited = self._edited.reread(scene)
-            described = tables.scene(edited)
+            described = tables.scene(edited, self._picked)
         except Exception as error:  # as in `_reread`
             self._problems.add("scene", sentence(error))
             return

@@ -193,9 +193,10 @@ def emitter_keys(part: Emitter) -> list[str]:
 def emitter_parameters(part: Emitter) -> list[dict[str, Any]]:
     """As of `clrender.view.parameters.parameters`. Alternatives that the scene does not use are left out.
 
-    Light with a spectrum is a number, the factor of the spectrum.
+    What it uses stays: without a value, a light would have no light. Light with a spectrum is a number, the factor of
+    the spectrum.
     """
-    known = [_factor(part, each) for each in parameters(part) if each["value"] is not None]
+    known = [{**_factor(part, each), "optional": False} for each in parameters(part) if each["value"] is not None]
     if part.type in LIGHT_TYPES:
         return known
     return [each for each in known if each["name"] in _SHAPE_KEYS]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Collection
 from typing import TYPE_CHECKING, Any, Final
 
 from clrender.scene.spectra import SpectralColor
@@ -75,26 +76,31 @@ def parameters(part: Part) -> list[dict[str, Any]]:
     -------
     list of dict
         ``name``, ``value``, ``kind`` (``number integer color vector flag choice``, or ``fixed``: a texture or the like,
-        told in words), ``schema`` (JSON Schema of what may be given) and ``help``.
+        told in words), ``schema`` (JSON Schema of what may be given), ``optional`` (whether it may be without a value)
+        and ``help``.
     """
     kinds = {"number": "number", "integer": "integer", "array": "color", "boolean": "flag", "string": "choice"}
+    derived: Collection[str] = getattr(part, "derived_keys", ())
     table = []
     for name, schema in _schemas(type(part)).items():
         value = getattr(part, name)
-        plain = is_plain(value)
+        plain = is_plain(value) and name not in derived
         table.append(
             {
                 "name": name,
                 "value": value if plain else _described(value),
                 "kind": ("vector" if _is_vector(schema) else kinds[schema["type"]]) if plain else "fixed",
                 "schema": {key: each for key, each in schema.items() if key != "description"},
+                "optional": type(part).model_fields[name].default is None,
                 "help": schema["description"],
             }
         )
     for name in _STRUCTURE[1:]:
         value = getattr(part, name, None)
         if value is not None:
-            table.append({"name": name, "value": _described(value), "kind": "fixed", "schema": {}, "help": ""})
+            table.append(
+                {"name": name, "value": _described(value), "kind": "fixed", "schema": {}, "optional": False, "help": ""}
+            )
     return table
 
 
@@ -121,4 +127,6 @@ def _described(value: Any) -> str:
     if isinstance(texture, str):
         return f"texture {texture}"[:80]
     kind = getattr(value, "type", None)
+    if isinstance(value, float):
+        return f"{value:.6g}"
     return str(kind if isinstance(kind, str) else value)[:80]

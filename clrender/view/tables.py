@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, Final, TypeVar
 
 from clrender.errors import ClrenderError
 from clrender.extras import install_command
@@ -23,9 +23,11 @@ from clrender.view.parameters import parameters
 __all__ = ["MOST_MATERIALS", "devices", "hello", "scene", "state"]
 
 MOST_MATERIALS: Final = 500
-"""Materials that are listed; a probe of a pixel has any other."""
+"""Materials that are listed, besides those that were picked or edited; a probe of a pixel has any other."""
 _MOST_LIGHTS: Final = 200
-"""Lights and shining shapes that are listed."""
+"""Lights and shining shapes that are listed, besides the environment and those that were edited or added."""
+
+_Part = TypeVar("_Part")
 
 
 def hello(known: Sequence[dict[str, Any]], saves: Sequence[str], look: Mapping[str, Any]) -> dict[str, Any]:
@@ -96,18 +98,27 @@ def devices() -> list[dict[str, Any]]:
     return [{key: each[key] for key in keys} for each in found if each["probe"] == "ok"]
 
 
-def scene(edited: EditedScene) -> dict[str, Any]:
-    """What is in a scene, with the materials and lights as they are now."""
+def scene(edited: EditedScene, also: Collection[str] = ()) -> dict[str, Any]:
+    """What is in a scene, with the materials and lights as they are now.
+
+    Parameters
+    ----------
+    edited : EditedScene
+    also : collection of str
+        Materials and places of lights that are listed in any case, as are those that differ from the scene file, and
+        the environment.
+    """
     now = edited.checked.scene
-    listed = list(now.materials.items())[:MOST_MATERIALS]
     shining, around = edited.emitters, edited.environment
+    materials = _listed(now.materials, MOST_MATERIALS, {*edited.materials, *also})
+    lights = _listed(shining, _MOST_LIGHTS, {*edited.lights, *also, around})
     return {
         "title": now.title,
         "source": now.source,
         "shapes": len(now.shapes),
         "lights": len(now.lights),
-        "materials": {name: {"type": each.type, "parameters": parameters(each)} for name, each in listed},
-        "names": len(now.materials) > MOST_MATERIALS,
+        "materials": {name: {"type": each.type, "parameters": parameters(each)} for name, each in materials.items()},
+        "material_count": len(now.materials),
         "emitters": {
             place: {
                 "label": label_of(place, each),
@@ -115,11 +126,16 @@ def scene(edited: EditedScene) -> dict[str, Any]:
                 "parameters": emitter_parameters(each),
                 "removable": place.startswith("lights") or not edited.is_own(place),
             }
-            for place, each in list(shining.items())[:_MOST_LIGHTS]
+            for place, each in lights.items()
         },
-        "more_emitters": len(shining) > _MOST_LIGHTS,
+        "emitter_count": len(shining),
         "environment": None if around is None else {"place": around, **environment_told(shining[around])},
     }
+
+
+def _listed(parts: Mapping[str, _Part], most: int, also: Collection[str | None]) -> dict[str, _Part]:
+    """The first parts, and those of these names, in their order."""
+    return {name: part for index, (name, part) in enumerate(parts.items()) if index < most or name in also}
 
 
 def state(edited: EditedScene) -> dict[str, Any]:

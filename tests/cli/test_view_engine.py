@@ -207,6 +207,24 @@ def test_a_material_that_changes_gives_the_image_of_that_scene(opened: Callable[
     assert page.until_done() == before
 
 
+def test_a_material_that_was_probed_is_listed_from_then_on(
+    opened: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where there are too many to list, and after its edits were undone: a page that shows it is not mistaken."""
+    monkeypatch.setattr("clrender.view.tables.MOST_MATERIALS", 0)
+    _, page = opened()
+    page.until_done()
+    assert page.newest["scene"].content["materials"] == {}
+    page.say("probe", id="p", x=40, y=30)
+    probed = page.until_kind("probe", id="p").content["material"]
+    other = next(name for name in clrender.load("room").materials if name != probed)
+    page.say("material", name=other, values={"two_sided": False})
+    page.until(lambda m: m.kind == "scene" and m.content["materials"].keys() == {probed, other})
+    page.say("undo", id="u")
+    page.until_kind("undone", id="u")
+    assert page.newest["scene"].content["materials"].keys() == {probed, other}
+
+
 def test_a_pixel_is_told_as_it_is_in_the_film(opened: Callable[..., Any], device: Device) -> None:
     engine, page = opened(spp=16, replicate_spp=4)
     page.until_done()

@@ -305,6 +305,47 @@ def test_textures_and_structure_cannot_be_changed() -> None:
         edited.with_material("mixed", {"materials": ["gold", "glass"]})
 
 
+def test_what_a_page_offers_is_not_refused_whatever_the_value() -> None:
+    """An index that a dispersion says is told in words; what may be without a value is told so, but not of lights."""
+    camera = {"position": [0, 0, 3], "target": [0, 0, 0]}
+    materials = {
+        "crown": {"type": "dielectric", "dispersion": {"glass": "BK7"}},
+        "abbe": {"type": "dielectric", "ior": 1.5, "dispersion": {"abbe": 40.0}},
+        "gold": {"type": "conductor", "f0": [0.9, 0.6, 0.3], "termination": 0.5},
+    }
+    lights = [{"type": "point", "position": [0, 1, 0], "intensity": [1, 1, 1]}]
+    whole = clrender.Scene.model_validate({"camera": camera, "materials": materials, "lights": lights})
+    edited = EditedScene.of(whole, {})
+    told = {name: {each["name"]: each for each in parameters(whole.materials[name])} for name in materials}
+    assert (told["crown"]["ior"]["kind"], told["crown"]["ior"]["value"]) == ("fixed", "1.5168")
+    assert told["abbe"]["ior"]["kind"] == "number"
+    assert edited.with_material("abbe", {"ior": 1.6}).checked.scene.materials["abbe"].ior == 1.6
+    optional = {name for name, each in told["gold"].items() if each["optional"]}
+    assert {"termination", "metal", "eta"} <= optional
+    assert not optional & {"roughness", "two_sided", "microfacets"}
+    assert edited.with_material("gold", {"termination": None}).checked.scene.materials["gold"].termination is None
+    emitters = tables.scene(edited)["emitters"]
+    assert not any(each["optional"] for each in emitters["lights[0]"]["parameters"])
+
+
+def test_long_tables_keep_what_somebody_works_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera = {"position": [0, 0, 3], "target": [0, 0, 0]}
+    lamp = {"type": "point", "position": [0, 1, 0], "intensity": [1, 1, 1]}
+    materials = {f"m{i}": {"type": "lambert", "reflectance": 0.5} for i in range(6)}
+    lights = [*[lamp] * 5, {"type": "environment", "radiance": 0.5}]
+    whole = clrender.Scene.model_validate({"camera": camera, "materials": materials, "lights": lights})
+    monkeypatch.setattr(tables, "MOST_MATERIALS", 2)
+    monkeypatch.setattr(tables, "_MOST_LIGHTS", 2)
+    edited = EditedScene.of(whole, {}).with_material("m4", {"reflectance": 0.2})
+    edited, added = edited.with_added_light("point", None)
+    edited = edited.with_light("lights[3]", {"position": [0, 2, 0]})
+    told = tables.scene(edited, ["m3"])
+    assert list(told["materials"]) == ["m0", "m1", "m3", "m4"]
+    assert list(told["emitters"]) == ["lights[0]", "lights[1]", "lights[3]", "lights[5]", added]
+    assert (told["material_count"], told["emitter_count"]) == (6, 7)
+    assert told["environment"]["place"] == "lights[5]"
+
+
 def test_a_page_is_told_of_every_setting_that_it_may_change(edited: EditedScene) -> None:
     told = json.loads(json.dumps(tables.hello([], ["a.png"], {"tone_map": "agx", "exposure": 2.0}), allow_nan=False))
     assert told["look"] == {"tone_map": "agx", "exposure": 2.0}

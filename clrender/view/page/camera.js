@@ -19,12 +19,29 @@ export function directions(camera) {
   return { forward, right, above: cross(right, forward), up };
 }
 
+// In a mirrored image, what lies to the right in the scene is on the left.
+const mirror = (camera) => (camera.mirrored ? -1 : 1);
 const isOrthographic = (camera) => camera.type === "orthographic";
 
-// Vertical, radians; of calibrated cameras it is that without distortion.
-function fieldOfView(camera) {
-  if (camera.type === "intrinsics" && camera.resolution) return 2 * Math.atan2(camera.resolution[1], 2 * (camera.fy ?? camera.fx));
+// Vertical, radians; of calibrated cameras, whose numbers may be for the image as it is, it is that without distortion.
+function fieldOfView(camera, image) {
+  if (camera.type === "panoramic") return Math.PI;
+  if (camera.type === "intrinsics") return 2 * Math.atan2(camera.resolution?.[1] ?? image.height, 2 * (camera.fy ?? camera.fx));
   return ((camera.vertical_fov ?? 60) * Math.PI) / 180;
+}
+
+// Of what the image shows at the target's distance, metres; angles are what fisheyes and panoramas show evenly.
+function visibleHeight(camera, image) {
+  if (isOrthographic(camera)) return camera.height;
+  const angle = fieldOfView(camera, image);
+  const isAngular = camera.type === "panoramic" || camera.type === "fisheye";
+  return distanceToTarget(camera) * (isAngular ? angle : 2 * Math.tan(angle / 2));
+}
+
+// Of what the image shows across a square, its width as a share of its height.
+function squareness(camera, image) {
+  if (camera.type === "panoramic") return (2 * image.height) / image.width;
+  return camera.type === "intrinsics" ? (camera.fy ?? camera.fx) / camera.fx : 1;
 }
 
 export function distanceToTarget(camera) {
@@ -52,21 +69,22 @@ function swung(direction, camera, turn, tilt) {
 /** Around the target: a drag to the right turns the scene to the right. */
 export function orbit(camera, across, down) {
   const back = minus(camera.position, camera.target);
-  return { ...camera, position: add(camera.target, swung(back, camera, -Math.PI * across, -Math.PI * down)) };
+  return { ...camera, position: add(camera.target, swung(back, camera, -Math.PI * across * mirror(camera), -Math.PI * down)) };
 }
 
-/** The head is turned: the position stays. */
-export function look(camera, across, down) {
+/** The head is turned: the position stays. Some cameras show more or less by the `width` and `height` of the image. */
+export function look(camera, across, down, image) {
   const ahead = minus(camera.target, camera.position);
-  const angle = fieldOfView(camera);
-  return { ...camera, target: add(camera.position, swung(ahead, camera, -angle * across, -angle * down)) };
+  const angle = fieldOfView(camera, image);
+  return { ...camera, target: add(camera.position, swung(ahead, camera, -angle * across * squareness(camera, image) * mirror(camera), -angle * down)) };
 }
 
 /** Sideways, so that what lies at the target's distance stays under the pointer. */
-export function pan(camera, across, down) {
+export function pan(camera, across, down, image) {
   const { right, above } = directions(camera);
-  const height = isOrthographic(camera) ? camera.height : 2 * distanceToTarget(camera) * Math.tan(fieldOfView(camera) / 2);
-  const move = add(right.map((x) => -across * height * x), above, down * height);
+  const height = visibleHeight(camera, image);
+  const width = height * squareness(camera, image) * mirror(camera);
+  const move = add(right.map((x) => -across * width * x), above, down * height);
   return { ...camera, position: add(camera.position, move), target: add(camera.target, move) };
 }
 
@@ -77,9 +95,9 @@ export function zoom(camera, factor) {
   return { ...camera, position: add(camera.target, back) };
 }
 
-/** Flies by these distances, metres. */
+/** Flies by these distances, metres; sideways is to the right of the image. */
 export function fly(camera, ahead, sideways, upward) {
   const { forward, right, up } = directions(camera);
-  const move = add(add(forward.map((x) => x * ahead), right, sideways), up, upward);
+  const move = add(add(forward.map((x) => x * ahead), right, sideways * mirror(camera)), up, upward);
   return { ...camera, position: add(camera.position, move), target: add(camera.target, move) };
 }

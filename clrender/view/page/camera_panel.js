@@ -5,7 +5,6 @@ import { createCopyButton } from "./copying.js";
 import { make } from "./elements.js";
 import { createField } from "./fields.js";
 
-const LONGEST_WAIT = 3000; // milliseconds for the engine to take over a camera; then its own counts again
 const FLY_RATE = 0.6; // of the distance to the target, a second
 const NUMBERS = [
   ["vertical_fov", "Field of view", "Vertical, degrees", { type: "number", exclusiveMinimum: 0 }],
@@ -21,7 +20,6 @@ export function createCamera(hub) {
   let unsent = false; // moved since
   let awaited = null; // what was sent, until the engine says the same
   let lastSent = null;
-  let timer = null;
 
   // A state that comes while one drags is of an earlier camera, and must not throw the view back.
   function settle() {
@@ -33,6 +31,11 @@ export function createCamera(hub) {
     camera = told;
   }
   hub.on("state", settle);
+
+  // The engine may be busy for long, as with compiling. A refusal, and a frame of what was sent, say that it was not:
+  // what counts then is what the engine says, such as the camera of another viewer.
+  hub.on("frame", (frame) => awaited !== null && frame.answers === lastSent && giveUp());
+  hub.on("connection", (now) => now === "lost" && (awaited = null));
 
   function giveUp() {
     awaited = null;
@@ -47,8 +50,14 @@ export function createCamera(hub) {
       giveUp(); // the only reply is a refusal
       return false;
     });
-    clearTimeout(timer);
-    timer = setTimeout(giveUp, LONGEST_WAIT);
+  }
+
+  /** Changes the camera by a move that is given in shares of the shown height; of a crop, that is a part of the image's. */
+  function drag(change, across, down) {
+    if (camera === null) return;
+    const { height, settings } = hub.newest("state");
+    const part = height / settings.height;
+    move((now) => change(now, across * part, down * part, settings));
   }
 
   function move(change) {
@@ -67,8 +76,8 @@ export function createCamera(hub) {
 
   return {
     orbit: (across, down) => move((now) => orbit(now, across, down)),
-    look: (across, down) => move((now) => look(now, across, down)),
-    pan: (across, down) => move((now) => pan(now, across, down)),
+    look: (across, down) => drag(look, across, down),
+    pan: (across, down) => drag(pan, across, down),
     zoom: (factor) => move((now) => zoom(now, factor)),
     fly: ([ahead, sideways, upward], seconds) =>
       move((now) => {

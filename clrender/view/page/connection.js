@@ -4,7 +4,7 @@ const FIRST_WAIT = 250; // milliseconds, doubled with each attempt in vain
 const LONGEST_WAIT = 4000;
 
 /**
- * A transport as `mount` takes it: `send(text)`, `onmessage(string | ArrayBuffer)`, `onstate("open" | "lost")`.
+ * A transport as `mount` takes it: `send(text)`, which says whether there is a connection, `onmessage(string | ArrayBuffer)`, `onstate("open" | "lost")`.
  * @param {string} address of the WebSocket
  */
 export function connect(address) {
@@ -30,7 +30,9 @@ export function connect(address) {
   }
 
   function send(text) {
-    if (socket?.readyState === WebSocket.OPEN) socket.send(text);
+    if (socket?.readyState !== WebSocket.OPEN) return false;
+    socket.send(text);
+    return true;
   }
 
   function close() {

@@ -12,7 +12,6 @@ export function createEnvironmentPanel(hub, say) {
   const id = freshId("environment");
   const select = make("select", { id, onchange: choose, onfocus: list, onpointerdown: list });
   const values = make("div", { class: "cv-fields" });
-  const note = make("p", { class: "cv-note", hidden: true });
   const complaint = make("p", { class: "cv-complaint", role: "alert", hidden: true });
   let files = [];
   let made = "";
@@ -57,7 +56,7 @@ export function createEnvironmentPanel(hub, say) {
   }
 
   function change(name, value) {
-    if (value === null || now() === null) return;
+    if (now() === null) return;
     if (waiting === null) {
       requestAnimationFrame(() => {
         const [place, changed] = waiting;
@@ -85,15 +84,12 @@ export function createEnvironmentPanel(hub, say) {
     }
     made = key;
     for (const each of parameters) fields.get(each.name).show(each.value, false);
-    const missing = now() !== null && table() === undefined;
-    note.hidden = !missing;
-    if (missing) note.textContent = "This scene has too many lights to list its environment.";
   }
 
   hub.on("scene", update);
   hub.on("connection", (state) => state === "open" && list());
   return {
-    content: [make("div", { class: "cv-field" }, make("label", { for: id }, "Environment"), select), complaint, values, note],
+    content: [make("div", { class: "cv-field" }, make("label", { for: id }, "Environment"), select), complaint, values],
     /** Whether the camera sees it; null: there is none. */
     isVisible: () => table()?.parameters.find(({ name }) => name === "visible_to_camera")?.value ?? null,
     show: (visible) => change("visible_to_camera", visible),

@@ -18,6 +18,7 @@ export function createHistory(hub, say) {
   function step(type) {
     const words = type === "undo" ? "Undone" : "Redone";
     hub.send({ type }, (reply) => {
+      if (reply.unsent) return false;
       if (reply.type === "refused") say(type === "undo" ? "There is nothing to undo." : "There is nothing to redo.");
       else say(`${words}: ${reply.label}.`);
       return true;

@@ -3,9 +3,12 @@
 /** Messages of the engine that say how things stand: who listens later gets the newest at once. */
 const STANDING = ["hello", "devices", "scene", "state", "compiling", "progress"];
 const MOST_WAITING = 64;
+/** Messages that nobody misses where there is no connection: the page sends them by itself, and again later. */
+const UNNOTICED = ["show", "ack", "outline", "environments", "stop_paths"];
+const UNSENT = "There is no connection to the renderer, so nothing was changed.";
 
 /**
- * @param {Object} transport `send(text)`; `onmessage(string | ArrayBuffer)` and `onstate("open" | "lost")` are set here
+ * @param {Object} transport `send(text)`, which returns false where it could not; `onmessage(string | ArrayBuffer)` and `onstate("open" | "lost")` are set here
  */
 export function createHub(transport) {
   const listeners = new Map(); // type -> functions
@@ -43,7 +46,7 @@ export function createHub(transport) {
     newest: (type) => newest.get(type),
     /**
      * Sends a message, and returns its number. `answered` gets a reply to it, where one comes, and returns true where
-     * it has told people all that there is to tell.
+     * it has told people all that there is to tell. Without a connection the message is refused, with `unsent`.
      */
     send(message, answered) {
       count += 1;
@@ -52,8 +55,16 @@ export function createHub(transport) {
         // Most messages have no reply: the oldest of this type goes, and not a probe that cameras have overtaken.
         waiting.delete([...waiting].find(([, { type }]) => type === message.type)?.[0]);
       }
-      transport.send(JSON.stringify({ ...message, id: count }));
-      return count;
+      const id = count;
+      if (transport.send(JSON.stringify({ ...message, id })) === false) {
+        waiting.delete(id);
+        const refusal = { type: "refused", to: message.type, message: UNSENT, unsent: true, id };
+        // Later, as any answer: the caller does not know the number yet.
+        queueMicrotask(() => {
+          if (!answered?.(refusal) && !UNNOTICED.includes(message.type)) tell("refused", refusal);
+        });
+      }
+      return id;
     },
   };
 }

@@ -8,6 +8,7 @@ import { createPathView } from "./path_view.js";
 const QUIET = 600; // milliseconds without another image, before the paths of the new one are asked for
 const MOST_SAMPLES = 4096;
 const HINT = "Click on a pixel of the image, or press P, move with the arrow keys, and press Enter.";
+const LOST = "The connection is lost: the paths of this pixel are traced when it is back.";
 const CHANGED = "The image has changed: its paths are traced when it rests.";
 
 /** A panel's content, `trace(x, y)`, `clear()`, and `open(isOpen)`. */
@@ -30,6 +31,7 @@ export function createPathsPanel(hub, picture) {
   let timer = null;
   let overlay = null;
   let revision = null; // that the paths are of
+  let isLost = false; // the connection
   samples.show(count, false);
 
   function say(text, isBad = false) {
@@ -120,7 +122,15 @@ export function createPathsPanel(hub, picture) {
     say(`Tracing the paths of pixel ${pixel.join(", ")}: ${message.text}.`);
   });
   hub.on("connection", (now) => {
-    if (now === "lost") waits(null);
+    if (now === "open" && isLost) {
+      isLost = false;
+      if (pixel !== null && isOpen) ask();
+    } else if (now === "lost") {
+      isLost = true;
+      clearTimeout(timer);
+      waits(null);
+      if (pixel !== null && isOpen) say(LOST);
+    }
   });
 
   return {

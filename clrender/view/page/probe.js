@@ -40,7 +40,7 @@ export function createProbe(hub, picture, outline, picking, picked) {
         hub.send({ type: "probe", x: question[0], y: question[1] }, (reply) => {
           asked = false;
           last = performance.now();
-          if (reply.type !== "probe") return true; // the image has become smaller
+          if (reply.type !== "probe") return answered === undefined; // the image has become smaller, or the like
           if (pixel !== null && reply.x === pixel[0] && reply.y === pixel[1]) show(reply);
           answered?.(reply);
           if (again) {

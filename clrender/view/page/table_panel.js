@@ -1,7 +1,7 @@
 // One of several tables of the scene, a material or a light, changed while the image is rendered.
 
 import { createCopyButton, tableOf } from "./copying.js";
-import { freshId, make } from "./elements.js";
+import { freshId, make, setText } from "./elements.js";
 import { createField } from "./fields.js";
 import { labelOf } from "./settings_panel.js";
 
@@ -11,7 +11,9 @@ export const MATERIALS = {
   reset: "materials",
   hint: "Click on an object in the image, or select a material:",
   none: "This scene has no named materials.",
+  others: "Click on an object for another one.",
   listed: (scene) => scene?.materials ?? {},
+  count: (scene) => scene?.material_count,
 };
 export const LIGHTS = {
   message: "light",
@@ -19,7 +21,9 @@ export const LIGHTS = {
   reset: "lights",
   hint: "Lights of the scene and shapes that shine:",
   none: "This scene has no lights.",
+  others: "Change others in the scene file.",
   listed: (scene) => scene?.emitters ?? {},
+  count: (scene) => scene?.emitter_count,
 };
 
 /**
@@ -41,14 +45,14 @@ export function createTablePanel(hub, say, about, adding = null) {
     tableOf(hub, () => ({ what: about.message, name: chosen })),
   );
   const remove = make("button", { type: "button", hidden: about !== LIGHTS, onclick: removeChosen }, "Remove light");
-  const picked = {}; // name -> table, of those that the scene has too many to list
+  const picked = new Map(); // name -> table, of those that the scene has too many to list
+  const note = make("p", { class: "cv-note", hidden: true });
   let chosen = null;
   let shown = ""; // table and names of the parameters that the fields are made for
   let fields = new Map();
   let waiting = null; // changes to send with the next screen frame
 
   function change(name, value) {
-    if (value === null) return;
     if (waiting === null) requestAnimationFrame(sendChanges);
     waiting = { table: chosen, values: { ...(waiting?.table === chosen ? waiting.values : {}), [name]: value } };
   }
@@ -71,15 +75,20 @@ export function createTablePanel(hub, say, about, adding = null) {
   }
 
   function choose(name, parameters) {
-    const isListed = name in about.listed(hub.newest("scene"));
-    if (!isListed && parameters) picked[name] = { type: "", parameters };
+    if (!has(name) && parameters) picked.set(name, { type: "", parameters });
     chosen = name;
     update();
   }
 
+  const has = (name) => Object.hasOwn(about.listed(hub.newest("scene")), name);
+
   function update() {
-    const tables = { ...picked, ...about.listed(hub.newest("scene")) };
+    const scene = hub.newest("scene");
+    const tables = { ...Object.fromEntries(picked), ...about.listed(scene) };
     const names = Object.keys(tables);
+    const count = about.count(scene) ?? 0;
+    note.hidden = count <= names.length;
+    setText(note, `${names.length} of ${count} are listed. ${about.others}`);
     if (!names.includes(chosen)) chosen = names[0] ?? null;
     const labels = names.map((name) => tables[name].label ?? name);
     const listed = [...select.options].map((option) => `${option.value}\t${option.textContent}`);
@@ -114,18 +123,23 @@ export function createTablePanel(hub, say, about, adding = null) {
     values.replaceChildren(...rows);
   }
 
-  hub.on("scene", update);
+  hub.on("scene", () => {
+    // It lists what was picked or edited before: of what it does not list, the values may be of earlier.
+    for (const name of picked.keys()) if (name !== chosen || has(name)) picked.delete(name);
+    update();
+  });
   hub.on("state", (state) => {
     const prefixes = about === LIGHTS ? ["lights[", "shapes["] : ["materials."];
     reset.disabled = !(state.changed ?? []).some((name) => prefixes.some((prefix) => name.startsWith(prefix)));
   });
   return {
     choose,
-    has: (name) => name in about.listed(hub.newest("scene")),
+    has,
     content: [
       ...(adding === null ? [] : [adding]),
       make("p", { class: "cv-note" }, about.hint),
       make("div", { class: "cv-field" }, make("label", { for: id }, about.label), select),
+      note,
       kind,
       values,
       make("div", { class: "cv-row" }, copying.button, remove, reset),

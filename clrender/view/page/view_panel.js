@@ -54,11 +54,29 @@ export function createViewPanel(hub, choice, picture, say, environment) {
     set("exposure", kept);
   }
 
-  /** With alpha the environment is hidden, as by --alpha, and seen again without. */
+  let hides = ""; // whether alpha is what has hidden the environment: "asked" for that, and then "hidden"
+
+  /** With alpha the environment is hidden, as by --alpha, and seen again without, where it was seen before. */
   function chooseAlpha() {
     choice.alpha = alpha.checked;
-    if (environment.isVisible() !== null) environment.show(!alpha.checked);
+    if (alpha.checked) {
+      hides = environment.isVisible() === true ? "asked" : "";
+      if (hides) environment.show(false);
+    } else if (hides) {
+      hides = "";
+      environment.show(true);
+    }
     picture.show();
+  }
+
+  /** Alpha ends when the environment that it has hidden is shown again, by whatever. */
+  function followEnvironment(visible) {
+    if (hides !== "" && visible !== true) hides = "hidden";
+    else if (hides === "hidden") {
+      hides = "";
+      choice.alpha = alpha.checked = false;
+      picture.show();
+    }
   }
 
   function measure() {
@@ -121,6 +139,7 @@ export function createViewPanel(hub, choice, picture, say, environment) {
     const visible = environment.isVisible();
     hidden.disabled = visible === null;
     hidden.checked = visible === false;
+    followEnvironment(visible);
   });
   return {
     changeExposure: (by) => setStops(choice.exposure + by),

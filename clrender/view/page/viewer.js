@@ -101,10 +101,12 @@ export function mount(root, transport, { shared = false, downloads = null, drawi
     if (event.detail > 0) stage.focus(); // with a pointer: what comes next is on the image
     commands[key]();
   };
+  const focusTool = tool("focus", "Focus by click", "f");
+  hub.on("state", () => (focusTool.hidden = !focus.isPossible()));
   const tools = make(
     "div",
     { class: "cv-tools", role: "toolbar", "aria-label": "Tools" },
-    tool("focus", "Focus by click", "f"),
+    focusTool,
     tool("probe", "Probe by keyboard", "p"),
     tool("paths", "Light paths of a pixel", "t"),
     tool("compare", "Compare before and after denoising", "b"),
@@ -209,14 +211,22 @@ function createFocus(hub, say) {
     armed = value;
     button.setAttribute("aria-pressed", String(armed));
   }
+  const isPossible = () => hub.newest("state")?.camera.focus_distance !== undefined;
   function toggle() {
-    set(!armed);
+    set(!armed && isPossible());
     if (armed) say("Click on the object to focus on.");
+    else if (!isPossible()) say("With this type of camera everything is in focus.");
   }
+
+  hub.on("state", () => {
+    button.hidden = !isPossible();
+    if (!isPossible()) set(false);
+  });
 
   return {
     button,
     toggle,
+    isPossible,
     isArmed: () => armed,
     disarm: () => set(false),
     at(probe, place) {
