@@ -225,18 +225,18 @@ def test_a_spectrum_stays_one_and_its_factor_can_be_changed() -> None:
     wanted["shapes"] = [*LIT["shapes"][:1], {**LIT["shapes"][1], "emission": {"blackbody": 3000.0, "scale": 2.0}}]
     made = brighter.checked.scene
     expected = clrender.Scene.model_validate(wanted)
+    lamp_made: Any = made.lights[0]
+    lamp_expected: Any = expected.lights[0]
     assert made.lights == expected.lights and made.shapes == expected.shapes
-    assert made.lights[0].intensity.spectrum.illuminant == "FL11"
-    assert np.array_equal(made.lights[0].intensity.values, expected.lights[0].intensity.values)
+    assert lamp_made.intensity.spectrum.illuminant == "FL11"
+    assert np.array_equal(lamp_made.intensity.values, lamp_expected.intensity.values)
     assert 'illuminant = "FL11"' in table_text(brighter, "light", "lights[0]")
-    other = edited.with_material("white", {"reflectance": 0.5}).checked.scene.materials["white"]
+    other: Any = edited.with_material("white", {"reflectance": 0.5}).checked.scene.materials["white"]
     assert other.reflectance.spectrum.scale == 0.5 and other.reflectance.spectrum.values == (0.1, 0.6)
-    for change in (
-        lambda: edited.with_light("lights[0]", {"intensity": [1.0, 2.0, 3.0]}),
-        lambda: edited.with_material("white", {"reflectance": [0.5, 0.5, 0.5]}),
-    ):
-        with pytest.raises(UsageError, match="is a spectrum"):
-            change()
+    with pytest.raises(UsageError, match="is a spectrum"):
+        edited.with_light("lights[0]", {"intensity": [1.0, 2.0, 3.0]})
+    with pytest.raises(UsageError, match="is a spectrum"):
+        edited.with_material("white", {"reflectance": [0.5, 0.5, 0.5]})
     with pytest.raises(ClrenderError, match=r"lights\[0\]: intensity\.scale"):
         edited.with_light("lights[0]", {"intensity": -1.0})
 

@@ -236,7 +236,8 @@ def test_a_scene_that_is_read_again_keeps_edits_of_what_is_the_same(edited: Edit
     other = scene.changed({"camera": scene.camera.changed({"vertical_fov": 30.0})})
     again = moved.reread(other)
     assert again.scene is other and again.materials == moved.materials and again.lights == moved.lights
-    assert again.checked.scene.materials["white"].reflectance == (0.0, 0.0, 0.0)
+    white: Any = again.checked.scene.materials["white"]
+    assert white.reflectance == (0.0, 0.0, 0.0)
     assert again.ended(moved) == ["camera"]
     assert moved.reread(scene.model_copy()).ended(moved) == []
     same = scene.changed({"camera": scene.camera.changed({"position": (0.5, 2.0, 5.0)})})
@@ -319,7 +320,8 @@ def test_what_a_page_offers_is_not_refused_whatever_the_value() -> None:
     told = {name: {each["name"]: each for each in parameters(whole.materials[name])} for name in materials}
     assert (told["crown"]["ior"]["kind"], told["crown"]["ior"]["value"]) == ("fixed", "1.5168")
     assert told["abbe"]["ior"]["kind"] == "number"
-    assert edited.with_material("abbe", {"ior": 1.6}).checked.scene.materials["abbe"].ior == 1.6
+    abbe: Any = edited.with_material("abbe", {"ior": 1.6}).checked.scene.materials["abbe"]
+    assert abbe.ior == 1.6
     optional = {name for name, each in told["gold"].items() if each["optional"]}
     assert {"termination", "metal", "eta"} <= optional
     assert not optional & {"roughness", "two_sided", "microfacets"}
