@@ -58,7 +58,7 @@ def test_every_bit_of_every_layer(tmp_path: Path, compression: str, tile: int | 
     assert ("tiles" in header) == (tile is not None)
     assert tile is None or (header["tiles"].xSize, header["tiles"].ySize) == (tile, tile)
     assert np.array_equal(read_image(tmp_path / "a.exr"), image.linear)
-    stored = {"exr_type": "float", "exr_compression": compression}
+    stored = {"exr_type": "float", "exr_compression": compression, "exr_tile": tile}
     assert read_provenance(tmp_path / "a.exr") == {"seed": 7, "stored": stored}
 
 

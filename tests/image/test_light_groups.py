@@ -117,6 +117,7 @@ def test_groups_add_up_in_every_way(
         check(session, described(around, many), how)
 
 
+@pytest.mark.long
 def test_groups_of_a_checkpoint_that_is_complete(device: Device, tmp_path: Path) -> None:
     """Are guided as its image was."""
     how: dict[str, Any] = {"size": SIZE, "spp": 8, "light_groups": True, "guiding": "on", "guiding_paths": 4096}

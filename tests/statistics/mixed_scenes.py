@@ -134,7 +134,7 @@ def _standing(mixed: Mixed) -> None:
         ({"type": "dielectric", "ior": 1.5}, {"type": "mirror", "reflectance": 1.0 if white else 0.8})
     )
     content.setdefault("materials", {}).update(
-        {"floor below": {"type": "lambert", "reflectance": 1.0 if white else 0.6}, "stands": made}
+        {"floor below": {"type": "lambert", "reflectance": [1.0 if white else 0.6] * 3}, "stands": made}
     )
     content["shapes"] += [{**floor, "material": "floor below"}, {**solid, "material": "stands"}]
 

@@ -26,6 +26,7 @@ from mixed_ways import UNUSED, biased_ways, black_ways, ways, white_ways
 import clrender
 from clrender.errors import SceneError
 from clrender.flatten.flat_scene import flatten
+from clrender.flatten.plugin_rows import used_plugins
 from clrender.limits import Choice
 from clrender.scene import Scene
 from clrender.settings import IMAGE, SETTINGS
@@ -35,10 +36,10 @@ if TYPE_CHECKING:
 
 ALARM = 1e-3
 """Chance that a correct renderer fails either of the two tests of scenes, each time its bits change."""
-FEW = {"white": (3, 20), "light": (28, 3), "black": (21, 32)}
-"""Of two programs: with an environment and without volumes, with volumes and without an environment."""
-SIDE_BY_SIDE = {"white": (10,), "light": (18, 3), "black": (0, 2)}
-"""With volumes, where an index of refraction once depended on the materials that other paths had met."""
+FEW = {"white": (5, 20), "light": (3, 37), "black": (8, 32)}
+"""Of two programs, with an environment map and without: `test_few_programs_are_compiled`."""
+SIDE_BY_SIDE = {"white": (5,), "light": (18, 3), "black": (8, 17)}
+"""Of one program, with volumes, where an index of refraction once depended on the materials that other paths had met."""
 MANY = 500
 PARTS = 10
 NATURAL = 10
@@ -231,6 +232,19 @@ def test_scenes_have_all_of_the_schema() -> None:
     assert found <= parts_of_schema(schema)
 
 
+def test_few_programs_are_compiled(folder: Path) -> None:
+    """By the tests that are not slow: to compile one takes longer than their images."""
+    found = []
+    for chosen in (FEW, SIDE_BY_SIDE):
+        macros = set()
+        for mixed in (mixed_scene(kind, number) for kind, numbers in chosen.items() for number in numbers):
+            what = Mixed(mixed.name, with_all_features(mixed.content)).scene(folder)
+            with compiled_for_volumes():
+                macros.add(tuple(sorted(flatten(what, 24, 20).features.macros.items(), key=str)))
+        found.append(macros)
+    assert [len(macros) for macros in found] == [2, 1] and found[1] < found[0]
+
+
 def test_every_setting_is_varied() -> None:
     """All settings of the image, and all words that they take."""
     used: dict[str, set[Any]] = {}
@@ -262,7 +276,7 @@ def test_every_scene_is_accepted(folder: Path) -> None:
     for mixed in (mixed_scene(KINDS[number % len(KINDS)], number // len(KINDS)) for number in range(MANY)):
         for content in (mixed.content, with_all_features(mixed.content)):
             try:
-                Mixed(mixed.name, content).scene(folder)
+                used_plugins(Mixed(mixed.name, content).scene(folder))
             except SceneError as error:
                 refused[mixed.name] = str(error)
     assert not refused
