@@ -39,7 +39,7 @@ ALARM = 1e-3
 FEW = {"white": (5, 20), "light": (3, 37), "black": (8, 32)}
 """Of two programs, with an environment map and without: `test_few_programs_are_compiled`."""
 SIDE_BY_SIDE = {"white": (5,), "light": (18, 3), "black": (8, 17)}
-"""Of one program, with volumes. An index of refraction once depended on the materials that other paths had met there."""
+"""Of one program, with volumes, where an index of refraction once depended on the materials of other paths."""
 MANY = 500
 PARTS = 10
 NATURAL = 10
